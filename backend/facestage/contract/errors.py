@@ -1,0 +1,23 @@
+"""Errors a user can act on. Only the command line and the operators turn them into text."""
+
+
+class FacestageError(Exception):
+    """Base class: ``str(error)`` is one sentence with what was expected, found, and what to do."""
+
+    exit_code = 2
+
+
+class InputError(FacestageError):
+    """A file or an option is wrong; the sentence names it. Exit code 2."""
+
+
+class CancelledError(FacestageError):
+    """The user stopped the run; the last checkpoint is kept. Exit code 3."""
+
+    exit_code = 3
+
+
+class BackendUnavailableError(FacestageError):
+    """No renderer works on this machine; the sentence says what to install. Exit code 4."""
+
+    exit_code = 4

@@ -1,0 +1,154 @@
+"""A face model as plain arrays: the one form every loader produces and the add-on builds rigs from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.storage import read_arrays, write_arrays
+
+SCHEMA_VERSION = 1
+PARTS = ("skin", "eyes", "mouth", "teeth", "other")
+SKIN, EYES, MOUTH, TEETH, OTHER = range(len(PARTS))
+
+
+@dataclass(frozen=True)
+class FaceModel:
+    """Vertices, blendshape bases, textures coordinates and landmarks of a face.
+
+    Shapes: n vertices, p polygons, u UV points, k identity modes, e expressions, d albedo modes.
+    Frame: the model frame (metres, +Y up, looking along +Z), origin at the centre of the narrow face.
+    """
+
+    name: str
+    license: str
+    source: str
+    vertices: np.ndarray  # (n, 3) float32, the mean face
+    polygons: np.ndarray  # (p, 4) int32, quads; the fourth is -1 for a triangle
+    polygon_uvs: np.ndarray  # (p, 4) int32 into `uvs`; the fourth is -1 for a triangle
+    polygon_part: np.ndarray  # (p,) uint8, index into PARTS
+    uvs: np.ndarray  # (u, 2) float32 in 0..1
+    identity_names: tuple[str, ...]
+    identity_basis: np.ndarray  # (k, n, 3) float32, metres per standard deviation
+    expression_names: tuple[str, ...]
+    expression_basis: np.ndarray  # (e, n, 3) float32, metres at weight 1
+    albedo_mean: np.ndarray  # (n, 3) float32, linear diffuse RGB in (0, 1)
+    albedo_basis: np.ndarray  # (d, n, 3) float32, change of log albedo per standard deviation
+    landmarks: Mapping[str, np.ndarray]  # scheme -> (m, 6): 3 vertex indices, 3 barycentric weights
+    regions: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (r,) int32 vertex indices
+    expression_prior: str = "box"  # "box": weights in 0..1; "gaussian": unit variance
+
+    def __post_init__(self) -> None:
+        n, u = len(self.vertices), len(self.uvs)
+        expected = {
+            "vertices": (n, 3),
+            "polygons": (len(self.polygons), 4),
+            "polygon_uvs": (len(self.polygons), 4),
+            "polygon_part": (len(self.polygons),),
+            "uvs": (u, 2),
+            "identity_basis": (len(self.identity_names), n, 3),
+            "expression_basis": (len(self.expression_names), n, 3),
+            "albedo_mean": (n, 3),
+            "albedo_basis": (len(self.albedo_basis), n, 3),
+        }
+        for attribute, shape in expected.items():
+            array = getattr(self, attribute)
+            if array.shape != shape:
+                raise InputError(f"Face model '{self.name}': {attribute} has shape {array.shape}, expected {shape}.")
+            if not np.isfinite(array).all():
+                raise InputError(f"Face model '{self.name}': {attribute} holds NaN or infinity.")
+        for attribute, limit in (("polygons", n), ("polygon_uvs", u)):
+            array = getattr(self, attribute)
+            if array.size and (array.max() >= limit or array[:, :3].min() < 0 or array.min() < -1):
+                raise InputError(f"Face model '{self.name}': {attribute} refers to a point outside 0..{limit - 1}.")
+        if self.expression_prior not in ("box", "gaussian"):
+            raise InputError(f"Face model '{self.name}': expression_prior is '{self.expression_prior}', not box or gaussian.")
+
+    @cached_property
+    def triangles(self) -> np.ndarray:
+        """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon order."""
+        return _split(self.polygons)
+
+    @cached_property
+    def triangle_uvs(self) -> np.ndarray:
+        """(t, 3) int32 UV indices, row for row with :attr:`triangles`."""
+        return _split(self.polygon_uvs)
+
+    @cached_property
+    def triangle_part(self) -> np.ndarray:
+        """(t,) uint8 part of each triangle, row for row with :attr:`triangles`."""
+        return np.repeat(self.polygon_part, 1 + (self.polygons[:, 3] >= 0))
+
+    def landmark_vertices(self, scheme: str) -> tuple[np.ndarray, np.ndarray]:
+        """Vertex indices (m, 3) int and barycentric weights (m, 3) of a landmark scheme."""
+        if scheme not in self.landmarks:
+            known = ", ".join(sorted(self.landmarks)) or "none"
+            raise InputError(f"Face model '{self.name}' has no landmarks of scheme '{scheme}'; it has: {known}.")
+        table = self.landmarks[scheme]
+        return table[:, :3].astype(np.int64), table[:, 3:].astype(np.float32)
+
+    def shape(self, identity: np.ndarray | None = None, expression: np.ndarray | None = None) -> np.ndarray:
+        """(n, 3) float32 vertices in the model frame for identity (k,) and expression (e,) weights."""
+        result = self.vertices
+        if identity is not None and len(self.identity_names):
+            result = result + np.tensordot(np.asarray(identity, np.float32), self.identity_basis, 1)
+        if expression is not None and len(self.expression_names):
+            result = result + np.tensordot(np.asarray(expression, np.float32), self.expression_basis, 1)
+        return result
+
+    def albedo(self, delta: np.ndarray | None = None) -> np.ndarray:
+        """(n, 3) float32 diffuse albedo in (0, 1) for coefficients delta (d,)."""
+        log_albedo = np.log(self.albedo_mean)
+        if delta is not None and len(self.albedo_basis):
+            log_albedo = log_albedo + np.tensordot(np.asarray(delta, np.float32), self.albedo_basis, 1)
+        return np.minimum(np.exp(log_albedo), 0.999).astype(np.float32)
+
+    def save(self, path: Path) -> None:
+        """Write the model as one .npz."""
+        meta = {
+            "schema": SCHEMA_VERSION, "name": self.name, "license": self.license, "source": self.source,
+            "identity_names": self.identity_names, "expression_names": self.expression_names,
+            "expression_prior": self.expression_prior,
+        }  # fmt: skip
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays |= {f"landmarks/{name}": table for name, table in self.landmarks.items()}
+        arrays |= {f"regions/{name}": indices for name, indices in self.regions.items()}
+        write_arrays(path, arrays | {"meta": np.array(json.dumps(meta))})
+
+    @classmethod
+    def load(cls, path: Path) -> FaceModel:
+        """Read a model that :meth:`save` wrote. Raises InputError for anything else."""
+        arrays = read_arrays(path, "face model")
+        missing = [name for name in (*_ARRAYS, "meta") if name not in arrays]
+        if missing:
+            raise InputError(f"The face model '{path}' lacks {', '.join(missing)}; convert it again.")
+        meta = json.loads(str(arrays["meta"]))
+        if meta.get("schema") != SCHEMA_VERSION:
+            raise InputError(f"The face model '{path}' has schema {meta.get('schema')}, expected {SCHEMA_VERSION}.")
+        return cls(
+            name=meta["name"], license=meta["license"], source=meta["source"],
+            identity_names=tuple(meta["identity_names"]), expression_names=tuple(meta["expression_names"]),
+            expression_prior=meta["expression_prior"],
+            landmarks={name[10:]: array for name, array in arrays.items() if name.startswith("landmarks/")},
+            regions={name[8:]: array for name, array in arrays.items() if name.startswith("regions/")},
+            **{name: arrays[name] for name in _ARRAYS},
+        )  # fmt: skip
+
+
+_ARRAYS = (
+    "vertices", "polygons", "polygon_uvs", "polygon_part", "uvs",
+    "identity_basis", "expression_basis", "albedo_mean", "albedo_basis",
+)  # fmt: skip
+
+
+def _split(polygons: np.ndarray) -> np.ndarray:
+    """Triangles of quads (and of triangles marked by -1), keeping polygon order."""
+    triangles = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
+    keep = np.stack([np.ones(len(polygons), bool), polygons[:, 3] >= 0], axis=1)
+    return np.ascontiguousarray(triangles[keep])
