@@ -1,0 +1,72 @@
+"""Landmarks of a face in pixels, and their file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.storage import read_json
+
+SCHEME_SIZES = {"ibug68": 68, "mediapipe478": 478}
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Points (m, 2) in pixels of a named scheme, with a visibility flag (m,) each."""
+
+    scheme: str
+    points: np.ndarray
+    visible: np.ndarray
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any], what: str = "landmarks") -> Landmarks:
+        """The landmarks of a decoded landmarks.json. Raises InputError for a wrong count or value."""
+        scheme = data.get("scheme")
+        if scheme not in SCHEME_SIZES:
+            raise InputError(f"The {what} has scheme '{scheme}'; expected one of {', '.join(SCHEME_SIZES)}.")
+        count = SCHEME_SIZES[scheme]
+        try:
+            points = np.array(data["points"], dtype=np.float64)
+            visible = np.array(data.get("visible", [True] * count), dtype=bool)
+        except KeyError as error:
+            raise InputError(f"The {what} lacks 'points'; expected a list of [x, y] pixels.") from error
+        except (TypeError, ValueError) as error:
+            raise InputError(f"The {what} holds points that are not [x, y] numbers ({error}).") from error
+        if points.ndim != 2 or points.shape[1:] != (2,) or len(points) != count:
+            raise InputError(f"The {what} holds {len(points)} points; scheme {scheme} has {count} points of [x, y].")
+        if visible.shape != (count,):
+            raise InputError(f"The {what} has {visible.size} visibility flags; expected {count}.")
+        if not np.isfinite(points[visible]).all():
+            raise InputError(f"The {what} holds NaN or infinity for a visible point; remove it or mark it hidden.")
+        if visible.sum() < 6:
+            raise InputError(f"The {what} marks {visible.sum()} points visible; at least 6 are needed to place a face.")
+        return cls(scheme, points, visible)
+
+    @classmethod
+    def read(cls, path: Path) -> Landmarks:
+        """The landmarks in a landmarks.json file."""
+        return cls.from_json(read_json(path, "landmark file"), f"landmark file '{path}'")
+
+    def to_json(self) -> dict[str, Any]:
+        """The landmarks as landmarks.json holds them."""
+        return {"scheme": self.scheme, "points": self.points.tolist(), "visible": self.visible.tolist()}
+
+    def check_inside(self, width: int, height: int) -> None:
+        """Raise InputError when the visible points do not lie on a ``width`` x ``height`` image.
+
+        Half an image of slack: detectors extrapolate a face that the frame cuts.
+        """
+        points = self.points[self.visible]
+        inside = (points > [-0.5 * width, -0.5 * height]).all(1) & (points < [1.5 * width, 1.5 * height]).all(1)
+        centre = np.median(points, axis=0)
+        if not inside.all() or not (0 <= centre[0] <= width and 0 <= centre[1] <= height):
+            raise InputError(
+                f"{int((~inside).sum())} landmarks lie far outside the {width} x {height} photo (median at "
+                f"{centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and at this size?"
+            )
+        if np.ptp(points, axis=0).max() < 4.0:
+            raise InputError("The landmarks span less than 4 pixels; a face that small cannot be fitted, use a larger photo.")

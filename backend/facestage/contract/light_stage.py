@@ -1,0 +1,114 @@
+"""The virtual light stage: square one-sided area lights on a hemisphere around the face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+
+ON, FROZEN, OFF = 0, 1, 2  # fitted | kept at its radiance | radiance exactly 0
+DEFAULT_COUNT = 20
+DEFAULT_RADIUS = 1.0  # metres
+DEFAULT_SIDE = 0.2  # metres
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True)
+class LightStage:
+    """N square area lights. All arrays share the same frame (named by whoever holds the stage).
+
+    A light spans centre +- side/2 along ``axis_x`` and ``axis_y = direction x axis_x`` and emits
+    ``radiance`` on the side its ``direction`` points to.
+    """
+
+    position: np.ndarray  # (N, 3) m, centres
+    direction: np.ndarray  # (N, 3) unit, towards the face
+    axis_x: np.ndarray  # (N, 3) unit, along one side of the square
+    side: np.ndarray  # (N,) m
+    radiance: np.ndarray  # (N, 3) linear RGB
+    state: np.ndarray  # (N,) int, ON, FROZEN or OFF
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        shapes = {"position": (n, 3), "direction": (n, 3), "axis_x": (n, 3), "side": (n,), "radiance": (n, 3), "state": (n,)}
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise InputError(f"The light stage's {name} has shape {array.shape}, expected {shape}.")
+            if not np.isfinite(array).all():
+                raise InputError(f"The light stage's {name} holds NaN or infinity.")
+        if n < 1:
+            raise InputError("The light stage has no light; at least one is needed.")
+        if (self.radiance < 0).any():
+            raise InputError("A light of the stage has negative radiance; radiance must be 0 or more.")
+        if (self.side <= 0).any():
+            raise InputError("A light of the stage has no size; its side must be greater than 0.")
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def axis_y(self) -> np.ndarray:
+        """(N, 3) unit, the other side of the square."""
+        return np.cross(self.direction, self.axis_x)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(N, 4, 3) m, in order around the square."""
+        half = 0.5 * self.side[:, None]
+        x, y = half * self.axis_x, half * self.axis_y
+        return self.position[:, None] + np.stack([-x - y, x - y, x + y, -x + y], axis=1)
+
+    def transformed(self, matrix: np.ndarray) -> LightStage:
+        """The stage in another frame; ``matrix`` (4, 4) is a rigid transform."""
+        rotation, translation = np.asarray(matrix)[:3, :3], np.asarray(matrix)[:3, 3]
+        return replace(
+            self,
+            position=self.position @ rotation.T + translation,
+            direction=self.direction @ rotation.T,
+            axis_x=self.axis_x @ rotation.T,
+        )
+
+    def with_radiance(self, radiance: np.ndarray) -> LightStage:
+        """The same lights at another radiance (N, 3); off lights stay at exactly 0."""
+        radiance = np.where((self.state == OFF)[:, None], 0.0, np.asarray(radiance, np.float64))
+        return replace(self, radiance=radiance)
+
+
+def fibonacci_stage(
+    count: int = DEFAULT_COUNT,
+    radius: float = DEFAULT_RADIUS,
+    side: float = DEFAULT_SIDE,
+    radiance: float = 1.0,
+) -> LightStage:
+    """``count`` lights on the spherical Fibonacci lattice of the hemisphere whose pole is +Z.
+
+    Heights are evenly spaced, so that each light covers the same solid angle (Swinbank & Purser 2006);
+    each light faces the origin. The frame is the stage frame: +Z points from the face to the camera.
+    """
+    if not 1 <= count <= 10000:
+        raise InputError(f"The light stage was asked for {count} lights; expected 1 to 10000.")
+    if not (radius > 0 and side > 0):
+        raise InputError(f"The light stage's radius {radius} and light side {side} must be greater than 0 metres.")
+    index = np.arange(count)
+    height = 1.0 - (index + 0.5) / count
+    ring = np.sqrt(1.0 - height**2)
+    angle = GOLDEN_ANGLE * index
+    outward = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    return LightStage(
+        position=radius * outward,
+        direction=-outward,
+        axis_x=_horizontal_axis(outward),
+        side=np.full(count, float(side)),
+        radiance=np.full((count, 3), float(radiance)),
+        state=np.full(count, ON),
+    )
+
+
+def _horizontal_axis(outward: np.ndarray) -> np.ndarray:
+    """A unit tangent (N, 3) of each direction, level where the direction is not vertical."""
+    up = np.where(np.abs(outward[:, 1:2]) < 0.999, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
+    axis = np.cross(up, outward)
+    return axis / np.linalg.norm(axis, axis=1, keepdims=True)
