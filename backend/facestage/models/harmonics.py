@@ -29,7 +29,9 @@ def surface_harmonics(
     selected = np.zeros(len(vertices), bool)
     selected[mask] = True
     if count < 1 or selected.sum() < count + 2:
-        raise InputError(f"{count} surface harmonics need more than {count + 1} vertices; the mask has {selected.sum()}.")
+        raise InputError(
+            f"{count} surface harmonics need more than {count + 1} vertices; the mask has {selected.sum()}."
+        )
     points, faces, vertex_to_point = _welded(np.asarray(vertices, np.float64), np.asarray(triangles), selected)
     count_solved = min(count, len(points) - 2)
     laplacian, mass = laplacian_and_mass(points, faces)
@@ -37,12 +39,10 @@ def surface_harmonics(
     scale = mass.mean()
     # A start vector with parts of every frequency, and no random numbers.
     start = np.cos(np.arange(len(points)) * 12.9898) + 0.1
-    shift = -1e-3 * scale / mass.sum()
-    values, functions = eigsh(
-        (laplacian * scale).tocsc(), k=count_solved, M=diags(mass / scale).tocsc(), sigma=shift, v0=start
-    )
+    shift = -0.01 * scale / mass.sum()
+    values, functions = eigsh(laplacian.tocsc(), k=count_solved, M=diags(mass / scale).tocsc(), sigma=shift, v0=start)
     order = np.argsort(values)
-    values, functions = values[order] / scale**2 * 1.0, functions[:, order].T
+    values, functions = values[order] / scale, functions[:, order].T
     functions = _canonical(functions, points, mass)
     result = np.zeros((count, len(vertices)))
     result[:count_solved, selected] = functions[:, vertex_to_point]

@@ -19,10 +19,11 @@ from facestage.models.harmonics import surface_harmonics
 
 # Population mean and spread, as natural logarithms of volume fractions (ranges of Jacques 1998:
 # 1.3-43 % melanosomes in the epidermis, 0.2-7 % blood in the dermis).
-MELANIN_MEAN, HAEMOGLOBIN_MEAN = 0.04, 0.012
+MELANIN_MEAN, HAEMOGLOBIN_MEAN = 0.035, 0.012
 MELANIN_LOG_SD, HAEMOGLOBIN_LOG_SD = 0.65, 0.45
 
 EPIDERMIS_CM = 60e-4
+_EPIDERMIS_SCATTERING = 0.4  # of the dermis: no collagen fibres, only cells and keratin
 _OXYGENATION = 0.75
 _HAEMOGLOBIN_G_PER_L, _HAEMOGLOBIN_G_PER_MOL = 150.0, 64500.0
 
@@ -59,7 +60,7 @@ def skin_albedo(melanin: np.ndarray, haemoglobin: np.ndarray) -> np.ndarray:
     epidermis = melanin * melanosome + (1 - melanin) * bloodless
     dermis = blood * _blood_absorption() + (1 - blood) * bloodless
     below = _diffuse_reflectance(dermis, scattering)
-    layer, through = _kubelka_munk_layer(epidermis, scattering, EPIDERMIS_CM)
+    layer, through = _kubelka_munk_layer(epidermis, _EPIDERMIS_SCATTERING * scattering, EPIDERMIS_CM)
     reflectance = layer + through**2 * below / (1 - layer * below)
     return np.clip(reflectance @ _spectrum_to_rgb(), 0.003, 0.99)
 
