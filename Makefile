@@ -1,0 +1,49 @@
+# Every command a user or a developer needs; `make` alone lists them.
+# The set-up itself is tools/setup.py, which also runs where there is no make (Windows).
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || command -v python3)
+ifeq ($(OS),Windows_NT)
+VENV := .venv/Scripts/python.exe
+else
+VENV := .venv/bin/python
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format types ci doctor extension clean
+
+help: ## List these commands
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## Make .venv with everything needed (minutes the first time, then nothing)
+	@test -n "$(PYTHON)" || { echo "make setup: Python was not found; install Python 3.11 or 3.13 (Debian: apt-get install python3 python3-venv)." >&2; exit 1; }
+	@"$(PYTHON)" tools/setup.py
+
+demo: setup ## Fit a face from a photograph and show it in a Blender scene
+	@$(VENV) -m facestage_blender.demo
+
+test: setup ## Run all tests
+	@$(VENV) -m pytest
+
+lint: setup ## Check style, and the walls between the rooms
+	@$(VENV) -m ruff check .
+	@$(VENV) -m ruff format --check .
+
+format: setup ## Rewrite the code in the project's style
+	@$(VENV) -m ruff check --fix .
+	@$(VENV) -m ruff format .
+
+types: setup ## Check types
+	@$(VENV) -m mypy
+
+ci: ## What continuous integration runs: set-up, style, types, tests
+	@.ci/run
+
+doctor: setup ## Say what works on this machine and how to mend what does not
+	@$(VENV) -m facestage.doctor
+
+extension: setup ## Build the Blender extension into dist/
+	@$(VENV) tools/build_extension.py
+
+clean: ## Remove everything that was built, the environment included
+	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache .hypothesis backend/*.egg-info addon/*.egg-info *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
