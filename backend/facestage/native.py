@@ -201,8 +201,8 @@ def _system_folders() -> Iterator[Path]:
     system = platform.system()
     if system == "Windows":
         for variable in ("ProgramFiles", "LOCALAPPDATA"):
-            if root := os.environ.get(variable):
-                yield Path(root, "LLVM", "bin")
+            if programs := os.environ.get(variable):
+                yield Path(programs, "LLVM", "bin")
         yield from (Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if folder)
     elif system == "Darwin":
         for root in (Path("/opt/homebrew/opt"), Path("/usr/local/opt")):
@@ -243,7 +243,7 @@ def _preference(library: Path) -> tuple[int, int]:
 def _cuda_driver() -> str | None:
     """A text that changes with the NVIDIA driver, or None when there is none."""
     if platform.system() == "Windows":
-        library = Path(os.environ.get("SystemRoot", "C:\\Windows"), "System32", "nvcuda.dll")
+        library = Path(os.environ.get("SYSTEMROOT", "C:\\Windows"), "System32", "nvcuda.dll")
         return str(library.stat().st_mtime_ns) if library.is_file() else None
     version = Path("/proc/driver/nvidia/version")
     if version.is_file():
