@@ -85,7 +85,7 @@ def python_version(executable: str) -> str | None:
 def find_python(wanted: str | None) -> str:
     """The interpreter to build the environment with."""
     names = [wanted] if wanted else [*(f"python{version}" for version in SUPPORTED), "python3", sys.executable]
-    found = {}
+    found: dict[str, str] = {}
     for name in names:
         path = shutil.which(name)
         version = python_version(path) if path else None
