@@ -1,0 +1,163 @@
+"""``facestage doctor``: what works on this machine, and the one command that mends each thing that does not."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TextIO
+
+from facestage import __version__, native
+from facestage.contract.errors import BackendUnavailableError
+from facestage.models.registry import cache_folder
+
+EXIT_ABLE, EXIT_UNABLE = 0, BackendUnavailableError.exit_code
+PYTHONS = ((3, 11), (3, 13))  # the Pythons inside Blender 4.2-5.0 and 5.1+
+# Distribution and the versions that work; each Mitsuba needs exactly one Dr.Jit.
+PACKAGES = {"mitsuba": "3.9.", "drjit": "1.5.", "numpy": "", "scipy": "", "scikit-image": "", "matplotlib": ""}
+# Libraries of a desktop Linux that `import bpy` and `import cv2` link to, and servers lack.
+DESKTOP_LIBRARIES = (
+    "libatomic1", "libsm6", "libxext6", "libgl1", "libxi6", "libxfixes3", "libxrender1", "libxkbcommon0",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report: what was looked at, what was found, how to mend it.
+
+    ``needed`` says that no fit can run without it.
+    """
+
+    subject: str
+    found: str
+    works: bool = True
+    needed: bool = False
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        mark = "ok" if self.works else ("FAIL" if self.needed else "--")
+        text = f"{mark:>4}  {self.subject:<16} {self.found}"
+        return text if self.works or not self.remedy else f"{text}\n{'':22} -> {self.remedy}"
+
+
+def run_doctor(stream: TextIO) -> int:
+    """Write the report to ``stream``. Returns 0 when a fit can run on this machine, else 4."""
+    print(f"Facestage {__version__} on {platform.platform()}, {os.cpu_count()} CPU cores\n", file=stream)
+    able = True
+    for finding in findings():
+        print(finding, file=stream, flush=True)
+        able = able and (finding.works or not finding.needed)
+    verdict = "This machine can fit." if able else "This machine cannot fit yet; mend what is marked FAIL."
+    print(f"\n{verdict}", file=stream)
+    return EXIT_ABLE if able else EXIT_UNABLE
+
+
+def findings() -> Iterator[Finding]:
+    """Everything the report looks at, each found when it is asked for."""
+    yield python_finding()
+    for name, version in PACKAGES.items():
+        yield package_finding(name, version)
+    yield import_finding("OpenCV", "cv2", needed=True)
+    yield from renderer_findings()
+    yield import_finding("Blender (bpy)", "bpy", needed=False)
+    yield folder_finding("cache folder", cache_folder())
+    yield folder_finding("temporary folder", Path(tempfile.gettempdir()))
+    yield data_finding()
+
+
+def python_finding() -> Finding:
+    """The interpreter: bpy exists for the Pythons inside Blender only."""
+    version = sys.version_info[:2]
+    wanted = " or ".join(f"{major}.{minor}" for major, minor in PYTHONS)
+    return Finding(
+        "Python", f"{platform.python_version()} ({sys.executable})", works=version in PYTHONS,
+        remedy=f"Blender's Python module needs Python {wanted}: install one, remove .venv, and run: make setup",
+    )  # fmt: skip
+
+
+def package_finding(name: str, expected: str) -> Finding:
+    """Whether a package is installed in a version that starts with ``expected``, without importing it."""
+    try:
+        version = metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return Finding(name, "not installed", works=False, needed=True, remedy="Run: make setup")
+    if not version.startswith(expected):
+        found = f"{version}, expected {expected}*"
+        return Finding(name, found, works=False, needed=True, remedy="Run: make clean setup")
+    return Finding(name, version)
+
+
+def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
+    """Whether a module can be imported, tried in a child process: shared libraries may be missing."""
+    if importlib.util.find_spec(module) is None:
+        return Finding(subject, "not installed", works=False, needed=needed, remedy="Run: make setup")
+    code = f"import {module}; print(getattr({module}, '__version__', '') or {module}.app.version_string)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace"
+    )
+    if done.returncode == 0:
+        return Finding(subject, done.stdout.strip().splitlines()[-1])
+    reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+    return Finding(subject, reason, works=False, needed=needed, remedy=_library_remedy())
+
+
+def renderer_findings() -> Iterator[Finding]:
+    """Every libLLVM and CUDA; one that works is enough, and only their absence is a failure."""
+    probes = [native.probe_llvm(library) for library in native.llvm_candidates()]
+    for probe in probes:
+        yield Finding("libLLVM", f"{probe.name}: {probe.reason or 'works'}", works=probe.works)
+    cuda = native.probe_cuda()
+    yield Finding("CUDA and OptiX", cuda.reason or "works", works=cuda.works)
+    if any(probe.works for probe in probes):
+        variant = native.choose_variant("auto")
+        yield Finding("renderer", variant if cuda.works else f"{variant}, {os.environ[native.LLVM_VARIABLE]}")
+    elif cuda.works:
+        yield Finding("renderer", native.CUDA_VARIANT)
+    else:
+        yield Finding("renderer", "none works", works=False, needed=True, remedy=native.llvm_remedy())
+
+
+def folder_finding(subject: str, folder: Path) -> Finding:
+    """Whether a folder can be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        found = f"{folder} cannot be written ({error.strerror or error})"
+        remedy = "Make it writable, or set FACESTAGE_CACHE (the cache) or TMPDIR (the temporary folder) to one that is."
+        return Finding(subject, found, works=False, remedy=remedy)
+    return Finding(subject, str(folder))
+
+
+def data_finding() -> Finding:
+    """Face models beside the built-in one; nothing needs them."""
+    folder = Path(os.environ.get("FACESTAGE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+    archives = sorted(path.name for path in folder.glob("*") if path.name.endswith((".tar.xz", ".task", ".npz")))
+    if not archives:
+        found = "the default head; no others (--model ict:PATH names one; FACESTAGE_DATA a folder of them)"
+        return Finding("face models", found)
+    return Finding("face models", f"the default head, and in {folder}: {', '.join(archives)}")
+
+
+def _library_remedy() -> str:
+    """What to do when an installed module does not import."""
+    if Path("/etc/debian_version").exists():
+        sudo = "" if hasattr(os, "geteuid") and os.geteuid() == 0 else "sudo "
+        return f"Run: {sudo}apt-get install {' '.join(DESKTOP_LIBRARIES)}"
+    if platform.system() == "Windows":
+        return "Run: winget install Microsoft.VCRedist.2015+.x64"
+    if platform.system() == "Darwin":
+        return "Run: make clean setup"
+    return "Install the library it names with your package manager."
+
+
+if __name__ == "__main__":
+    sys.exit(run_doctor(sys.stdout))
