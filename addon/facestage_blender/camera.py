@@ -1,0 +1,91 @@
+"""Blender's camera and the contract's pinhole camera, exactly, with principal point and any sensor fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+
+SENSOR_MM = 36.0
+CAMERA_NAME = "Facestage Camera"
+
+
+def require_camera(scene: bpy.types.Scene) -> bpy.types.Object:
+    """The scene's camera. Raises InputError when there is none or it has no perspective."""
+    if scene.camera is None:
+        raise InputError("The scene has no camera; choose a photo first, or add a camera.")
+    if scene.camera.data.type != "PERSP":
+        raise InputError(f"The camera '{scene.camera.name}' is not a perspective camera; set its type to Perspective.")
+    return scene.camera
+
+
+def read_camera(data: bpy.types.Camera, width: int, height: int) -> Camera:
+    """The contract's camera of a Blender camera for a picture of ``width`` x ``height`` pixels."""
+    horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
+    # Shift and sensor are measured along the side that the sensor is fitted to.
+    side = width if horizontal else height
+    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    return Camera(
+        width,
+        height,
+        focal_px=data.lens * side / sensor,
+        principal_px=(width / 2 - data.shift_x * side, height / 2 + data.shift_y * side),
+    )
+
+
+def write_camera(scene: bpy.types.Scene, data: bpy.types.Camera, camera: Camera) -> None:
+    """Give a Blender camera the lens of ``camera``, and the scene its size in pixels."""
+    data.type, data.sensor_fit, data.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
+    data.lens = camera.focal_px * SENSOR_MM / camera.width
+    data.shift_x = (camera.width / 2 - camera.principal_px[0]) / camera.width
+    data.shift_y = (camera.principal_px[1] - camera.height / 2) / camera.width
+    set_resolution(scene, camera.width, camera.height)
+
+
+def set_resolution(scene: bpy.types.Scene, width: int, height: int) -> None:
+    """Render the whole picture at ``width`` x ``height`` square pixels."""
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    render.use_border = False
+
+
+def ensure_camera(scene: bpy.types.Scene, collection: bpy.types.Collection) -> bpy.types.Object:
+    """The scene's camera, or a new one in front of the stage's origin."""
+    if scene.camera is None:
+        scene.camera = bpy.data.objects.new(CAMERA_NAME, bpy.data.cameras.new(CAMERA_NAME))
+        collection.objects.link(scene.camera)
+        scene.camera.location = (0.0, -1.0, 0.0)
+        scene.camera.rotation_euler = (1.5707963, 0.0, 0.0)
+    scene.camera.data.clip_start = min(scene.camera.data.clip_start, 0.01)
+    return scene.camera
+
+
+def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> bpy.types.Image:
+    """Show the photo behind the camera's view and take over its size. Raises InputError when it is no image."""
+    image = load_image(path)
+    set_resolution(scene, *image.size)
+    data = camera.data
+    data.show_background_images = True
+    background = next(iter(data.background_images), None) or data.background_images.new()
+    background.image, background.alpha, background.frame_method = image, 1.0, "FIT"
+    background.display_depth = "BACK"
+    return image
+
+
+def load_image(path: Path) -> bpy.types.Image:
+    """The image in a file. Raises InputError when it is missing or holds no picture."""
+    if not path.is_file():
+        raise InputError(f"The photo '{path}' does not exist; check the path.")
+    try:
+        image = bpy.data.images.load(str(path), check_existing=True)
+    except RuntimeError as error:
+        raise InputError(f"The photo '{path}' cannot be read; expected a PNG, JPEG or EXR picture.") from error
+    if not (image.size[0] and image.size[1]):
+        if not image.users:
+            bpy.data.images.remove(image)
+        raise InputError(f"The photo '{path}' holds no picture; expected a PNG, JPEG or EXR picture.")
+    return image

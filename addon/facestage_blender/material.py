@@ -1,0 +1,133 @@
+"""The skin's material: the fit's reflectance (contract/brdf.py) as Cycles nodes, and its textures."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
+from facestage.contract.face_model import PARTS
+
+GROUP = "Facestage Skin"
+TEXTURES = ("Albedo", "Specular")
+
+
+def skin_group() -> bpy.types.NodeTree:
+    """The shared node group: diffuse K_DIFFUSE * albedo, plus c_spec times a GGX lobe with Schlick's F0.
+
+    A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its base
+    color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
+    """
+    group = bpy.data.node_groups.get(GROUP)
+    if group is not None:
+        return group
+    group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
+    sockets = (("Albedo", "Color", (0.5, 0.3, 0.2, 1.0)), ("Specular", "Float", 1.0), ("Roughness", "Float", 0.45))
+    for name, kind, default in sockets:
+        socket = group.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        socket.default_value = default
+        if kind == "Float":
+            socket.min_value, socket.max_value = 0.0, SPECULAR_MAX if name == "Specular" else 1.0
+    group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
+    _wire_group(group)
+    return group
+
+
+def _wire_group(group: bpy.types.NodeTree) -> None:
+    nodes, links = group.nodes, group.links
+    inputs, output = _node(nodes, "NodeGroupInput", -900, 0), _node(nodes, "NodeGroupOutput", 700, 0)
+
+    scale = _node(nodes, "ShaderNodeVectorMath", -600, 250)
+    scale.operation = "SCALE"
+    scale.inputs["Scale"].default_value = K_DIFFUSE
+    links.new(inputs.outputs["Albedo"], scale.inputs[0])
+    diffuse = _node(nodes, "ShaderNodeBsdfDiffuse", -350, 250)
+    diffuse.inputs["Roughness"].default_value = 0.0
+    links.new(scale.outputs["Vector"], diffuse.inputs["Color"])
+
+    lobe = _node(nodes, "ShaderNodeBsdfPrincipled", -600, 0)
+    lobe.distribution = "GGX"
+    lobe.inputs["Base Color"].default_value = (F0, F0, F0, 1.0)
+    lobe.inputs["Metallic"].default_value = 1.0
+    lobe.inputs["Specular Tint"].default_value = (1.0, 1.0, 1.0, 1.0)
+    links.new(inputs.outputs["Roughness"], lobe.inputs["Roughness"])
+
+    total = diffuse.outputs["BSDF"]
+    for step in range(int(SPECULAR_MAX)):
+        share = _node(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
+        share.operation, share.use_clamp = "SUBTRACT", True
+        share.inputs[1].default_value = float(step)
+        links.new(inputs.outputs["Specular"], share.inputs[0])
+        mix = _node(nodes, "ShaderNodeMixShader", -100, -200 * step)
+        links.new(share.outputs[0], mix.inputs["Fac"] if "Fac" in mix.inputs else mix.inputs[0])
+        links.new(lobe.outputs["BSDF"], mix.inputs[2])
+        add = _node(nodes, "ShaderNodeAddShader", 200 + 220 * step, 100 - 100 * step)
+        links.new(total, add.inputs[0])
+        links.new(mix.outputs[0], add.inputs[1])
+        total = add.outputs[0]
+    links.new(total, output.inputs["BSDF"])
+
+
+def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
+    """A new material for each part of the face (indices into PARTS), all with the skin's reflectance."""
+    return [_part_material(f"Facestage {PARTS[part].capitalize()}") for part in parts]
+
+
+def _part_material(name: str) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    skin = _node(nodes, "ShaderNodeGroup", 0, 0)
+    skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
+    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    links.new(skin.outputs["BSDF"], output.inputs["Surface"])
+    for row, texture in enumerate(TEXTURES):
+        node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
+        node.name = node.label = texture
+        node.interpolation, node.extension = "Linear", "EXTEND"
+        links.new(node.outputs["Color"], skin.inputs[texture])
+    return material
+
+
+def set_textures(rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float) -> None:
+    """Give all materials of a rig these textures and this roughness; images used no more are removed."""
+    face = rig.facestage_face
+    retired = [image for image in (face.albedo_image, face.specular_image) if image not in (None, albedo, specular)]
+    face.albedo_image, face.specular_image, face.roughness = albedo, specular, roughness
+    for material in rig.data.materials:
+        nodes = material.node_tree.nodes if material else {}
+        if GROUP in nodes:
+            nodes[GROUP].inputs["Roughness"].default_value = roughness
+        for name, image in zip(TEXTURES, (albedo, specular), strict=True):
+            if name in nodes:
+                nodes[name].image = image
+    for image in retired:
+        if not image.users:
+            bpy.data.images.remove(image)
+
+
+def texture_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed float image of a texture (h, w, 3) or (h, w), row 0 at v = 1, that Blender does not color-convert."""
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = pixels[::-1] if pixels.ndim == 3 else pixels[::-1, :, None]
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    image.pack()
+    return image
+
+
+def image_pixels(image: bpy.types.Image) -> np.ndarray:
+    """(h, w, 4) float32 pixels of an image, row 0 at the top."""
+    width, height = image.size
+    pixels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, 4)[::-1]
+
+
+def _node(nodes: bpy.types.Nodes, kind: str, x: float, y: float) -> bpy.types.Node:
+    node = nodes.new(kind)
+    node.location = (x, y)
+    return node

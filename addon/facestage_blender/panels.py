@@ -1,0 +1,237 @@
+"""The sidebar of the 3D View: the steps in order, progress, and errors in words."""
+
+import bpy
+
+from .backend import partial_folder
+from .operators import REPORT, result_folder
+from .preferences import draw_wrapped, work_folder
+from .stage import stage_lights
+
+CHARACTERS_PER_PIXEL = 1 / 8.0
+
+
+class SidebarPanel:
+    """Where all panels of Facestage live."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Facestage"
+
+
+class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
+    """Step 1: the photo and what is known of it."""
+
+    bl_label = "1  Photo"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="IMAGE_DATA")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choice of photo and landmarks."""
+        layout, settings = self.layout, context.scene.facestage
+        layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=_file_name(settings.photo) or "Choose Photo")
+        row = layout.row(align=True)
+        text = _file_name(settings.landmarks) or "Choose Landmarks"
+        row.operator("facestage.choose_landmarks", icon="EMPTY_AXIS", text=text)
+        column = layout.column(align=True)
+        column.prop(settings, "known_lens")
+        column.prop(settings, "keep_camera")
+
+
+class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
+    """Step 2: the light stage."""
+
+    bl_label = "2  Light Stage"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="LIGHT_AREA")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the stage's sizes and its builder."""
+        layout, settings = self.layout, context.scene.facestage
+        column = layout.column(align=True)
+        column.prop(settings, "light_count")
+        column.prop(settings, "light_radius")
+        column.prop(settings, "light_side")
+        layout.prop(settings, "light_color", text="Color")
+        built = settings.stage is not None
+        layout.operator(
+            "facestage.build_stage",
+            icon="FILE_REFRESH" if built else "ADD",
+            text="Rebuild Light Stage" if built else None,
+        )
+
+
+class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
+    """The stage's lights one by one."""
+
+    bl_label = "Lights"
+    bl_parent_id = "FACESTAGE_PT_stage"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only when there is a stage."""
+        return context.scene.facestage.stage is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw state, color and power of each light."""
+        layout = self.layout
+        layout.operator_menu_enum("facestage.light_states", "state", text="Set All", icon="LIGHT_AREA")
+        column = layout.column(align=True)
+        for light in stage_lights(context.scene.facestage.stage):
+            row = column.row(align=True)
+            row.label(text=f"{light.facestage_light.index + 1}")
+            row.prop(light.facestage_light, "state", text="", icon_only=True)
+            values = row.row(align=True)
+            values.active = light.facestage_light.state != "OFF"
+            values.prop(light.data, "color", text="")
+            values.prop(light.data, "energy", text="")
+
+
+class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
+    """Step 3: the face rig."""
+
+    bl_label = "3  Face"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="USER")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choice of model and the rig's builder."""
+        layout, settings = self.layout, context.scene.facestage
+        layout.prop(settings, "model", text="Model")
+        built = settings.rig is not None
+        layout.operator(
+            "facestage.build_rig", icon="FILE_REFRESH" if built else "ADD", text="Rebuild Face Rig" if built else None
+        )
+
+
+class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
+    """Step 4: the fit, its progress and its errors."""
+
+    bl_label = "4  Fit"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="MOD_SHRINKWRAP")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the fit's button or its progress."""
+        layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
+        if state.task:
+            _draw_progress(layout, state)
+        else:
+            ready = bool(settings.photo and settings.stage and settings.rig)
+            row = layout.row(align=True)
+            row.enabled, row.scale_y = ready, 1.5
+            row.operator("facestage.fit", icon="PLAY")
+            if ready and partial_folder(work_folder(context.scene) / "result").is_dir():
+                row.operator("facestage.fit", icon="RECOVER_LAST", text="Resume").resume = True
+            if not ready:
+                missing = [
+                    name
+                    for name, value in (
+                        ("photo", settings.photo),
+                        ("light stage", settings.stage),
+                        ("face", settings.rig),
+                    )
+                    if not value
+                ]
+                layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
+        if state.failure:
+            draw_wrapped(layout.box(), state.failure, "ERROR", _line_length(context))
+
+
+class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
+    """What the fit may change, and how long it may take."""
+
+    bl_label = "Options"
+    bl_parent_id = "FACESTAGE_PT_fit"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the fit's options."""
+        layout, settings = self.layout, context.scene.facestage
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(settings, "start_from_rig")
+        layout.prop(settings, "budget")
+        layout.prop(settings, "device")
+        layout.prop(settings, "seed")
+        layout.prop(settings, "output")
+        layout.label(text="Keep as is")
+        grid = layout.grid_flow(columns=2, align=True, row_major=True)
+        grid.use_property_split = False
+        grid.prop(settings, "freeze")
+        column = layout.column(align=True, heading="Trust")
+        for name in ("photo", "landmarks", "prior", "light"):
+            column.prop(settings, f"weight_{name}")
+
+
+class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
+    """Step 5: the result."""
+
+    bl_label = "5  Result"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="SHADING_RENDERED")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what can be done with a result."""
+        layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
+        folder = result_folder(context.scene)
+        buttons = layout.column(align=True)
+        buttons.enabled = (folder / "result.json").is_file() and not state.task
+        buttons.operator("facestage.apply_result", icon="CHECKMARK")
+        report = buttons.row(align=True)
+        report.enabled = (folder / REPORT).is_file()
+        report.operator("facestage.open_report", icon="URL")
+        if settings.stage is not None:
+            layout.operator_menu_enum("facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT")
+        if settings.rig is not None:
+            layout.prop(settings, "rig", text="Rig")
+        if state.message and not state.task:
+            draw_wrapped(layout.box(), state.message, "INFO", _line_length(context))
+
+
+def _draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
+    text = f"{state.task}: {state.stage}" if state.stage else state.task
+    row = layout.row(align=True)
+    if hasattr(row, "progress"):
+        row.progress(text=f"{state.fraction:.0%}  {text}", factor=state.fraction, type="BAR")
+    else:
+        row.prop(state, "fraction", text=text, slider=True)
+    row.operator("facestage.cancel", icon="CANCEL", text="")
+    details = []
+    if state.photo_error >= 0:
+        details.append(f"photo error {state.photo_error:.4f}")
+    if state.seconds_left >= 0:
+        details.append(f"about {state.seconds_left:.0f} s left")
+    if state.cancel:
+        details = ["Stopping ..."]
+    if details:
+        layout.label(text=", ".join(details), icon="TIME")
+
+
+def _file_name(path: str) -> str:
+    return bpy.path.basename(path)
+
+
+def _line_length(context: bpy.types.Context) -> int:
+    scale = context.preferences.system.ui_scale
+    return max(20, int((context.region.width / scale - 40) * CHARACTERS_PER_PIXEL))
+
+
+CLASSES = (
+    FACESTAGE_PT_photo,
+    FACESTAGE_PT_stage,
+    FACESTAGE_PT_lights,
+    FACESTAGE_PT_face,
+    FACESTAGE_PT_fit,
+    FACESTAGE_PT_options,
+    FACESTAGE_PT_result,
+)

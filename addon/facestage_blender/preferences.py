@@ -1,0 +1,79 @@
+"""Where the backend is, and whether it works."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+
+from facestage.contract.errors import BackendUnavailableError
+
+from .backend import find_backend
+
+REPORT_LINES = 14
+
+
+class FacestagePreferences(bpy.types.AddonPreferences):
+    """The add-on's preferences."""
+
+    bl_idname = __package__
+
+    backend: StringProperty(
+        name="Backend",
+        description="Command of the backend. Empty: $FACESTAGE_BACKEND, else facestage beside Python or on PATH",
+        subtype="FILE_PATH",
+    )
+    report: StringProperty(name="Report", description="What the last check of the backend said", options={"SKIP_SAVE"})
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show the backend's path, the check, and what it said."""
+        layout = self.layout
+        layout.prop(self, "backend")
+        try:
+            found = " ".join(find_backend(self.backend))
+            layout.label(text=f"Using: {found}", icon="CHECKMARK")
+        except BackendUnavailableError as error:
+            draw_wrapped(layout, str(error), "ERROR", 90)
+        running = context.window_manager.facestage.task
+        layout.operator("facestage.check_backend", icon="VIEWZOOM", text="Checking ..." if running else "Check Backend")
+        if self.report:
+            box = layout.box().column(align=True)
+            for line in self.report.splitlines()[-REPORT_LINES:]:
+                box.label(text=line)
+
+
+def backend_command(context: bpy.types.Context) -> list[str]:
+    """The backend's command as the user set it or as it is found. Raises BackendUnavailableError."""
+    preferences = addon_preferences(context)
+    return find_backend(preferences.backend if preferences else "")
+
+
+def addon_preferences(context: bpy.types.Context) -> FacestagePreferences | None:
+    """The add-on's preferences, or None when a script registered it without enabling it."""
+    addon = context.preferences.addons.get(__package__)
+    return addon.preferences if addon else None
+
+
+def work_folder(scene: bpy.types.Scene) -> Path:
+    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary folder."""
+    if scene.facestage.output:
+        return Path(bpy.path.abspath(scene.facestage.output)).expanduser().resolve()
+    if bpy.data.filepath:
+        blend = Path(bpy.data.filepath)
+        return blend.with_name(f"{blend.stem}_facestage")
+    return Path(bpy.app.tempdir) / "facestage"
+
+
+def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
+    """Draw a sentence over several lines of about ``width`` characters: Blender's labels do not wrap."""
+    words, line, lines = text.split(), "", []
+    for word in words:
+        if line and len(line) + 1 + len(word) > width:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}".strip()
+    column = layout.column(align=True)
+    for index, content in enumerate([*lines, line]):
+        column.label(text=content, icon=icon if index == 0 else "BLANK1")
+
+
+CLASSES = (FacestagePreferences,)

@@ -1,0 +1,142 @@
+"""Start, watch and cancel the backend: a child process that prints one event per line. No bpy; never blocks."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import signal
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import IO
+
+from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.events import FAILED, Event
+
+DONE, BAD_INPUT, CANCELLED, UNAVAILABLE = 0, 2, 3, 4
+KILL_AFTER_SECONDS = 10.0  # a backend that has not stopped by then is killed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How the backend ended: the contract's exit code (1 for anything unforeseen) and one sentence."""
+
+    code: int
+    message: str
+
+    @property
+    def ok(self) -> bool:
+        """True when the run did what was asked."""
+        return self.code == DONE
+
+
+class BackendProcess:
+    """One run of the backend. Poll it from a timer; every method returns at once."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        """Start ``command``. Raises BackendUnavailableError when it cannot be started."""
+        self.command = list(command)
+        self.failure = ""
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._lines: deque[str] = deque(maxlen=50)
+        self._errors: deque[str] = deque(maxlen=50)
+        self._cancelled_at: float | None = None
+        try:
+            self._child = subprocess.Popen(
+                self.command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                text=True, encoding="utf-8", errors="replace", bufsize=1,
+            )  # fmt: skip
+        except OSError as error:
+            raise BackendUnavailableError(
+                f"The backend '{self.command[0]}' cannot be started ({error.strerror or error}); "
+                "set its path in the add-on's preferences."
+            ) from error
+        self._readers = [
+            threading.Thread(target=self._read_events, args=(self._child.stdout,), daemon=True),
+            threading.Thread(target=self._read_errors, args=(self._child.stderr,), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    @property
+    def pid(self) -> int:
+        """The child's process id."""
+        return self._child.pid
+
+    @property
+    def output(self) -> str:
+        """The last lines on stdout that were not events."""
+        return "\n".join(self._lines)
+
+    def poll(self) -> list[Event]:
+        """The events since the last call; also sees to a cancelled child that does not stop."""
+        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > KILL_AFTER_SECONDS
+        if overdue and self._child.poll() is None:
+            self._child.kill()
+        events = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                events.append(self._events.get_nowait())
+        return events
+
+    def cancel(self) -> None:
+        """Ask the child to stop; it keeps its last checkpoint."""
+        if self._cancelled_at is None and self._child.poll() is None:
+            self._cancelled_at = time.monotonic()
+            self._child.terminate()
+
+    def outcome(self) -> Outcome | None:
+        """How the child ended, or None while it runs or its last words are still on the way."""
+        code = self._child.poll()
+        if code is None or any(reader.is_alive() for reader in self._readers):
+            return None
+        return explain(code, list(self._errors), self.failure, self._cancelled_at is not None)
+
+    def wait(self, on_event: Callable[[Event], None] | None = None, interval: float = 0.05) -> Outcome:
+        """Block until the child ends (for scripts without a window), handing every event to ``on_event``."""
+        while True:
+            outcome = self.outcome()
+            for event in self.poll():
+                if on_event is not None:
+                    on_event(event)
+            if outcome is not None:
+                return outcome
+            time.sleep(interval)
+
+    def _read_events(self, stream: IO[str]) -> None:
+        for line in stream:
+            event = Event.from_line(line)
+            if event is None:
+                self._lines.append(line.rstrip())
+                continue
+            if event.kind == FAILED:
+                self.failure = event.message
+            self._events.put(event)
+
+    def _read_errors(self, stream: IO[str]) -> None:
+        for line in stream:
+            if line.strip():
+                self._errors.append(line.strip())
+
+
+def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> Outcome:
+    """The sentence for an exit code, from the backend's own words where it left any."""
+    said = errors[-1] if errors else failure
+    if code == DONE:
+        return Outcome(DONE, "Done.")
+    if cancelled or code == CANCELLED:
+        return Outcome(CANCELLED, "Cancelled; the last checkpoint is kept, press Resume to go on from it.")
+    if code in (BAD_INPUT, UNAVAILABLE) and said:
+        return Outcome(code, said.removeprefix("facestage: ").removeprefix("error: "))
+    if code < 0:
+        try:
+            name = signal.Signals(-code).name
+        except ValueError:
+            name = f"signal {-code}"
+        hint = ", perhaps for lack of memory" if name == "SIGKILL" else ""
+        return Outcome(1, f"The backend was killed ({name}{hint}); the scene is unchanged, press Resume to go on.")
+    detail = f": {said}" if said else ""
+    return Outcome(1, f"The backend stopped unexpectedly (exit code {code}){detail}")

@@ -1,0 +1,189 @@
+"""What Facestage stores: settings on the scene, marks on its objects, the running fit on the window manager."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
+
+LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
+PARAMETER_HELP = {
+    "identity": "Keep the head shape that the identity sliders show",
+    "expression": "Keep the expression that the sliders show",
+    "pose": "Keep the head where it is in the stage",
+    "albedo": "Keep the model's mean skin color",
+    "specular": "Keep the specular map of a plain dielectric",
+    "roughness": "Keep the material's roughness",
+    "lights": "Keep every light at its present color and power",
+    "focal": "Keep the focal length",
+}
+DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
+
+
+def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None:
+    """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for later."""
+    light = owner.id_data
+    light.hide_render = light.hide_viewport = owner.state == "OFF"
+
+
+def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "MESH"
+
+
+class LightSettings(bpy.types.PropertyGroup):
+    """What the fit may do with one light of the stage."""
+
+    index: IntProperty(name="Index", description="Place of the light on the stage's lattice", default=-1)
+    state: EnumProperty(
+        name="State",
+        description="What the fit does with this light",
+        items=[
+            ("ON", "Fitted", "The fit finds the light's color and power", "LIGHT_AREA", ON),
+            ("FROZEN", "Frozen", "The light keeps its color and power", "FREEZE", FROZEN),
+            ("OFF", "Off", "The light is dark and the fit leaves it out", "HIDE_ON", OFF),
+        ],
+        default="ON",
+        update=_on_light_state,
+    )
+    fitted_radiance: FloatVectorProperty(
+        name="Fitted radiance", description="What the last fit found, to return to after relighting", size=3
+    )
+
+
+class FaceSettings(bpy.types.PropertyGroup):
+    """Marks a mesh as a face rig."""
+
+    is_rig: BoolProperty(name="Face rig", description="This mesh was built by Facestage")
+    model: StringProperty(name="Face model", description="The face model this rig was built from")
+    roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
+    albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
+    specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
+
+
+class SceneSettings(bpy.types.PropertyGroup):
+    """The job as the user has set it up, and where its result went."""
+
+    stage: PointerProperty(
+        type=bpy.types.Object, name="Light stage", description="The empty that carries the light stage"
+    )
+    rig: PointerProperty(type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh)
+    photo: StringProperty(name="Photo", description="The photo to fit", subtype="FILE_PATH")
+    landmarks: StringProperty(
+        name="Landmarks",
+        description="Landmark file of the photo (landmarks.json). Empty: the backend detects them",
+        subtype="FILE_PATH",
+    )
+    model: StringProperty(
+        name="Face model",
+        description="default, ict:PATH, flame:PATH, bfm:PATH or rig:FILE",
+        default="default",
+    )
+    light_count: IntProperty(
+        name="Lights",
+        description="Number of area lights on the hemisphere",
+        default=DEFAULT_COUNT,
+        min=1,
+        soft_max=200,
+        max=10000,
+    )
+    light_radius: FloatProperty(
+        name="Radius",
+        description="Distance of the lights from the face",
+        default=DEFAULT_RADIUS,
+        min=0.2,
+        soft_max=10,
+        unit="LENGTH",
+    )
+    light_side: FloatProperty(
+        name="Size", description="Side of each square light", default=DEFAULT_SIDE, min=0.001, soft_max=2, unit="LENGTH"
+    )
+    light_color: EnumProperty(
+        name="Light color",
+        description="Whether the lights may differ in color",
+        items=[
+            (LIGHT_COLORS[0], "Each its own", "Every light has a color of its own"),
+            (LIGHT_COLORS[1], "One for all", "All lights share one color and differ in power only"),
+        ],
+    )
+    freeze: EnumProperty(
+        name="Keep as is",
+        description="What the fit must not change",
+        items=[
+            (name, name.capitalize(), PARAMETER_HELP[name], "NONE", 1 << bit) for bit, name in enumerate(PARAMETERS)
+        ],
+        options={"ENUM_FLAG"},
+    )
+    start_from_rig: BoolProperty(
+        name="Start from the rig", description="Start the fit at the rig's present sliders instead of the mean face"
+    )
+    keep_camera: BoolProperty(
+        name="Keep camera",
+        description="Leave the scene's camera where it is and move the head; otherwise the camera is placed by the fit",
+    )
+    known_lens: BoolProperty(
+        name="Known lens",
+        description="The scene camera's focal length and shift are those of the photo; otherwise they are guessed",
+    )
+    weight_photo: FloatProperty(name="Photo", description="Trust in the photo's pixels", default=1, min=0, soft_max=10)
+    weight_landmarks: FloatProperty(
+        name="Landmarks", description="Trust in the landmarks", default=1, min=0, soft_max=10
+    )
+    weight_prior: FloatProperty(name="Prior", description="Pull towards the mean face", default=1, min=0, soft_max=10)
+    weight_light: FloatProperty(name="Light", description="Pull towards white light", default=1, min=0, soft_max=10)
+    budget: FloatProperty(
+        name="Budget", description="Time for the fit; 0 is no limit", default=0, min=0, unit="TIME_ABSOLUTE"
+    )
+    seed: IntProperty(name="Seed", description="Seed of the random numbers", default=0, min=0)
+    device: EnumProperty(
+        name="Device",
+        description="Where the fit computes",
+        items=[(name, DEVICE_NAMES[name], f"Compute on: {DEVICE_NAMES[name].lower()}") for name in DEVICES],
+    )
+    output: StringProperty(
+        name="Output",
+        description="Folder for the job and the result. Empty: beside the .blend, or a temporary folder",
+        subtype="DIR_PATH",
+    )
+    result: StringProperty(name="Result", description="Folder of the last result", subtype="DIR_PATH")
+
+
+class RunState(bpy.types.PropertyGroup):
+    """The process at work, as the panel shows it. Lives on the window manager: it is not saved."""
+
+    task: StringProperty(name="Task", description="What is running; empty when nothing is")
+    stage: StringProperty(name="Stage", description="Stage of the fit")
+    message: StringProperty(name="Message", description="Last message of the backend")
+    failure: StringProperty(name="Error", description="Why the last run ended without a result")
+    fraction: FloatProperty(name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR")
+    photo_error: FloatProperty(
+        name="Photo error", description="Root mean square difference to the photo, linear", default=-1
+    )
+    seconds_left: FloatProperty(name="Time left", description="Estimate of the seconds left", default=-1)
+    cancel: BoolProperty(name="Cancel", description="Set to ask the running process to stop")
+
+
+CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState)
+
+
+def attach() -> None:
+    """Add the property groups to Blender's types; the classes are registered already."""
+    bpy.types.Object.facestage_light = PointerProperty(type=LightSettings)
+    bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
+    bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
+    bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
+
+
+def detach() -> None:
+    """Undo :func:`attach`."""
+    del bpy.types.WindowManager.facestage
+    del bpy.types.Scene.facestage
+    del bpy.types.Object.facestage_face
+    del bpy.types.Object.facestage_light

@@ -1,0 +1,26 @@
+"""Adds Facestage's classes to Blender and takes them away again."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import operators, operators_fit, panels, preferences, properties
+
+MODULES = (properties, preferences, operators, operators_fit, panels)
+
+
+def register() -> None:
+    """Register every class, then attach the property groups."""
+    for module in MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+    properties.attach()
+
+
+def unregister() -> None:
+    """Undo :func:`register`, last first; a fit still running is stopped."""
+    operators_fit.stop_running()
+    properties.detach()
+    for module in reversed(MODULES):
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)

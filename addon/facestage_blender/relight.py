@@ -1,0 +1,45 @@
+"""Light the fitted face from elsewhere, and go back."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+
+from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
+
+# Where the light comes from, in the stage frame: left is the left of the picture.
+DIRECTIONS = {
+    "left": (-1.0, 0.15, 0.25),
+    "right": (1.0, 0.15, 0.25),
+    "top": (0.0, 1.0, 0.25),
+    "bottom": (0.0, -1.0, 0.25),
+    "front": (0.0, 0.0, 1.0),
+}
+SHARPNESS = 6.0  # exponent of the cosine lobe: a soft key light that still casts a shadow
+
+
+def relight(scene: bpy.types.Scene, direction: str) -> None:
+    """White light from one side, of the same total radiance as the fitted lights; all lights are turned on."""
+    if direction not in DIRECTIONS:
+        raise InputError(f"Cannot light from '{direction}'; expected one of {', '.join(DIRECTIONS)}.")
+    empty = require_stage(scene)
+    lights = stage_lights(empty)
+    stage = read_stage(empty)
+    towards = np.array(DIRECTIONS[direction]) / np.linalg.norm(DIRECTIONS[direction])
+    lobe = np.maximum(0.0, -stage.direction @ towards) ** SHARPNESS
+    if lobe.sum() <= 1e-6:  # no light near that side: the nearest one serves
+        lobe = (np.arange(len(lights)) == np.argmax(-stage.direction @ towards)).astype(float)
+    fitted = np.array([light.facestage_light.fitted_radiance for light in lights])
+    total = fitted.mean(axis=1).sum()
+    for light, share in zip(lights, lobe / lobe.sum(), strict=True):
+        light.facestage_light.state = "ON"
+        set_light_radiance(light, np.full(3, total * share), light_side(light))
+
+
+def restore_lights(scene: bpy.types.Scene) -> None:
+    """Give every light the radiance that the last fit, or the last build of the stage, gave it."""
+    for light in stage_lights(require_stage(scene)):
+        radiance = np.array(light.facestage_light.fitted_radiance)
+        set_light_radiance(light, radiance, light_side(light))

@@ -1,0 +1,91 @@
+"""The only reader: what the user has set up in the scene, as the contract's Job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.job import Job, Weights
+from facestage.contract.landmarks import Landmarks
+
+from . import frames
+from .camera import load_image, read_camera, require_camera
+from .rig import read_weights, require_rig
+from .stage import read_stage, relative_matrix, require_stage
+
+
+def read_job(scene: bpy.types.Scene) -> Job:
+    """The scene's job. Raises InputError naming what is missing or wrong and what to do."""
+    settings = scene.facestage
+    if not settings.photo:
+        raise InputError("No photo is chosen; press Choose Photo first.")
+    photo = absolute(settings.photo)
+    width, height = load_image(photo).size
+    empty, rig = require_stage(scene), require_rig(scene)
+    frozen = tuple(sorted(settings.freeze))
+    landmarks = None
+    if settings.landmarks:
+        landmarks = Landmarks.read(absolute(settings.landmarks))
+        landmarks.check_inside(width, height)
+    camera = camera_to_stage = None
+    if settings.keep_camera or settings.known_lens or "focal" in frozen:
+        camera = read_camera(require_camera(scene).data, width, height)
+    if settings.keep_camera:
+        camera_to_stage = read_camera_to_stage(scene)
+    return Job(
+        image=photo,
+        model=rig.facestage_face.model,
+        landmarks=landmarks,
+        camera=camera,
+        stage=read_stage(empty),
+        camera_to_stage=camera_to_stage,
+        light_color=settings.light_color,
+        freeze=frozen,
+        weights=Weights(
+            photo=settings.weight_photo,
+            landmarks=settings.weight_landmarks,
+            prior=settings.weight_prior,
+            light=settings.weight_light,
+        ),
+        initial=_initial(scene, frozen, camera_to_stage),
+        budget_seconds=settings.budget or None,
+        seed=settings.seed,
+        device=settings.device,
+    )
+
+
+def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:
+    """(4, 4) pose of the scene's camera in the stage frame, without its scale."""
+    local = relative_matrix(require_stage(scene), require_camera(scene))
+    local[:3, :3] /= np.linalg.norm(local[:3, :3], axis=0)
+    return frames.to_stage_matrix(local, frames.CAMERA)
+
+
+def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
+    """(4, 4) pose of the rig in the stage frame."""
+    return frames.to_stage_matrix(relative_matrix(require_stage(scene), require_rig(scene)), frames.STAGE)
+
+
+def absolute(path: str) -> Path:
+    """A path of the user interface, which may start with // for the .blend's folder."""
+    return Path(bpy.path.abspath(path)).expanduser().resolve()
+
+
+def _initial(
+    scene: bpy.types.Scene, frozen: tuple[str, ...], camera_to_stage: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Where the fit starts: what is frozen must be said, the rest only when the user asks for it."""
+    settings, rig = scene.facestage, require_rig(scene)
+    identity, expression = read_weights(rig)
+    values: dict[str, np.ndarray] = {}
+    for name, weights in (("identity", identity), ("expression", expression)):
+        if settings.start_from_rig or name in frozen:
+            values[name] = np.array(list(weights.values()), np.float64)
+    if settings.start_from_rig or "roughness" in frozen:
+        values["roughness"] = np.array(rig.facestage_face.roughness)
+    if camera_to_stage is not None and (settings.start_from_rig or "pose" in frozen):
+        values["model_to_camera"] = np.linalg.inv(camera_to_stage) @ read_model_to_stage(scene)
+    return values
