@@ -1,0 +1,98 @@
+"""The extension's archive: Blender installs it, and its wheel alone gives the add-on the contract."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import facestage
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+MANIFEST = REPOSITORY / "addon" / "facestage_blender" / "blender_manifest.toml"
+
+# Installs the extension into an empty Blender. The working tree's own packages are kept out of sight:
+# setuptools' editable finder, and any folder of the tree on the path.
+INSTALL = """
+import sys
+import bpy
+sys.meta_path = [finder for finder in sys.meta_path if "__editable__" not in getattr(finder, "__module__", "")]
+sys.path = [folder for folder in sys.path if not folder.startswith(sys.argv[2]) or "site-packages" in folder]
+bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
+import facestage.contract.errors
+print("ENABLED", "bl_ext.user_default.facestage_blender" in bpy.context.preferences.addons.keys())
+print("FROM", facestage.__file__)
+print("TOP", "facestage_blender" in sys.modules)
+"""
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The extension, built as `make extension` does."""
+    pytest.importorskip("bpy", reason="the extension builder comes with bpy")
+    folder = tmp_path_factory.mktemp("dist")
+    done = subprocess.run(
+        [sys.executable, str(REPOSITORY / "tools" / "build_extension.py"), str(folder)],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("*.zip"))
+
+
+def test_archive_holds_the_addon_its_license_and_the_wheel(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as extension:
+        names = set(extension.namelist())
+        manifest = tomllib.loads(extension.read("blender_manifest.toml").decode())
+    assert {"__init__.py", "registration.py", "LICENSE"} <= names
+    assert not {name for name in names if "__pycache__" in name or name.endswith("ruff.toml")}
+    (wheel,) = manifest["wheels"]
+    assert wheel.removeprefix("./") in names
+
+
+def test_wheel_holds_the_backend_and_not_the_addon(archive: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(archive) as extension:
+        (wheel,) = [name for name in extension.namelist() if name.endswith(".whl")]
+        extension.extract(wheel, tmp_path)
+    with zipfile.ZipFile(tmp_path / wheel) as package:
+        names = package.namelist()
+    assert "facestage/contract/errors.py" in names
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"facestage"}
+    sources = {path.relative_to(REPOSITORY / "backend").as_posix() for path in _sources()}
+    assert sources <= set(names)
+
+
+def test_blender_installs_and_enables_it(archive: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INSTALL, str(archive), str(REPOSITORY)], cwd=tmp_path, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
+    )  # fmt: skip
+    assert "ENABLED True" in done.stdout, done.stdout + done.stderr
+    assert f"FROM {tmp_path}" in done.stdout
+    assert "TOP False" in done.stdout, "the add-on imports itself by an absolute name, which an extension does not have"
+
+
+def test_versions_agree() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    manifest = tomllib.loads(MANIFEST.read_text(encoding="utf-8"))
+    assert project["version"] == facestage.__version__ == manifest["version"]
+
+
+def test_manifest_keeps_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
+    import build_extension
+
+    before = 'id = "a"\n\n[permissions]\nfiles = "read"\n'
+    after = tomllib.loads(build_extension.with_wheel(before, "facestage.whl"))
+    assert after == {**tomllib.loads(before), "wheels": ["./wheels/facestage.whl"]}
+    with pytest.raises(build_extension.SetupError, match="lists wheels already"):
+        build_extension.with_wheel("wheels = []\n", "facestage.whl")
+
+
+def _sources() -> list[Path]:
+    """Every module of the backend on disk."""
+    return list((REPOSITORY / "backend" / "facestage").rglob("*.py"))

@@ -1,0 +1,94 @@
+"""Build the Blender extension: the add-on, and beside it a wheel of the backend's package.
+
+Blender puts the wheel on its Python path, so that the add-on can ``import facestage.contract``; the same wheel
+is what `pip install` takes to make the backend's own environment. Blender's own builder checks and zips it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+from setup_error import SetupError
+
+PROJECT = Path(__file__).resolve().parent.parent
+ADDON = PROJECT / "addon" / "facestage_blender"
+NOT_SHIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "ruff.toml")
+
+
+def main() -> int:
+    """Build into dist/ (or the folder given), or say in one sentence why not. Returns the exit code."""
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else PROJECT / "dist"
+    try:
+        print(build_extension(target))
+    except SetupError as error:
+        print(f"make extension: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def build_extension(target: Path) -> Path:
+    """Write facestage_blender-VERSION.zip into the folder ``target`` and return its path."""
+    builder = blender_builder()
+    with tempfile.TemporaryDirectory(prefix="facestage-extension-") as folder:
+        stage = Path(folder, ADDON.name)
+        shutil.copytree(ADDON, stage, ignore=NOT_SHIPPED)
+        shutil.copyfile(PROJECT / "LICENSE", stage / "LICENSE")
+        manifest = stage / "blender_manifest.toml"
+        wheel = build_wheel(Path(folder, "package"), stage / "wheels")
+        manifest.write_text(with_wheel(manifest.read_text(encoding="utf-8"), wheel), encoding="utf-8")
+        version = tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
+        target.mkdir(parents=True, exist_ok=True)
+        archive = target / f"{ADDON.name}-{version}.zip"
+        run([sys.executable, str(builder), "build", "--source-dir", str(stage), "--output-filepath", str(archive)])
+    run([sys.executable, str(builder), "validate", str(archive)])
+    return archive
+
+
+def build_wheel(stage: Path, target: Path) -> str:
+    """Build the wheel of the backend's package alone, without the add-on, and return its file name."""
+    shutil.copytree(PROJECT / "backend", stage / "backend", ignore=NOT_SHIPPED)
+    (stage / "addon").mkdir()
+    for name in ("pyproject.toml", "LICENSE", "README.md"):
+        if (PROJECT / name).is_file():
+            shutil.copyfile(PROJECT / name, stage / name)
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
+    run([*pip, "--no-deps", "--no-build-isolation", "--wheel-dir", str(target), str(stage)])
+    return next(target.glob("*.whl")).name
+
+
+def with_wheel(manifest: str, wheel: str) -> str:
+    """The manifest's text with the wheel listed, before its first table."""
+    if "wheels" in tomllib.loads(manifest):
+        raise SetupError("blender_manifest.toml lists wheels already; leave that to tools/build_extension.py.")
+    lines = manifest.splitlines(keepends=True)
+    first_table = next((number for number, line in enumerate(lines) if line.startswith("[")), len(lines))
+    return "".join([*lines[:first_table], f'wheels = ["./wheels/{wheel}"]\n\n', *lines[first_table:]])
+
+
+def blender_builder() -> Path:
+    """The extension builder inside Blender's Python module."""
+    module = importlib.util.find_spec("bpy")
+    for folder in (module.submodule_search_locations or []) if module else []:
+        for path in Path(folder).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"):
+            return path
+    raise SetupError("Blender's extension builder comes with the package bpy, which is not installed; run: make setup")
+
+
+def run(command: list[str]) -> None:
+    """Run a command; raise SetupError with what it said when it fails."""
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+        errors="replace",
+    )  # fmt: skip
+    if done.returncode:
+        raise SetupError(f"this command failed: {' '.join(command)}\n{done.stdout}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
