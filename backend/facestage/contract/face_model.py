@@ -119,7 +119,7 @@ class FaceModel:
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays |= {f"landmarks/{name}": table for name, table in self.landmarks.items()}
         arrays |= {f"regions/{name}": indices for name, indices in self.regions.items()}
-        write_arrays(path, arrays | {"meta": np.array(json.dumps(meta))})
+        write_arrays(path, arrays | {"meta": np.array(json.dumps(meta))}, compress=False)
 
     @classmethod
     def load(cls, path: Path) -> FaceModel:

@@ -1,0 +1,77 @@
+"""The rendered part of a face model: vertices, normals, and how they move with the coefficients."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from facestage.contract.face_model import OTHER, FaceModel
+
+
+class FaceGeometry:
+    """A face model reduced to the m vertices that are rendered, with stacked shape bases.
+
+    ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0, x1, ...).
+    """
+
+    def __init__(self, model: FaceModel) -> None:
+        rendered = model.triangle_part != OTHER
+        used = np.unique(model.triangles[rendered])
+        new_index = np.full(len(model.vertices), -1, np.int64)
+        new_index[used] = np.arange(len(used))
+        self.model = model
+        self.used = used
+        self.new_index = new_index
+        self.triangles = new_index[model.triangles[rendered]]
+        self.triangle_uvs = model.triangle_uvs[rendered]
+        self.triangle_part = model.triangle_part[rendered]
+        self.mean = model.vertices[used].astype(np.float64)
+        shapes = [basis[:, used].reshape(len(basis), -1) for basis in (model.identity_basis, model.expression_basis)]
+        self.basis = np.ascontiguousarray(np.concatenate(shapes).T)
+        self.identity_count = len(model.identity_names)
+        self.log_albedo = np.log(model.albedo_mean[used])
+        self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
+
+    def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
+        """(m, 3) float64 model-frame positions."""
+        weights = np.concatenate([identity, expression]).astype(np.float32)
+        return self.mean + (self.basis @ weights).reshape(-1, 3)
+
+    def face_normals(self, vertices: np.ndarray) -> np.ndarray:
+        """(t, 3) normals of length twice the triangle's area."""
+        a, b, c = (vertices[self.triangles[:, corner]] for corner in range(3))
+        return np.cross(b - a, c - a)
+
+    def vertex_normals(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit normals (m, 3), area-weighted, and the lengths (m,) before normalising."""
+        faces = self.face_normals(vertices)
+        total = np.zeros_like(vertices)
+        for axis in range(3):
+            for corner in range(3):
+                total[:, axis] += np.bincount(self.triangles[:, corner], faces[:, axis], len(vertices))
+        length = np.linalg.norm(total, axis=1)
+        return total / np.maximum(length, 1e-20)[:, None], length
+
+    def normal_operator(self, vertices: np.ndarray, wanted: np.ndarray) -> sp.csr_matrix:
+        """(3 m, 3 m) sparse derivative of the unnormalised vertex normals by the positions.
+
+        Rows are filled for the vertices of triangles that touch ``wanted`` (m,) bool. A triangle's
+        normal is a x b + b x c + c x a, so moving a adds da x (b - c), and so on around.
+        """
+        triangles = self.triangles[wanted[self.triangles].any(axis=1)]
+        points = vertices[triangles]
+        opposite = np.stack([points[:, 1] - points[:, 2], points[:, 2] - points[:, 0], points[:, 0] - points[:, 1]], 1)
+        # da x e = -[e]x da: the skew matrix has six non-zero entries.
+        x, y, z = opposite[..., 0], opposite[..., 1], opposite[..., 2]
+        entries = np.stack([z, -y, -z, x, y, -x], axis=-1)  # (t, source corner, 6)
+        entry_row, entry_column = np.array([0, 0, 1, 1, 2, 2]), np.array([1, 2, 0, 2, 0, 1])
+        rows, columns, data = [], [], []
+        for target in range(3):
+            row = 3 * triangles[:, target, None, None] + entry_row
+            column = 3 * triangles[:, :, None] + entry_column
+            rows.append(np.broadcast_to(row, column.shape).ravel())
+            columns.append(column.ravel())
+            data.append(entries.ravel())
+        size = 3 * len(vertices)
+        indices = (np.concatenate(rows), np.concatenate(columns))
+        return sp.csr_matrix((np.concatenate(data).astype(np.float32), indices), shape=(size, size))

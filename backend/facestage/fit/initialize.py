@@ -1,0 +1,87 @@
+"""Where a fit starts: the head pose from landmarks in closed form, light by non-negative least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from facestage.contract import brdf
+from facestage.contract.camera import Camera
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.geometry import FaceGeometry
+from facestage.fit.shading import Image
+
+
+def scaled_orthographic_pose(
+    points: np.ndarray, pixels: np.ndarray, camera: Camera, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) placing model ``points`` (m, 3) at ``pixels`` (m, 2).
+
+    Weak perspective: a linear least-squares fit of two rows of a scaled rotation (DeMenthon & Davis
+    1995), then the nearest rotation.
+    """
+    total = weights.sum()
+    centre3, centre2 = weights @ points / total, weights @ pixels / total
+    a = (points - centre3) * weights[:, None]
+    image = np.stack([pixels[:, 0] - centre2[0], -(pixels[:, 1] - centre2[1])], axis=1) * weights[:, None]
+    # A little ridge: coplanar points leave the third column open.
+    rows = np.linalg.solve(a.T @ a + 1e-6 * np.trace(a.T @ a) * np.eye(3), a.T @ image).T
+    scale = 0.5 * (np.linalg.norm(rows[0]) + np.linalg.norm(rows[1]))
+    scale = max(float(scale), 1e-6)
+    u, _, vt = np.linalg.svd(rows / scale, full_matrices=False)
+    two = u @ vt
+    rotation = np.vstack([two, np.cross(two[0], two[1])])
+    depth = camera.focal_px / scale
+    ray = np.array([
+        (centre2[0] - camera.principal_px[0]) / camera.focal_px,
+        -(centre2[1] - camera.principal_px[1]) / camera.focal_px,
+        -1.0,
+    ])  # fmt: skip
+    return rotation, depth * ray - rotation @ centre3
+
+
+def initial_pose(geometry: FaceGeometry, landmarks: Landmarks, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Pose of the mean face; points that fit the first guess badly are taken out and it is done again."""
+    vertices, barycentric = geometry.model.landmark_vertices(landmarks.scheme)
+    points = np.einsum("mi,mix->mx", barycentric, geometry.model.vertices[vertices]).astype(float)
+    pixels = np.nan_to_num(landmarks.points)
+    usable = np.isfinite(landmarks.points).all(1)
+    weights = np.where(landmarks.visible, 1.0, 0.1) * usable
+    for _ in range(10):
+        rotation, translation = scaled_orthographic_pose(points, pixels, camera, weights)
+        distance = np.linalg.norm(camera.project(points @ rotation.T + translation) - pixels, axis=1)
+        scale = max(float(np.median(distance[usable])), 1.0)
+        weights = np.where(landmarks.visible, 1.0, 0.1) * usable / (1 + (distance / (2 * scale)) ** 2)
+    return rotation, translation
+
+
+# Share of the largest eigenvalue added to the light system: neighbouring lights look alike on a face.
+LIGHT_RIDGE = 1e-3
+ROBUST_ROUNDS = 5
+
+
+def initial_lights(image: Image, photo: np.ndarray, clipped: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Radiance (N, 3) that best explains ``photo`` (P, 3) on the current geometry and albedo.
+
+    The image is linear in the lights, so this is a non-negative least-squares problem per channel.
+    Residuals are absolute: bright pixels say where the light is, dark ones only where it is not; relative
+    residuals would let black explain a half-lit face. Highlights are calmed by Huber weights.
+    """
+    result = np.zeros((image.terms.diffuse.shape[1], photo.shape[1]))
+    for channel in range(photo.shape[1]):
+        columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
+        columns = columns + brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular
+        target = photo[:, channel]
+        usable = weights * ~clipped[:, channel]
+        robust = np.ones_like(usable)
+        for _ in range(ROBUST_ROUNDS):
+            weighted = columns * (usable * robust)[:, None]
+            normal = weighted.T @ columns
+            ridge = LIGHT_RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
+            factor = np.linalg.cholesky(normal + ridge * np.eye(len(normal)))
+            radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
+            residual = np.abs(columns @ radiance - target)
+            scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)
+            robust = np.minimum(1.0, scale / np.maximum(residual, 1e-12))
+        result[:, channel] = radiance
+    return result

@@ -1,0 +1,74 @@
+"""How much a pixel's residual says: its scale and correlation, estimated from the residuals themselves.
+
+A face model never explains a photograph to the last pore: residuals of a misfit albedo are large,
+proportional to the radiance and correlated over many pixels. Treating each pixel as an independent
+observation would let that misfit push the geometry away from what the landmarks know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Residuals are relative to the local radiance plus this share of the face's mean radiance.
+FLOOR_SHARE = 0.15
+SIGMA_MIN = 0.005
+CAUCHY_SCALE = 2.5  # standard deviations
+# Three channels of skin say little more than one; they share pigment, shape and shadow.
+CHANNEL_CORRELATION = 2.0
+AREA_MIN, AREA_SHARE_MAX = 4.0, 0.02
+BLOCK = 16  # pixels; misfits of shading and albedo are about this large
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """sigma: relative residual scale; area: pixels that count as one observation; floor: radiance."""
+
+    sigma: float
+    area: float
+    floor: float
+
+    def scale(self, photo: np.ndarray) -> np.ndarray:
+        """(..., 1) radiance of one standard deviation at pixels of color ``photo`` (..., 3)."""
+        return self.sigma * (photo.mean(axis=-1, keepdims=True) + self.floor)
+
+    def information(self) -> float:
+        """Weight of one pixel's channel after correlation."""
+        return 1.0 / (self.area * CHANNEL_CORRELATION)
+
+    def robust(self, standardized: np.ndarray) -> np.ndarray:
+        """(P, 1) Cauchy weights of (P, 3) residuals in standard deviations, shared by the channels."""
+        squared = np.mean(standardized**2, axis=-1, keepdims=True)
+        return 1.0 / (1.0 + squared / CAUCHY_SCALE**2)
+
+
+def estimate_noise(residual: np.ndarray, photo: np.ndarray, used: np.ndarray) -> NoiseModel:
+    """Noise of ``residual`` (h, w, 3), the model minus ``photo`` (h, w, 3), where ``used`` (h, w) bool."""
+    if not used.any():
+        return NoiseModel(SIGMA_MIN, AREA_MIN, 1.0)
+    floor = max(FLOOR_SHARE * float(photo[used].mean()), 1e-6)
+    relative = residual / (photo.mean(-1, keepdims=True) + floor)
+    sigma = max(1.4826 * float(np.median(np.abs(relative[used]))), SIGMA_MIN)
+    clipped = np.where(used[..., None], np.clip(relative, -2.5 * sigma, 2.5 * sigma), 0.0)
+    return NoiseModel(sigma, _correlation_area(clipped, used), floor)
+
+
+def _correlation_area(residual: np.ndarray, used: np.ndarray) -> float:
+    """Pixels per independent observation: variance of block means times block size over pixel variance."""
+    height, width = used.shape
+    rows, columns = max(height // BLOCK, 1), max(width // BLOCK, 1)
+    tall, wide = min(BLOCK, height), min(BLOCK, width)
+
+    def blocks(array: np.ndarray) -> np.ndarray:
+        return array[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide).sum(axis=(1, 3))
+
+    count = blocks(used.astype(float))
+    full = count > 0.5 * tall * wide
+    pixels = float(used.sum())
+    variance = float((residual[used] ** 2).mean())
+    upper = max(AREA_SHARE_MAX * pixels, AREA_MIN)
+    if full.sum() < 4 or variance <= 0:
+        return min(BLOCK**2 / 4.0, upper)
+    means = np.mean([(blocks(residual[..., channel])[full] / count[full]) ** 2 for channel in range(3)])
+    return float(np.clip(means * count[full].mean() / variance, AREA_MIN, upper))

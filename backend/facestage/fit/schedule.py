@@ -1,0 +1,123 @@
+"""The multi-step schedule (Garrido et al. 2016, Algorithm 1) over the damped Gauss-Newton solver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from facestage.fit.energy import Energy, Evaluation, common_energy
+from facestage.fit.parameters import State
+from facestage.fit.solver import Damping, bounded_step
+
+# A stage ends when the energy falls by less than this share in a step.
+CONVERGED_SHARE = 1e-3
+MAX_REJECTIONS = 6
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One accepted step: what the trace and the progress events are made of."""
+
+    stage: str
+    number: int
+    state: State
+    evaluation: Evaluation | None
+    energy: dict[str, float]
+    condition: float
+    damping: float
+
+
+@dataclass
+class Stage:
+    """A run of the solver over some blocks of parameters."""
+
+    name: str
+    blocks: tuple[str, ...]
+    energy: Energy
+    steps: int
+    freeze: np.ndarray  # (size,) bool, true where the user, or the plan, holds a parameter
+    low: np.ndarray
+    high: np.ndarray
+    tolerance: float = CONVERGED_SHARE
+    damping: Damping = field(default_factory=Damping)
+
+    def run(self, state: State, seed: int, deadline: float, clock: Callable[[], float] = time.monotonic) -> Iterator[Iteration]:
+        """Accepted steps until converged, out of steps, or past the ``deadline`` of ``clock``."""
+        active = self.energy.layout.mask(self.blocks) & ~self.freeze
+        evaluation = self._evaluate(state, seed)
+        for number in range(1, self.steps + 1):
+            system = _System(self.energy, state, evaluation, active)
+            accepted = False
+            for _ in range(MAX_REJECTIONS):
+                values = self.energy.layout.values(state)
+                proposal = bounded_step(
+                    system.hessian, system.gradient, self.damping.value, values, self.low, self.high, active
+                )
+                candidate = self.energy.layout.apply(state, proposal.step)
+                # The same random numbers on both sides of a comparison.
+                trial = self._evaluate(candidate, seed)
+                decrease = system.decrease(candidate, trial)
+                if decrease > 0 and proposal.predicted > 0:
+                    self.damping.accept(decrease / proposal.predicted)
+                    accepted = True
+                    break
+                self.damping.reject()
+                if clock() > deadline:
+                    return
+            if not accepted:
+                return
+            state, evaluation = candidate, trial
+            yield Iteration(
+                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping.value
+            )
+            if clock() > deadline or decrease < self.tolerance * max(system.total, 1e-12):
+                return
+
+    def _evaluate(self, state: State, seed: int) -> Evaluation | None:
+        if self.energy.photo is None or self.energy.stage is None:
+            return None
+        return self.energy.photo.evaluate(state, self.energy.stage, seed)
+
+
+class _System:
+    """The quadratic model around one state, with its weights frozen."""
+
+    def __init__(self, energy: Energy, state: State, evaluation: Evaluation | None, active: np.ndarray) -> None:
+        self.energy, self.state, self.evaluation = energy, state, evaluation
+        lights = energy.light_parameters
+        prior = energy.priors.quadratic(state, lights)
+        self.hessian, self.gradient = prior.hessian, prior.gradient
+        self.terms = dict(prior.energy)
+        self._prior_total = sum(prior.energy.values())
+        residual = energy.landmarks.residuals(state)
+        self._landmark_weights = energy.weights.landmarks * energy.landmarks.robust_weights(residual)
+        jacobian = energy.landmarks.jacobian(state, energy.layout)
+        self.hessian += jacobian.T @ (jacobian * self._landmark_weights[:, None])
+        self.gradient += jacobian.T @ (self._landmark_weights * residual)
+        self._landmark_energy = 0.5 * float(self._landmark_weights @ residual**2)
+        self.terms["landmarks"] = self._landmark_energy
+        if evaluation is not None:
+            assert energy.photo is not None
+            self.noise = energy.photo.noise(evaluation)
+            self._weights = energy.photo.weights(evaluation, self.noise, energy.weights.photo)
+            hessian, gradient = energy.photo.normal_equations(evaluation, self._weights, energy.layout, active)
+            self.hessian += hessian
+            self.gradient += gradient
+            self.terms["photo"] = common_energy(evaluation, evaluation, self._weights)[0]
+        self.total = sum(self.terms.values())
+
+    def decrease(self, state: State, evaluation: Evaluation | None) -> float:
+        """How much lower the energy is at ``state``, the weights unchanged."""
+        prior = sum(self.energy.priors.energies(state, self.energy.light_parameters).values())
+        residual = self.energy.landmarks.residuals(state)
+        if not np.isfinite(residual).all():
+            return -np.inf
+        result = self._prior_total - prior
+        result += self._landmark_energy - 0.5 * float(self._landmark_weights @ residual**2)
+        if evaluation is not None and self.evaluation is not None:
+            old, new = common_energy(self.evaluation, evaluation, self._weights)
+            result += old - new
+        return float(result) if np.isfinite(result) else -np.inf

@@ -1,0 +1,151 @@
+"""The forward model: from a state to the radiance of each pixel that sees the face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facestage.contract import brdf
+from facestage.contract.camera import Camera
+from facestage.contract.light_stage import LightStage
+from facestage.fit.geometry import FaceGeometry
+from facestage.fit.parameters import LightParameters, State
+from facestage.render.tracer import LightTerms, RayTracer
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the pixels see, in the camera frame. P pixels; 3 corners of each hit triangle."""
+
+    pixels: np.ndarray  # (P, 2) float, x and y
+    rays: np.ndarray  # (P, 3) unit, away from the camera
+    triangle: np.ndarray  # (P,) int
+    corners: np.ndarray  # (P, 3) int, vertex indices
+    weights: np.ndarray  # (P, 3) barycentric
+    depth: np.ndarray  # (P,) m along the ray
+    points: np.ndarray  # (P, 3) m
+    normals: np.ndarray  # (P, 3) unit shading normals
+    normal_length: np.ndarray  # (P,) of the interpolated normal before normalising
+    facing: np.ndarray  # (P, 3) unit geometric normal on the viewer's side
+    corner_normals: np.ndarray  # (P, 3, 3) unit vertex normals
+    vertices: np.ndarray  # (m, 3) camera frame
+    model_vertices: np.ndarray  # (m, 3) model frame
+    normal_scale: np.ndarray  # (m,) lengths of the unnormalised vertex normals
+
+
+@dataclass(frozen=True)
+class Image:
+    """Radiance of the pixels and the factors it is made of."""
+
+    surface: Surface
+    terms: LightTerms
+    albedo: np.ndarray  # (P, 3)
+    c_spec: np.ndarray  # (P,)
+    radiance: np.ndarray  # (N, 3) of the lights
+    diffuse: np.ndarray  # (P, 3) irradiance
+    specular: np.ndarray  # (P, 3)
+    color: np.ndarray  # (P, 3)
+
+
+class ForwardModel:
+    """Renders one face under one stage; owns the ray tracer's scene."""
+
+    def __init__(self, geometry: FaceGeometry, lights: LightParameters) -> None:
+        self.geometry = geometry
+        self.lights = lights
+        self._tracer = RayTracer(geometry.triangles, len(geometry.mean))
+
+    def pose(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (m, 3) in the model frame and in the camera frame."""
+        model_vertices = self.geometry.vertices(state.identity, state.expression)
+        return model_vertices, model_vertices @ state.rotation.T + state.translation
+
+    def surface(self, state: State, pixels: np.ndarray, parts: tuple[int, ...] | None = None) -> Surface:
+        """What ``pixels`` (P, 2) see; pixels that see nothing, or none of ``parts``, are dropped."""
+        model_vertices, vertices = self.pose(state)
+        # The tracer works around the face, where float32 has the most digits.
+        self._tracer.update(vertices - state.translation)
+        rays = pixel_rays(state.camera, pixels)
+        hits = self._tracer.first_hits(-state.translation, rays)
+        keep = hits.triangle >= 0
+        if parts is not None:
+            keep &= np.isin(self.geometry.triangle_part[hits.triangle], parts)
+        triangle, weights, rays = hits.triangle[keep], hits.barycentric[keep].astype(np.float64), rays[keep]
+        corners = self.geometry.triangles[triangle]
+        points = np.einsum("pi,pix->px", weights, vertices[corners])
+        model_normals, normal_scale = self.geometry.vertex_normals(model_vertices)
+        corner_normals = (model_normals @ state.rotation.T)[corners]
+        normals = np.einsum("pi,pix->px", weights, corner_normals)
+        length = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+        a, b, c = (vertices[corners[:, i]] for i in range(3))
+        facing = np.cross(b - a, c - a)
+        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-20)
+        facing *= -np.sign(np.einsum("px,px->p", facing, rays))[:, None]
+        return Surface(
+            pixels=pixels[keep], rays=rays, triangle=triangle, corners=corners, weights=weights,
+            depth=np.linalg.norm(points, axis=1), points=points, normals=normals / length[:, None],
+            normal_length=length, facing=facing, corner_normals=corner_normals, vertices=vertices,
+            model_vertices=model_vertices, normal_scale=normal_scale,
+        )  # fmt: skip
+
+    def light_terms(
+        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, derivatives: bool = False
+    ) -> LightTerms:
+        """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame)."""
+        centred = np.eye(4)
+        centred[:3, 3] = -state.translation
+        return self._tracer.light_terms(
+            surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
+            stage.transformed(centred), state.roughness, samples, seed, derivatives,
+        )  # fmt: skip
+
+    def shade(self, state: State, surface: Surface, terms: LightTerms, albedo: np.ndarray | None = None) -> Image:
+        """Radiance towards the camera; ``albedo`` (P, 3) replaces the model's own."""
+        radiance = self.lights.radiance(state.lights)
+        if albedo is None:
+            albedo = self.albedo(state, surface)
+        c_spec = sample_bilinear(state.specular, self.uvs(surface))
+        diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
+        color = brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
+        return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
+
+    def log_albedo(self, state: State) -> np.ndarray:
+        """(m, 3) log of the vertex albedo, not yet clipped."""
+        return self.geometry.log_albedo + np.tensordot(state.albedo.astype(np.float32), self.geometry.albedo_basis, 1)
+
+    def albedo(self, state: State, surface: Surface) -> np.ndarray:
+        """(P, 3) diffuse albedo from the coefficients: logs are interpolated, then clipped below 1."""
+        logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
+        return np.minimum(np.exp(logs), brdf.ALBEDO_MAX)
+
+    def uvs(self, surface: Surface) -> np.ndarray:
+        """(P, 2) texture coordinates."""
+        corners = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle]]
+        return np.einsum("pi,pix->px", surface.weights, corners)
+
+
+def pixel_rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """(P, 3) unit directions in the camera frame through ``pixels`` (P, 2)."""
+    x = (pixels[:, 0] - camera.principal_px[0]) / camera.focal_px
+    y = -(pixels[:, 1] - camera.principal_px[1]) / camera.focal_px
+    rays = np.stack([x, y, -np.ones_like(x)], axis=1)
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def bilinear_weights(uvs: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Texel indices (P, 4) into a (size, size) texture and their weights (P, 4); edges clamp."""
+    x = np.clip(uvs[:, 0] * size - 0.5, 0, size - 1)
+    y = np.clip((1 - uvs[:, 1]) * size - 0.5, 0, size - 1)
+    x0, y0 = np.minimum(x.astype(int), max(size - 2, 0)), np.minimum(y.astype(int), max(size - 2, 0))
+    fx, fy = x - x0, y - y0
+    x1, y1 = np.minimum(x0 + 1, size - 1), np.minimum(y0 + 1, size - 1)
+    index = np.stack([y0 * size + x0, y0 * size + x1, y1 * size + x0, y1 * size + x1], axis=1)
+    return index, np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=1)
+
+
+def sample_bilinear(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
+    """(P, ...) values of a square texture (row 0 at v = 1) at ``uvs`` (P, 2)."""
+    index, weight = bilinear_weights(uvs, texture.shape[0])
+    flat = texture.reshape(texture.shape[0] ** 2, *texture.shape[2:])
+    return np.einsum("pi,pi...->p...", weight, flat[index])

@@ -1,0 +1,176 @@
+"""ICT-FaceKit (Li et al. 2020, "Learning Formation of Physically-Based Face Attributes"), MIT licence.
+
+Reads the published folder of .obj files, or an archive of it, and gives the one face model form.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.models.skin import albedo_basis
+
+LICENSE = "MIT (USC Institute for Creative Technologies)"
+SOURCE = "https://github.com/ICT-VGL/ICT-FaceKit"
+VERTEX_COUNT, POLYGON_COUNT = 26719, 26384
+NARROW_FACE, FACE, SKIN_END = 6706, 9409, 11248  # ends of the nested vertex ranges in the published order
+
+# (first polygon, part, atlas corner u, v, scale): the published UV tiles, packed into one square.
+_TILES = (
+    (0, SKIN, (0.0, 0.25), 0.75),  # face
+    (9230, SKIN, (0.75, 0.75), 0.25),  # back of the head and neck
+    (11144, MOUTH, (0.75, 0.75), 0.25),  # mouth socket
+    (13226, SKIN, (0.75, 0.75), 0.25),  # eye sockets
+    (14034, MOUTH, (0.75, 0.5), 0.25),  # gums and tongue
+    (17006, TEETH, (0.75, 0.25), 0.25),
+    (21496, EYES, (0.0, 0.0), 0.25),  # left
+    (23094, EYES, (0.25, 0.0), 0.25),  # right
+    (24692, OTHER, (0.5, 0.0), 0.25),  # tear film, lashes and other see-through shells: not rendered
+)
+_EYES = ((21451, 22221, 23021), (23021, 23791, 24591))  # sclera start, iris start, end
+_PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
+_IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
+
+Reader = Callable[[str], bytes]
+
+
+def load_ict(path: Path) -> FaceModel:
+    """The full model: 100 identity modes and every published expression shape, in metres.
+
+    ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz) of either.
+    Raises InputError when it is none of these or a file is missing or truncated.
+    """
+    names, read = _open(Path(path))
+    neutral, texture, polygons, polygon_uvs = _parse_neutral(read("generic_neutral_mesh.obj"))
+    if len(neutral) != VERTEX_COUNT or len(polygons) != POLYGON_COUNT:
+        raise InputError(
+            f"'{path}': generic_neutral_mesh.obj has {len(neutral)} vertices and {len(polygons)} polygons, expected "
+            f"{VERTEX_COUNT} and {POLYGON_COUNT}; fetch ICT-FaceKit again from {SOURCE}."
+        )
+    identity_files = sorted(name for name in names if name.startswith("identity"))
+    ignored = {"generic_neutral_mesh.obj", *identity_files}
+    expression_files = sorted(name for name in names if name not in ignored)
+    if not identity_files or not expression_files:
+        raise InputError(f"'{path}' has no identity*.obj or no expression shapes; fetch ICT-FaceKit again from {SOURCE}.")
+    landmarks = np.array(json.loads(read("vertex_indices.json"))["idx_to_landmark_verts"])
+
+    centimetre = 0.01
+    centre = neutral[:NARROW_FACE].mean(0)
+
+    def basis(files: Iterable[str]) -> np.ndarray:
+        return np.stack([(_parse_vertices(read(name), name) - neutral) * centimetre for name in files]).astype(np.float32)
+
+    vertices = ((neutral - centre) * centimetre).astype(np.float32)
+    part, uvs = _parts_and_atlas(texture, polygon_uvs)
+    mean, albedo = _albedo(vertices, polygons, part)
+    return FaceModel(
+        name="ICT-FaceKit", license=LICENSE, source=SOURCE,
+        vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
+        identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
+        expression_names=tuple(Path(name).stem for name in expression_files), expression_basis=basis(expression_files),
+        albedo_mean=mean, albedo_basis=albedo,
+        landmarks={"ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1)},
+        regions={
+            "narrow_face": np.arange(NARROW_FACE, dtype=np.int32),
+            "face": np.arange(FACE, dtype=np.int32),
+            "skin": np.arange(SKIN_END, dtype=np.int32),
+            "eye_left": np.arange(_EYES[0][0], _EYES[0][2], dtype=np.int32),
+            "eye_right": np.arange(_EYES[1][0], _EYES[1][2], dtype=np.int32),
+        },
+    )  # fmt: skip
+
+
+def _open(path: Path) -> tuple[list[str], Reader]:
+    """The .obj names of a folder or an archive, and a function that reads one of its files."""
+    if path.is_dir():
+        root = path / "FaceXModel" if (path / "FaceXModel").is_dir() else path
+        files = {item.name: item for item in root.iterdir()}
+        return _checked(path, files.keys()), lambda name: files[name].read_bytes()
+    if not path.is_file():
+        raise InputError(f"The ICT-FaceKit path '{path}' does not exist; give its folder or an archive of it.")
+    contents: dict[str, bytes] = {}
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                contents = {Path(n).name: archive.read(n) for n in archive.namelist() if "FaceXModel/" in n and n[-1] != "/"}
+        else:
+            with tarfile.open(path) as archive:
+                for member in archive:
+                    stream = archive.extractfile(member) if "FaceXModel/" in member.name and member.isfile() else None
+                    if stream is not None:
+                        contents[Path(member.name).name] = stream.read()
+    except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
+        raise InputError(f"The ICT-FaceKit archive '{path}' cannot be read ({error}); fetch it again from {SOURCE}.") from error
+    return _checked(path, contents.keys()), contents.__getitem__
+
+
+def _checked(path: Path, names: Iterable[str]) -> list[str]:
+    found = set(names)
+    for needed in ("generic_neutral_mesh.obj", "vertex_indices.json"):
+        if needed not in found:
+            raise InputError(f"'{path}' has no FaceXModel/{needed}; expected ICT-FaceKit as published at {SOURCE}.")
+    return [name for name in found if name.endswith(".obj")]
+
+
+def _parse_vertices(text: bytes, name: str) -> np.ndarray:
+    """(n, 3) float64 positions of an .obj in its own unit."""
+    lines = [line[2:] for line in text.split(b"\n") if line.startswith(b"v ")]
+    values = np.loadtxt(io.BytesIO(b"\n".join(lines)), usecols=(0, 1, 2), ndmin=2)
+    if len(values) != VERTEX_COUNT:
+        raise InputError(f"ICT-FaceKit's {name} has {len(values)} vertices, expected {VERTEX_COUNT}; it is truncated.")
+    return values
+
+
+def _parse_neutral(text: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, texture points, polygons and their texture indices (fourth -1 for triangles)."""
+    vertices = _parse_vertices(text, "generic_neutral_mesh.obj")
+    texture, polygons, polygon_uvs = [], [], []
+    for line in text.decode("ascii", "replace").splitlines():
+        if line.startswith("vt "):
+            texture.append([float(value) for value in line.split()[1:3]])
+        elif line.startswith("f "):
+            corners = [corner.split("/") for corner in line.split()[1:]]
+            padding = [-1] * (4 - len(corners))
+            polygons.append([int(corner[0]) - 1 for corner in corners] + padding)
+            polygon_uvs.append([int(corner[1]) - 1 for corner in corners] + padding)
+    return vertices, np.array(texture), np.array(polygons, np.int32), np.array(polygon_uvs, np.int32)
+
+
+def _parts_and_atlas(texture: np.ndarray, polygon_uvs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Part of each polygon, and the UV points moved from their tiles to one atlas."""
+    part = np.zeros(len(polygon_uvs), np.uint8)
+    uvs = np.zeros_like(texture, dtype=np.float32)
+    starts = [tile[0] for tile in _TILES] + [len(polygon_uvs)]
+    for (start, label, corner, scale), end in zip(_TILES, starts[1:], strict=True):
+        part[start:end] = label
+        used = np.unique(polygon_uvs[start:end])
+        used = used[used >= 0]
+        uvs[used] = np.array(corner) + scale * (texture[used] % 1.0)
+    return part, uvs
+
+
+def _albedo(vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Skin from melanin and haemoglobin harmonics (the model brings none); fixed colors elsewhere."""
+    quads = polygons[part == SKIN]
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    skin = np.zeros(len(vertices), bool)
+    skin[:SKIN_END] = True
+    mean, basis = albedo_basis(vertices, triangles, skin)
+    for label, color in _PART_ALBEDO.items():
+        used = np.unique(polygons[part == label])
+        used = used[(used >= 0) & ~skin[used]]
+        mean[used] = color
+    for _sclera, iris, end in _EYES:
+        ball = slice(iris, end)
+        centre = vertices[ball].mean(0)
+        radius = np.linalg.norm(vertices[ball, :2] - centre[:2], axis=1)
+        mean[ball] = np.where((radius < 0.35 * radius.max())[:, None], _PUPIL, _IRIS)
+    return mean.astype(np.float32), basis.astype(np.float32)
