@@ -10,6 +10,15 @@ import numpy as np
 
 STAGE, CAMERA = "stage", "camera"
 
+# Where the light comes from, in the stage frame: left is the left of the picture.
+LIGHT_DIRECTIONS = {
+    "left": (-1.0, 0.15, 0.25),
+    "right": (1.0, 0.15, 0.25),
+    "top": (0.0, 1.0, 0.25),
+    "bottom": (0.0, -1.0, 0.25),
+    "front": (0.0, 0.0, 1.0),
+}
+
 
 def stage_to_blender() -> np.ndarray:
     """(3, 3) rotation: stage (x, y, z) becomes Blender (x, -z, y), so a face looks along -Y in Blender.

@@ -12,8 +12,9 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 
 from .camera import ensure_camera, show_photo
+from .frames import LIGHT_DIRECTIONS
 from .preferences import work_folder
-from .relight import DIRECTIONS, relight, restore_lights
+from .relight import relight, restore_lights
 from .scene_read import absolute
 from .stage import build_stage, default_stage, facestage_collection, require_stage, stage_lights
 from .user_state import preserved
@@ -123,7 +124,7 @@ class FACESTAGE_OT_relight(bpy.types.Operator):
         name="From",
         description="Where the light comes from, as seen in the picture",
         items=[("fitted", "As fitted", "The lights that the fit found")]
-        + [(name, name.capitalize(), f"Light from the {name}") for name in DIRECTIONS],
+        + [(name, name.capitalize(), f"Light from the {name}") for name in LIGHT_DIRECTIONS],
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

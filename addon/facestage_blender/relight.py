@@ -7,27 +7,20 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 
+from .frames import LIGHT_DIRECTIONS
 from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
 
-# Where the light comes from, in the stage frame: left is the left of the picture.
-DIRECTIONS = {
-    "left": (-1.0, 0.15, 0.25),
-    "right": (1.0, 0.15, 0.25),
-    "top": (0.0, 1.0, 0.25),
-    "bottom": (0.0, -1.0, 0.25),
-    "front": (0.0, 0.0, 1.0),
-}
 SHARPNESS = 6.0  # exponent of the cosine lobe: a soft key light that still casts a shadow
 
 
 def relight(scene: bpy.types.Scene, direction: str) -> None:
     """White light from one side, of the same total radiance as the fitted lights; all lights are turned on."""
-    if direction not in DIRECTIONS:
-        raise InputError(f"Cannot light from '{direction}'; expected one of {', '.join(DIRECTIONS)}.")
+    if direction not in LIGHT_DIRECTIONS:
+        raise InputError(f"Cannot light from '{direction}'; expected one of {', '.join(LIGHT_DIRECTIONS)}.")
     empty = require_stage(scene)
     lights = stage_lights(empty)
     stage = read_stage(empty)
-    towards = np.array(DIRECTIONS[direction]) / np.linalg.norm(DIRECTIONS[direction])
+    towards = np.array(LIGHT_DIRECTIONS[direction]) / np.linalg.norm(LIGHT_DIRECTIONS[direction])
     lobe = np.maximum(0.0, -stage.direction @ towards) ** SHARPNESS
     if lobe.sum() <= 1e-6:  # no light near that side: the nearest one serves
         lobe = (np.arange(len(lights)) == np.argmax(-stage.direction @ towards)).astype(float)

@@ -1,0 +1,166 @@
+"""Facestage without a window.
+
+    python -m facestage_blender.batch --image PHOTO --out DIR [options]
+    blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out DIR [options]
+
+Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+if not __package__:
+    # Blender runs this file by its path: make its package, and the contract beside it, importable.
+    ROOT = Path(__file__).resolve().parent.parent
+    sys.path.insert(0, str(ROOT))
+    if importlib.util.find_spec("facestage") is None:
+        sys.path.append(str(ROOT.parent / "backend"))
+
+if TYPE_CHECKING:
+    import bpy
+
+from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage_blender.backend import find_backend
+from facestage_blender.frames import LIGHT_DIRECTIONS
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit code 2."""
+        self.exit(2, f"facestage: {message}\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = Parser(prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend.")
+    result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
+    result.add_argument("--out", type=Path, required=True, help="folder for the .blend, the result and the pictures")
+    result.add_argument("--landmarks", type=Path, help="landmark file of the photo (landmarks.json)")
+    lens = result.add_mutually_exclusive_group()
+    lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
+    lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
+    result.add_argument("--model", default="default", help="default, ict:PATH, flame:PATH, bfm:PATH or rig:FILE")
+    result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
+    result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
+    result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")
+    result.add_argument("--budget", type=_positive, help="seconds that the fit may take")
+    result.add_argument("--seed", type=int, default=0)
+    result.add_argument("--device", choices=DEVICES, default="auto")
+    result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
+    result.add_argument("--resume", action="store_true", help="go on from the last checkpoint in --out")
+    result.add_argument(
+        "--relight", choices=sorted(LIGHT_DIRECTIONS), nargs="*", default=[], help="also render lit from there"
+    )
+    result.add_argument(
+        "--expression",
+        type=_weight,
+        nargs="*",
+        default=[],
+        metavar="NAME=VALUE",
+        help="render this expression",
+    )
+    result.add_argument("--resolution", type=int, help="longer side of the extra pictures in pixels")
+    result.add_argument("--samples", type=int, default=64, help="samples per pixel of the extra pictures")
+    return result
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Do what the command line asks; returns the exit code."""
+    options = parser().parse_args(own_arguments() if arguments is None else arguments)
+    try:
+        if not options.image.is_file():
+            raise InputError(f"The photo '{options.image}' does not exist; check the path.")
+        backend = find_backend()
+        run(options, backend)
+    except FacestageError as error:
+        print(f"facestage: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("facestage: Cancelled; the last checkpoint is kept, --resume goes on from it.", file=sys.stderr)
+        return 3
+    return 0
+
+
+def run(options: argparse.Namespace, backend: list[str]) -> None:
+    """Fit, save, and render the extra pictures."""
+    from facestage_blender import pipeline
+
+    out = options.out.resolve()
+    order = pipeline.Order(
+        image=options.image.resolve(), out=out,
+        landmarks=_resolved(options.landmarks), camera=_resolved(options.camera), focal_px=options.focal_px, model=options.model, lights=options.lights, light_color=options.light_color,
+        freeze=tuple(options.freeze), budget=options.budget, seed=options.seed, device=options.device,
+        truth=_resolved(options.truth), resume=options.resume,
+    )  # fmt: skip
+    scene = pipeline.empty_scene()
+    result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
+    pictures = _extra_pictures(scene, options, out)
+    print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
+    for picture in pictures:
+        print(f"Picture: {picture}")
+
+
+def own_arguments() -> list[str]:
+    """The arguments meant for this program: inside Blender those after ``--``."""
+    if "--" in sys.argv:
+        return sys.argv[sys.argv.index("--") + 1 :]
+    return sys.argv[1:]
+
+
+def _extra_pictures(scene: bpy.types.Scene, options: argparse.Namespace, out: Path) -> list[Path]:
+    from facestage_blender.relight import relight, restore_lights
+    from facestage_blender.render import render_linear, save_png, srgb
+    from facestage_blender.rig import read_weights, require_rig, set_weights
+
+    if options.resolution:
+        longer = max(scene.render.resolution_x, scene.render.resolution_y)
+        scene.render.resolution_percentage = max(1, round(100 * options.resolution / longer))
+    pictures = []
+
+    def render(name: str) -> None:
+        pixels = render_linear(scene, options.samples)
+        save_png(out / f"{name}.png", srgb(pixels[..., :3]))
+        pictures.append(out / f"{name}.png")
+
+    for direction in options.relight:
+        relight(scene, direction)
+        render(f"relit_{direction}")
+    restore_lights(scene)
+    if options.expression:
+        rig = require_rig(scene)
+        _, fitted = read_weights(rig)
+        set_weights(rig, {}, dict(options.expression))
+        render("expression")
+        set_weights(rig, {}, fitted)
+    return pictures
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number greater than 0, found '{text}'")
+    return value
+
+
+def _weight(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected NAME=VALUE with a number, found '{text}'") from None
+
+
+def _resolved(path: Path | None) -> Path | None:
+    return None if path is None else path.resolve()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

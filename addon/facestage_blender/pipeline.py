@@ -1,0 +1,179 @@
+"""The whole way without a window: build -> job -> backend -> result -> write-back -> save. For batch and demo."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import (
+    BackendUnavailableError,
+    CancelledError,
+    FacestageError,
+    InputError,
+)
+from facestage.contract.events import Event
+from facestage.contract.face_model import FaceModel
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.result import Result
+
+from . import process
+from .backend import fit_command, model_command
+from .camera import ensure_camera, load_image, show_photo, write_camera
+from .process import BackendProcess
+from .rig import build_rig
+from .scene_read import read_job
+from .stage import build_stage, default_stage, facestage_collection
+from .write_back import apply_result
+
+SCENE_FILE, JOB_FOLDER, RESULT_FOLDER = "scene.blend", "job", "result"
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to fit, and where to put it."""
+
+    image: Path
+    out: Path
+    landmarks: Path | None = None
+    camera: Path | None = None
+    focal_px: float | None = None
+    model: str = "default"
+    lights: int = 20
+    light_color: str = "multi"
+    freeze: tuple[str, ...] = ()
+    budget: float | None = None
+    seed: int = 0
+    device: str = "auto"
+    truth: Path | None = None
+    resume: bool = False
+
+
+def empty_scene() -> bpy.types.Scene:
+    """Start from an empty scene with the add-on registered."""
+    from . import registration
+
+    if not hasattr(bpy.types.Scene, "facestage"):
+        registration.register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]) -> Result:
+    """Build stage and rig, fit them to the photo, write the result back and save the .blend.
+
+    Raises FacestageError with the backend's own sentence when it fails; then no .blend is written.
+    """
+    prepare_scene(scene, order, backend, on_event)
+    job = read_job(scene)
+    if order.truth is not None:
+        job = _with_truth(job, order.truth)
+    job.save(order.out / JOB_FOLDER)
+    folder = order.out / RESULT_FOLDER
+    run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
+    result = Result.load(folder)
+    apply_result(scene, result)
+    save_blend(order.out / SCENE_FILE)
+    return result
+
+
+def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]) -> None:
+    """Check the order's files, then build the light stage and the rig, and set the scene's job."""
+    width, height = load_image(order.image).size
+    if order.landmarks is not None:
+        Landmarks.read(order.landmarks).check_inside(width, height)
+    camera = _known_camera(order, width, height)
+    try:
+        order.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one that you may write to."
+        ) from error
+    model_file = order.out / "model.npz"
+    run_backend(model_command(backend, order.model, model_file), on_event)
+    try:
+        model = FaceModel.load(model_file)
+    finally:
+        model_file.unlink(missing_ok=True)
+    settings = scene.facestage
+    settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
+    settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
+    settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
+    settings.device, settings.output = order.device, str(order.out)
+    empty = build_stage(scene, default_stage(order.lights, settings.light_radius, settings.light_side))
+    build_rig(scene, model, order.model, empty)
+    view = ensure_camera(scene, facestage_collection(scene))
+    if camera is not None:
+        settings.known_lens = True
+        write_camera(scene, view.data, camera)
+    show_photo(scene, view, order.image)
+
+
+def run_backend(command: list[str], on_event: Callable[[Event], None]) -> None:
+    """Run the backend to its end. Raises the typed error that its exit code stands for."""
+    child = BackendProcess(command)
+    try:
+        outcome = child.wait(on_event)
+    except BaseException:
+        child.cancel()
+        raise
+    if outcome.ok:
+        return
+    errors = {process.BAD_INPUT: InputError, process.CANCELLED: CancelledError}
+    kind: type[FacestageError] = errors.get(outcome.code, BackendUnavailableError)
+    raise kind(outcome.message)
+
+
+def save_blend(path: Path) -> None:
+    """Save the scene as a .blend that carries its textures and the photo."""
+    for image in bpy.data.images:
+        if image.source == "FILE" and not image.packed_file and image.size[0]:
+            image.pack()
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
+    except RuntimeError as error:
+        raise InputError(f"Cannot write '{path}'; choose an output folder that you may write to.") from error
+
+
+def progress_printer() -> Callable[[Event], None]:
+    """A function that shows events on stderr: one changing line on a terminal, a line for each stage elsewhere."""
+    terminal = sys.stderr.isatty()
+    last = ""
+
+    def show(event: Event) -> None:
+        nonlocal last
+        text = f"{event.fraction:4.0%}  {event.stage or event.kind}"
+        if event.error is not None:
+            text += f"  photo error {event.error:.4f}"
+        if event.seconds_left is not None:
+            text += f"  about {event.seconds_left:.0f} s left"
+        if terminal:
+            print(f"\r{text:<78}", end="\n" if event.kind == "done" else "", file=sys.stderr, flush=True)
+        elif event.stage != last:
+            print(text, file=sys.stderr, flush=True)
+        last = event.stage
+
+    return show
+
+
+def _known_camera(order: Order, width: int, height: int) -> Camera | None:
+    if order.camera is not None:
+        camera = Camera.read(order.camera)
+        if (camera.width, camera.height) != (width, height):
+            raise InputError(
+                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} pixels, the photo has "
+                f"{width} x {height}; give the camera of this photo."
+            )
+        return camera
+    return None if order.focal_px is None else Camera.default(width, height, order.focal_px)
+
+
+def _with_truth(job: Job, truth: Path) -> Job:
+    if not truth.is_file():
+        raise InputError(f"The truth file '{truth}' does not exist; check the path.")
+    return replace(job, truth=truth.resolve())

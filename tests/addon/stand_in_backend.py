@@ -1,0 +1,100 @@
+"""A backend without a fit: answers the command line with a made-up result, or misbehaves as told.
+
+STAND_IN_MOOD: works, refuses (exit 2 with a sentence), hangs (until it is stopped), stubborn (ignores
+being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+
+os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
+
+import cv2
+import numpy as np
+
+from facestage.contract.camera import Camera
+from facestage.contract.events import Event
+from facestage.contract.face_model import FaceModel
+from facestage.contract.job import Job
+from facestage.contract.result import CONVERGED, Result
+from facestage.contract.storage import atomic_folder
+
+
+def main() -> int:
+    mood, verb = os.environ["STAND_IN_MOOD"], sys.argv[1]
+    options = dict(zip(sys.argv[2:], sys.argv[3:], strict=False))
+    if mood == "stubborn":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    say("started", 0.0)
+    if mood == "refuses":
+        print("facestage: The photo is of a cat; expected a face.", file=sys.stderr)
+        return 2
+    if mood == "crashes":
+        raise RuntimeError("out of luck")
+    if mood in ("hangs", "stubborn"):
+        time.sleep(600)
+    if mood == "chatty":
+        print(("noise " * 20 + "\n") * 8000, flush=True)
+        print(("complaint " * 20 + "\n") * 8000, file=sys.stderr, flush=True)
+    if verb == "model":
+        shutil.copyfile(os.environ["STAND_IN_MODEL"], options["--out"])
+    elif verb == "fit":
+        if mood == "hangs in fit":
+            Path(options["--out"] + ".partial").mkdir(parents=True, exist_ok=True)
+            time.sleep(600)
+        fit(Path(options["--job"]), Path(options["--out"]))
+    elif verb == "doctor":
+        print("everything works", flush=True)
+    say("done", 1.0)
+    return 0
+
+
+def say(kind: str, fraction: float) -> None:
+    print(Event(kind, stage="pretending", fraction=fraction, error=0.25).to_line(), flush=True)
+
+
+def fit(job_folder: Path, out: Path) -> None:
+    job = Job.load(job_folder)
+    model = FaceModel.load(Path(os.environ["STAND_IN_MODEL"]))
+    with atomic_folder(out) as folder:
+        result = made_up(job, model)
+        result.write_into(folder)
+        rng = np.random.default_rng(3)
+        for name, channels in (("albedo", 3), ("specular", 1), ("render", 3), ("light_probe", 3)):
+            pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
+            assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
+        (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
+
+
+def made_up(job: Job, model: FaceModel) -> Result:
+    """A result with every value off its default, so that a forgotten one shows."""
+    rng = np.random.default_rng(2)
+    height, width = cv2.imread(str(job.image)).shape[:2]
+    camera = job.camera or Camera(width, height, 1.7 * width, (0.52 * width, 0.46 * height))
+    turn = np.linalg.qr(np.eye(3) + 0.1 * rng.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.diag(turn))
+    model_to_camera = np.eye(4)
+    model_to_camera[:3, :3], model_to_camera[:3, 3] = turn, (0.02, -0.01, -1.1)
+    camera_to_stage = np.eye(4)
+    camera_to_stage[:3, 3] = (-0.02, 0.01, 1.1)
+    if job.camera_to_stage is not None:
+        camera_to_stage = job.camera_to_stage
+    identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
+    vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
+    return Result(
+        status=CONVERGED, advice="The stand-in is content.", model=job.model, camera=camera,
+        camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
+        albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
+        stage=job.stage.with_radiance(rng.uniform(0, 9, (len(job.stage), 3))), vertices=vertices.astype(np.float32),
+        triangles=model.triangles, identity_names=model.identity_names, expression_names=model.expression_names,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main())
