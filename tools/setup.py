@@ -37,6 +37,12 @@ def main() -> int:
     except SetupError as error:
         print(f"make setup: {error}", file=sys.stderr)
         return 1
+    except (OSError, subprocess.CalledProcessError) as error:
+        print(f"make setup: {error}; mend that and run it again.", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("make setup: interrupted; run it again to go on.", file=sys.stderr)
+        return 130
     return 0
 
 
