@@ -1,7 +1,9 @@
 # Every command a user or a developer needs; `make` alone lists them.
 # The set-up itself is tools/setup.py, which also runs where there is no make (Windows).
 
-PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || command -v python3)
+# make setup PYTHON=/path/to/python3.13 chooses the interpreter of the environment.
+# One that merely exists is not enough: a pyenv shim may stand for a version that is not installed.
+PYTHON ?= $(shell for name in python3.11 python3.13 python3; do "$$name" -c '' 2>/dev/null && command -v "$$name" && break; done)
 ifeq ($(OS),Windows_NT)
 VENV := .venv/Scripts/python.exe
 else
@@ -16,7 +18,7 @@ help: ## List these commands
 
 setup: ## Make .venv with everything needed (minutes the first time, then nothing)
 	@test -n "$(PYTHON)" || { echo "make setup: Python was not found; install Python 3.11 or 3.13 (Debian: apt-get install python3 python3-venv)." >&2; exit 1; }
-	@"$(PYTHON)" tools/setup.py
+	@"$(PYTHON)" tools/setup.py $(if $(filter file,$(origin PYTHON)),,--python "$(PYTHON)")
 
 demo: setup ## Fit a face from a photograph and show it in a Blender scene
 	@$(VENV) -m facestage_blender.demo

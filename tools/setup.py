@@ -48,10 +48,11 @@ def main() -> int:
 
 def set_up(python: str | None, force: bool) -> None:
     """Create the environment, install the locked packages, find the libraries they need."""
-    if not force and STAMP.is_file() and STAMP.read_text() == fingerprint() and venv_version() in SUPPORTED:
+    usable = venv_version() in ([python_version(python)] if python else SUPPORTED)
+    if usable and not force and STAMP.is_file() and STAMP.read_text() == fingerprint():
         return
     STAMP.unlink(missing_ok=True)
-    if venv_version() not in SUPPORTED:
+    if not usable:
         create_environment(find_python(python))
     install_packages()
     provide_native_libraries(VENV, venv_python())
@@ -110,7 +111,7 @@ def find_python(wanted: str | None) -> str:
 def create_environment(python: str) -> None:
     """Make .venv anew with ``python``; on a Debian without ensurepip, root gets python3-venv installed."""
     if VENV.exists():
-        say("The folder .venv is not a usable Python 3.11 or 3.13 environment; making it anew.")
+        say("The folder .venv is not a usable environment of the Python wanted; making it anew.")
         shutil.rmtree(VENV)
     say(f"Making .venv with {python} ...")
     if subprocess.run([python, "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL).returncode:
