@@ -1,0 +1,120 @@
+"""Mean albedo of the head: pigment maps on the skin, brows, lips, a shade of hair, eyes and teeth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.contract.face_model import EYES, MOUTH, TEETH
+from facestage.models.head import eyes, mouth
+from facestage.models.head.assemble import SIDES, HeadMesh
+from facestage.models.head.masks import Masks, eye_center, smoothstep
+from facestage.models.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
+
+SCLERA, IRIS, IRIS_RIM, PUPIL = (0.62, 0.57, 0.54), (0.15, 0.095, 0.055), (0.035, 0.028, 0.024), (0.008, 0.008, 0.008)
+TOOTH, GUM, MOUTH_INSIDE, HAIR = (0.62, 0.57, 0.47), (0.30, 0.12, 0.10), (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
+# Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et al. 2010,
+# "A practical appearance model for dynamic facial color".
+_BLOOD = (
+    ((38.0, -32.0), (20.0, 18.0), 0.75), ((0.0, -43.0), (11.0, 9.0), 0.8), ((15.0, -47.0), (7.0, 7.0), 0.6),
+    ((0.0, -103.0), (16.0, 10.0), 0.25), ((30.0, 2.0), (20.0, 9.0), 0.25), ((0.0, 55.0), (50.0, 25.0), -0.15),
+)  # fmt: skip
+
+
+def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
+    """(n, 3) float64 linear RGB."""
+    x, y, z = masks.points.T
+    blood, melanin = np.ones(masks.count), np.ones(masks.count)
+    for center, radii, gain in _BLOOD:
+        bell = np.exp(-(((np.abs(x) - center[0]) / radii[0]) ** 2) - ((y - center[1]) / radii[1]) ** 2)
+        blood += gain * bell * masks.front
+    for side in SIDES:
+        ear = np.unique(mesh.loops[f"ear_{side}"][3:])
+        blood[ear] += 0.7
+        # Thin skin below and above the eye: more blood shows, and a little pigment.
+        near = np.exp(-(((masks.eye_distance(side) - 13.0) / 6.0) ** 2))
+        melanin += 0.22 * near * masks.front
+        blood += 0.25 * near * masks.front
+    color = skin_albedo(MELANIN_MEAN * melanin, HAEMOGLOBIN_MEAN * blood)
+    color = _blend(color, (0.30, 0.115, 0.10), _lip_weight(mesh, masks))
+    color = _blend(color, (0.36, 0.15, 0.13), _lid_edge_weight(mesh, masks))
+    color = _blend(color, HAIR, 0.82 * brow_weight(masks))
+    color = _blend(color, HAIR, 0.42 * hair_weight(masks))
+    nostril = np.exp(-((((np.stack([np.abs(x), y, z], -1) - [6.6, -48.0, 103.0]) / [3.2, 4.5, 5.0]) ** 2).sum(1)))
+    color = _blend(color, (0.06, 0.02, 0.016), 0.85 * np.minimum(1.6 * nostril, 1.0) * masks.skin)
+    _paint_part(color, mesh, MOUTH, masks.mouth_bag, MOUTH_INSIDE)
+    for row in mesh.teeth.values():
+        color[row] = TOOTH
+        columns = row.reshape(mouth.TEETH_PROFILE, -1)
+        color[columns[0]] = GUM
+    for side in SIDES:
+        color[mesh.eyeballs[side]] = _eye_color(masks.points[mesh.eyeballs[side]] - eye_center(side))
+    return color
+
+
+def brow_weight(masks: Masks) -> np.ndarray:
+    """(n,) how much brow hair covers the skin."""
+    x, y, z = masks.points.T
+    along = np.clip((np.abs(x) - 9.0) / 43.0, 0.0, 1.0)
+    middle = 18.5 + 6.3 * np.sin(np.pi * np.minimum(along * 0.82, 1.0)) ** 1.1 - 3.0 * along**2
+    thickness = 4.0 * (1 - 0.62 * along) + 0.4
+    across = np.exp(-(((y - middle) / thickness) ** 2))
+    ends = smoothstep((np.abs(x) - 6.5) / 6.0) * smoothstep((54.0 - np.abs(x)) / 7.0)
+    return across * ends * masks.skin * (z > 50)
+
+
+def hair_weight(masks: Masks) -> np.ndarray:
+    """(n,) 1 where hair grows on the head, 0 on face, ears and neck."""
+    x, y, z = masks.points.T
+    # The hairline: high over the forehead, down the temples, behind the ears, to the nape.
+    line = np.interp(
+        z, (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0), (-72, -68, -40, 12, 14, 16, 34, 58, 72)
+    )
+    weight = smoothstep((y - line) / 9.0 + 0.5) * masks.skin
+    for side in SIDES:
+        weight[np.unique(masks.mesh.loops[f"ear_{side}"][2:])] = 0.0
+    return weight
+
+
+def _eye_color(relative: np.ndarray) -> np.ndarray:
+    radius = np.hypot(relative[:, 0], relative[:, 1])
+    color = np.where((radius < eyes.PUPIL_RADIUS)[:, None], PUPIL, IRIS)
+    rim = smoothstep((radius - 4.6) / 1.0)[:, None]
+    color = color + rim * (np.array(IRIS_RIM) - color)
+    outside = (relative[:, 2] < 0) | (radius > eyes.IRIS_RADIUS)
+    color[outside] = SCLERA
+    # Vessels towards the corners and the back.
+    red = 0.35 * smoothstep((radius - 7.0) / 6.0)[:, None] * outside[:, None]
+    return color * (1 - red * np.array([0.25, 0.55, 0.55]))
+
+
+def _lip_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
+    loops = mesh.loops["mouth"]
+    weight = np.zeros(masks.count)
+    border = len(mouth._LOOPS) + 1
+    weight[loops[border]] = 0.45
+    weight[loops[border + 1 :]] = 0.85
+    return weight
+
+
+def _lid_edge_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
+    weight = np.zeros(masks.count)
+    for side in SIDES:
+        weight[mesh.loops[f"eye_{side}"][-3]] = 0.35
+        weight[mesh.loops[f"eye_{side}"][-2:]] = 0.8
+    return weight
+
+
+def _blend(color: np.ndarray, target: tuple[float, float, float], weight: np.ndarray) -> np.ndarray:
+    """Towards the target in log space, as pigments mix."""
+    return np.exp(np.log(color) * (1 - weight[:, None]) + np.log(target) * weight[:, None])
+
+
+def _paint_part(
+    color: np.ndarray, mesh: HeadMesh, part: int, mask: np.ndarray, target: tuple[float, float, float]
+) -> None:
+    color[mask] = target
+    if part == MOUTH:
+        color[mesh.tongue] = (0.36, 0.13, 0.12)
+
+
+PARTS_WITHOUT_SKIN = (EYES, MOUTH, TEETH)

@@ -1,0 +1,113 @@
+"""Lips as concentric loops round the mouth line, the bag of the mouth behind them, and two strips of teeth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.models.head.base_surface import BaseSurface
+from facestage.models.head.eyes import Patch
+from facestage.models.head.features import add_features
+
+MOUTH_HALF_WIDTH = 25.2
+MOUTH_CORNER_Y = -73.4
+_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border of the red lip (1)
+# Cross-section of a lip from its border to the line where the lips meet: share of the height, forward bulge.
+_UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.2), (0.4, 2.5), (0.72, 2.5), (0.92, 1.2), (1.0, -0.4))
+_LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.4), (0.92, 2.1), (1.0, -0.4))
+# Behind the meeting line: backward, away from the line, sideways.
+_INNER = ((3.0, 0.5, 0.0), (7.0, 3.0, 0.3), (12.0, 7.0, 1.0))
+_BAG = ((20.0, 12.0, 4.0), (32.0, 15.0, 5.0), (44.0, 12.0, 1.0), (52.0, 6.0, -8.0))
+LIP_LOOPS = len(_LOOPS) + len(_UPPER_PROFILE)  # rows of skin loops up to the meeting line
+SKIN_LOOPS = LIP_LOOPS + len(_INNER)
+
+TEETH_FRONT_Z = 87.0
+_TEETH = 14
+_STEPS_PER_TOOTH = 4
+TEETH_PROFILE = 6  # rows of a strip of teeth, from the gum over the biting edge to the back
+
+
+def lip_lines(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Front view heights (m,) in mm of the upper border, the meeting line and the lower border at x (m,)."""
+    s = np.minimum(np.abs(x) / MOUTH_HALF_WIDTH, 1.0)
+    upper = MOUTH_CORNER_Y + 9.3 * (1 - s**1.75) - 1.5 * np.exp(-((s / 0.11) ** 2)) * (1 - s)
+    middle = MOUTH_CORNER_Y + 0.6 * np.sin(np.pi * s) - 0.5 * np.exp(-((s / 0.12) ** 2)) + 0.3 * (1 - s)
+    lower = MOUTH_CORNER_Y - 10.4 * (1 - s**2.4)
+    return upper, middle, lower
+
+
+def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np.ndarray]:
+    """Loops of the lips inside the window border (n, 2), and the loops of the mouth bag (rings, n, 3) behind them.
+
+    The lips meet; their chart points (for UVs only) leave the meeting line slightly open.
+    """
+    n = len(window_chart)
+    half = n // 2
+    along = np.arange(half + 1) / half
+    x_half = MOUTH_HALF_WIDTH * (0.6 * (2 * along - 1) - 0.4 * np.cos(np.pi * along))
+    x = np.concatenate([x_half[:-1], x_half[:0:-1]])
+    is_upper = np.arange(n) > half
+    is_corner = (np.arange(n) == 0) | (np.arange(n) == half)
+    upper_y, middle_y, lower_y = lip_lines(x)
+    border_y = np.where(is_upper, upper_y, lower_y)
+    border_chart = surface.chart_at(np.stack([x, border_y], axis=-1))
+    positions, charts = [], []
+    for t in _LOOPS:
+        chart = window_chart + t * (border_chart - window_chart)
+        positions.append(add_features(surface.point(*chart.T)))
+        charts.append(chart)
+    fade = np.sqrt(np.clip(1 - np.abs(x / MOUTH_HALF_WIDTH) ** 3, 0, 1))
+    middle_chart = surface.chart_at(np.stack([x, middle_y], axis=-1))
+    for (share, bulge_upper), (_, bulge_lower) in zip(_UPPER_PROFILE, _LOWER_PROFILE, strict=True):
+        y = border_y + share * (middle_y - border_y)
+        # At the corners the loops stack up backwards instead of meeting in one point.
+        corner = is_corner * share
+        point = add_features(surface.point(*surface.chart_at(np.stack([x, y], axis=-1)).T))
+        point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (1 - fade) - 1.5 * corner
+        point[:, 0] -= np.sign(x) * corner * 0.8
+        if share == 1.0:
+            point[:, 1] += np.where(is_corner, 0.0, np.where(is_upper, 0.04, -0.04))
+        positions.append(point)
+        charts.append(border_chart + 0.72 * share * (middle_chart - border_chart))
+    line = positions[-1]
+    sign = np.where(is_corner, 0.0, np.where(is_upper, 1.0, -1.0))
+    opening = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 2, 0.0, 1.0))
+    for k, (back, away, out) in enumerate(_INNER):
+        positions.append(line + np.stack([np.sign(x) * out, away * opening, np.full(n, -back)], axis=-1))
+        charts.append(border_chart + (0.78 + 0.06 * k) * (middle_chart - border_chart))
+    bag = [
+        line + np.stack([out * x / MOUTH_HALF_WIDTH, away * opening, np.full(n, -back)], axis=-1)
+        for back, away, out in _BAG
+    ]
+    return Patch(np.stack(positions), np.stack(charts)), np.stack(bag)
+
+
+def teeth_strip(upper: bool) -> np.ndarray:
+    """(profile, m, 3) mm: gum edge, crown, biting edge and back of one row of teeth, from the right to the left."""
+    steps = np.arange(_TEETH * _STEPS_PER_TOOTH + 1)
+    angle = (steps / steps[-1] - 0.5) * np.radians(168)
+    tooth = np.abs(np.sin(np.pi * steps / _STEPS_PER_TOOTH)) ** 0.5
+    narrower = 0.0 if upper else 1.6
+    radius = 1.0 - 0.035 * (1 - tooth)
+    x = (26.0 - narrower) * np.sin(angle) * radius
+    z = TEETH_FRONT_Z - 2 * narrower - 36.0 * (1 - np.cos(angle)) - 0.7 * (1 - tooth)
+    edge = -75.3 + 0.5 * (1 - tooth) if upper else -75.8 - 0.5 * (1 - tooth)
+    away = 1.0 if upper else -1.0
+    inward = np.stack([-np.sin(angle), np.zeros_like(angle), -np.cos(angle)], axis=-1)
+    front = np.stack([x, np.broadcast_to(edge, x.shape), z], axis=-1)
+    up = np.array([0.0, away, 0.0])
+    profile = [front + 10 * up + 1.2 * inward, front + 6 * up + 0.2 * inward, front + 1.2 * up, front + 0.9 * inward]
+    profile += [front + 2 * up + 2.6 * inward, front + 9 * up + 4.5 * inward]
+    return np.stack(profile)
+
+
+def tongue(rows: int = 9, columns: int = 10) -> np.ndarray:
+    """(rows, columns, 3) mm: closed rings round the tongue from its root to its tip."""
+    along = np.linspace(0, 1, rows)
+    angle = 2 * np.pi * np.arange(columns) / columns
+    half_width = 15.5 * np.sqrt(np.clip(1 - (0.97 * along) ** 3, 0, 1))
+    half_height = 5.0 * np.sqrt(np.clip(1 - (0.95 * along) ** 2, 0, 1))
+    center_y = -84.5 + 1.5 * np.sin(np.pi * along)
+    center_z = 46.0 + 33.0 * along
+    x = half_width[:, None] * np.cos(angle)
+    y = center_y[:, None] + half_height[:, None] * np.sin(angle)
+    return np.stack([x, y, np.broadcast_to(center_z[:, None], x.shape)], axis=-1)
