@@ -135,7 +135,7 @@ def install_venv_module(python: str) -> None:
 def install_packages() -> None:
     """Install the locked packages and the project itself, editable."""
     lock = PROJECT / "requirements" / f"python{venv_version()}.txt"
-    say(f"Installing the packages of {lock.relative_to(PROJECT)} (about 700 MB the first time) ...")
+    say(f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the first time) ...")
     pip("-r", str(lock))
     pip("--no-deps", "--no-build-isolation", "--editable", str(PROJECT))
 

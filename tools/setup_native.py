@@ -19,8 +19,8 @@ from setup_error import SetupError
 
 # Checked in an empty Debian 12: enough for bpy, mitsuba and cv2.
 PACKAGES = ["libatomic1", "libsm6", "libxext6", "libgl1", "libxi6", "libxfixes3", "libxrender1", "libxkbcommon0"]
-# In order of preference: 15 and older crash or are refused by Mitsuba 3.9.
-LLVM_PACKAGES = ["libllvm19", "libllvm18", "libllvm20", "libllvm17", "libllvm16"]
+# In order of preference: with Mitsuba 3.9, 19 and 22 work; 15 and 16 crash, and 14 is refused.
+LLVM_PACKAGES = ["libllvm19", "libllvm20", "libllvm21", "libllvm22", "libllvm18", "libllvm17"]
 # Drivers: large, and loaded only by programs that draw on a screen.
 NOT_UNPACKED = re.compile(r"libc6|libgcc|libstdc|.*mesa|libdrm|libllvm|libsensors|libpciaccess|libglapi")
 

@@ -1,12 +1,13 @@
 """Finds what the renderer needs from this machine: a libLLVM that works, or a CUDA device that works.
 
-The CPU renderer compiles its kernels with libLLVM. Some versions do not merely fail: LLVM 15 aborts the
+The CPU renderer compiles its kernels with libLLVM. Some versions do not merely fail: LLVM 15 and 16 abort the
 process while compiling, which no ``except`` can catch. So each candidate compiles and runs a small scene in
 a child process first, and the answer is remembered until the library or the renderer changes.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
@@ -70,8 +71,9 @@ class Probe:
 
 
 def ensure_llvm() -> Path:
-    """Point Dr.Jit at a libLLVM that works, and return it. Call this before importing the renderer.
+    """Point Dr.Jit at a libLLVM that works, and return it.
 
+    Dr.Jit reads this when it is imported, so it has no effect later; facestage.render sees to the order.
     Raises BackendUnavailableError, with the command that installs one, when there is none.
     """
     remembered = _remembered()
@@ -87,7 +89,20 @@ def ensure_llvm() -> Path:
         os.environ[LLVM_VARIABLE] = str(library)
         return library
     found = f"found only {'; '.join(tried)}" if tried else "found none"
-    raise BackendUnavailableError(f"The CPU renderer needs a libLLVM of version 16 or later, {found}. {llvm_remedy()}")
+    raise BackendUnavailableError(
+        f"The CPU renderer needs LLVM {PREFERRED_LLVM} (its libLLVM), {found}. {llvm_remedy()}"
+    )
+
+
+def prepare_renderer() -> None:
+    """Choose the libLLVM, if there is one that works, for the renderer that is about to be imported.
+
+    Without one, importing it still succeeds, since CUDA may work; :func:`choose_variant` says what is missing.
+    Raises BackendUnavailableError when the renderer is not installed.
+    """
+    _renderer_version()
+    with contextlib.suppress(BackendUnavailableError):
+        ensure_llvm()
 
 
 def choose_variant(device: str = "auto") -> str:
@@ -134,7 +149,8 @@ def probe_cuda() -> Probe:
     driver = _cuda_driver()
     if driver is None:
         return Probe("CUDA", "no NVIDIA driver is installed")
-    key = f"cuda|{driver}|{_renderer_version()}"
+    visible = os.environ.get("CUDA_VISIBLE_DEVICES", "all")
+    key = f"cuda|{driver}|{visible}|{_renderer_version()}"
     if key in _remembered():
         return Probe("CUDA", "")
     reason = _run_probe(CUDA_VARIANT, {})
@@ -248,9 +264,12 @@ def _cuda_driver() -> str | None:
     version = Path("/proc/driver/nvidia/version")
     if version.is_file():
         return version.read_text(errors="replace").split("\n", 1)[0]
-    # The Windows Subsystem for Linux has the driver's libraries, but no /proc entry.
-    library = Path("/usr/lib/wsl/lib/libcuda.so.1")
-    return str(library.stat().st_mtime_ns) if library.is_file() else None
+    # Containers and the Windows Subsystem for Linux may have the driver's library, but no /proc entry.
+    for folder in (Path("/usr/lib/wsl/lib"), *_system_folders()):
+        library = folder / "libcuda.so.1"
+        if library.is_file():
+            return f"{library} {library.stat().st_mtime_ns}"
+    return None
 
 
 def _renderer_version() -> str:

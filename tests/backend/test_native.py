@@ -152,6 +152,24 @@ def test_cuda_is_chosen_when_it_works_unless_the_cpu_is_asked_for(
     assert native.choose_variant(device) == variant
 
 
+def test_renderer_gets_the_library_chosen_and_not_what_it_finds_itself(cache: Path, tmp_path: Path) -> None:
+    library = working_library()
+    code = (
+        "from facestage.render.variant import start_renderer; start_renderer('cpu'); import drjit, os\n"
+        "print(os.environ['DRJIT_LIBLLVM_PATH'], drjit.sin(drjit.arange(drjit.llvm.Float, 3))[0])"
+    )
+    # A choice of the user's that does not exist: Dr.Jit would take no other.
+    settings = {native.LLVM_VARIABLE: str(tmp_path / "libLLVM.so"), "DRJIT_CACHE_DIR": str(tmp_path / "kernels")}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **settings},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout == f"{library} 0.0\n", done.stderr
+
+
 @pytest.mark.parametrize(
     ("name", "version"),
     [("libLLVM.so.19.1", 19), ("libLLVM-14.so.1", 14), ("libLLVM.21.dylib", 21), ("LLVM-C.dll", None)],

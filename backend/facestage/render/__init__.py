@@ -2,3 +2,8 @@
 
 May import the contract and ``facestage.native``. Hands out and takes numpy arrays only.
 """
+
+from facestage.native import prepare_renderer
+
+# Before any module of this folder imports them: Dr.Jit reads where libLLVM is when it is first imported.
+prepare_renderer()
