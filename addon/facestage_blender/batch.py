@@ -96,7 +96,8 @@ def run(options: argparse.Namespace, backend: list[str]) -> None:
     out = options.out.resolve()
     order = pipeline.Order(
         image=options.image.resolve(), out=out,
-        landmarks=_resolved(options.landmarks), camera=_resolved(options.camera), focal_px=options.focal_px, model=options.model, lights=options.lights, light_color=options.light_color,
+        landmarks=_resolved(options.landmarks), camera=_resolved(options.camera), focal_px=options.focal_px,
+        model=options.model, lights=options.lights, light_color=options.light_color,
         freeze=tuple(options.freeze), budget=options.budget, seed=options.seed, device=options.device,
         truth=_resolved(options.truth), resume=options.resume,
     )  # fmt: skip

@@ -75,7 +75,8 @@ def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
 
 def _part_material(name: str) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
+    if material.node_tree is None:  # before Blender 5.0 a new material has no nodes
+        material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
     skin = _node(nodes, "ShaderNodeGroup", 0, 0)

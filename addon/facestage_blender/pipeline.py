@@ -18,7 +18,6 @@ from facestage.contract.errors import (
 )
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
-from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 
@@ -72,7 +71,7 @@ def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event
     prepare_scene(scene, order, backend, on_event)
     job = read_job(scene)
     if order.truth is not None:
-        job = _with_truth(job, order.truth)
+        job = replace(job, truth=order.truth.resolve())
     job.save(order.out / JOB_FOLDER)
     folder = order.out / RESULT_FOLDER
     run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
@@ -88,6 +87,10 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
     if order.landmarks is not None:
         Landmarks.read(order.landmarks).check_inside(width, height)
     camera = _known_camera(order, width, height)
+    if order.truth is not None and not order.truth.is_file():
+        raise InputError(f"The truth file '{order.truth}' does not exist; check the path.")
+    settings = scene.facestage
+    stage = default_stage(order.lights, settings.light_radius, settings.light_side)
     try:
         order.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -100,13 +103,11 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         model = FaceModel.load(model_file)
     finally:
         model_file.unlink(missing_ok=True)
-    settings = scene.facestage
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
     settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
     settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
     settings.device, settings.output = order.device, str(order.out)
-    empty = build_stage(scene, default_stage(order.lights, settings.light_radius, settings.light_side))
-    build_rig(scene, model, order.model, empty)
+    build_rig(scene, model, order.model, build_stage(scene, stage))
     view = ensure_camera(scene, facestage_collection(scene))
     if camera is not None:
         settings.known_lens = True
@@ -171,9 +172,3 @@ def _known_camera(order: Order, width: int, height: int) -> Camera | None:
             )
         return camera
     return None if order.focal_px is None else Camera.default(width, height, order.focal_px)
-
-
-def _with_truth(job: Job, truth: Path) -> Job:
-    if not truth.is_file():
-        raise InputError(f"The truth file '{truth}' does not exist; check the path.")
-    return replace(job, truth=truth.resolve())

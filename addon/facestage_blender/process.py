@@ -107,19 +107,19 @@ class BackendProcess:
             time.sleep(interval)
 
     def _read_events(self, stream: IO[str]) -> None:
-        for line in stream:
-            event = Event.from_line(line)
-            if event is None:
-                self._lines.append(line.rstrip())
-                continue
-            if event.kind == FAILED:
-                self.failure = event.message
-            self._events.put(event)
+        with stream:
+            for line in stream:
+                event = Event.from_line(line)
+                if event is None:
+                    self._lines.append(line.rstrip())
+                    continue
+                if event.kind == FAILED:
+                    self.failure = event.message
+                self._events.put(event)
 
     def _read_errors(self, stream: IO[str]) -> None:
-        for line in stream:
-            if line.strip():
-                self._errors.append(line.strip())
+        with stream:
+            self._errors.extend(line.strip() for line in stream if line.strip())
 
 
 def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> Outcome:

@@ -43,12 +43,12 @@ def build_rig(scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.ty
     add_shape_keys(rig, model)
     for name, vertices in model.regions.items():
         rig.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
+    if retired is not None:
+        _remove_mesh(retired)
     albedo = paint_vertices(model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE)
     specular = np.ones((32, 32), np.float32)
     images = texture_image("Facestage Albedo", albedo), texture_image("Facestage Specular", specular)
     set_textures(rig, *images, roughness=rig.facestage_face.roughness)
-    if retired is not None:
-        _remove_mesh(retired)
     return rig
 
 

@@ -25,8 +25,8 @@ TOTAL_RADIANCE = 100.0
 
 def default_stage(count: int, radius: float, side: float) -> LightStage:
     """A new stage whose lights together expose a face well at any count, radius and size."""
-    full = TOTAL_RADIANCE / count * (0.2 * radius / side) ** 2
-    return fibonacci_stage(count, radius, side, full)
+    stage = fibonacci_stage(count, radius, side)
+    return stage.with_radiance(np.full((count, 3), TOTAL_RADIANCE / count * (0.2 * radius / side) ** 2))
 
 
 def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
@@ -106,13 +106,15 @@ def read_stage(empty: bpy.types.Object) -> LightStage:
 
 def relative_matrix(empty: bpy.types.Object, child: bpy.types.Object) -> np.ndarray:
     """(4, 4) matrix of ``child`` relative to ``empty``, whether or not it is its parent."""
+    if child.parent == empty and child.parent_type == "OBJECT" and not child.constraints:
+        # Blender does not update matrix_world of hidden objects.
+        return np.array(child.matrix_parent_inverse @ child.matrix_basis)
     return np.array(empty.matrix_world.inverted_safe() @ child.matrix_world)
 
 
 def light_side(light: bpy.types.Object) -> float:
-    """Side of a square light in metres, including the object's scale."""
-    scale = light.matrix_world.to_scale()
-    return float(light.data.size) * 0.5 * (abs(scale.x) + abs(scale.y))
+    """Side of a square light in metres, including the object's own scale."""
+    return float(light.data.size) * 0.5 * (abs(light.scale.x) + abs(light.scale.y))
 
 
 def light_radiance(light: bpy.types.Object) -> np.ndarray:

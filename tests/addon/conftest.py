@@ -33,14 +33,19 @@ def head() -> FaceModel:
     turn, rise = (u - 0.5) * 2 * np.pi, (v - 0.5) * np.pi
     nose = 0.02 * np.exp(-(((u - 0.5) / 0.03) ** 2) - ((v - 0.5) / 0.05) ** 2)
     grid = np.stack(
-        [0.075 * np.sin(turn) * np.cos(rise), 0.12 * np.sin(rise), 0.095 * np.cos(turn) * np.cos(rise) + nose - 0.06], -1
+        [0.075 * np.sin(turn) * np.cos(rise), 0.12 * np.sin(rise), 0.095 * np.cos(turn) * np.cos(rise) + nose - 0.06],
+        -1,
     )
     vertices = grid[:, :across].reshape(-1, 3)
     i, j = np.arange(across)[None], np.arange(up)[:, None]
     after = (i + 1) % across
-    quads = np.stack(np.broadcast_arrays(j * across + i, j * across + after, (j + 1) * across + after, (j + 1) * across + i), -1)
+    quads = np.stack(
+        np.broadcast_arrays(j * across + i, j * across + after, (j + 1) * across + after, (j + 1) * across + i), -1
+    )
     uv_row = across + 1
-    quad_uvs = np.stack(np.broadcast_arrays(j * uv_row + i, j * uv_row + i + 1, (j + 1) * uv_row + i + 1, (j + 1) * uv_row + i), -1)
+    quad_uvs = np.stack(
+        np.broadcast_arrays(j * uv_row + i, j * uv_row + i + 1, (j + 1) * uv_row + i + 1, (j + 1) * uv_row + i), -1
+    )
     quads, quad_uvs = quads.reshape(-1, 4).astype(np.int32), quad_uvs.reshape(-1, 4).astype(np.int32)
     quads[-10:, 3] = quad_uvs[-10:, 3] = -1  # a few triangles
     rng = np.random.default_rng(0)

@@ -104,5 +104,6 @@ def test_backend_is_found_where_the_user_says(tmp_path: Path, monkeypatch: pytes
 
 
 def test_process_and_backend_need_no_blender() -> None:
-    code = "import sys, facestage_blender.process, facestage_blender.backend, facestage_blender.batch; sys.exit('bpy' in sys.modules)"
+    modules = "facestage_blender.process, facestage_blender.backend, facestage_blender.batch"
+    code = f"import sys, {modules}; sys.exit('bpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

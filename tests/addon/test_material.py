@@ -1,0 +1,138 @@
+"""The skin material in Cycles against the contract's reflectance, computed independently in numpy."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR
+from facestage.contract.light_stage import ON, LightStage
+
+RADIUS, DISTANCE, SIDE, PIXELS = 0.05, 0.8, 0.02, 48
+
+
+def reflectance(normal, light, view, albedo, c_spec, roughness):
+    """(..., 3) the contract's f for unit vectors (..., 3)."""
+    half = light + view
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    nl, nv, nh, vh = (
+        np.clip(np.sum(a * b, -1), 0, 1) for a, b in ((normal, light), (normal, view), (normal, half), (view, half))
+    )
+    alpha2 = roughness**4
+    d = alpha2 / (math.pi * (nh**2 * (alpha2 - 1) + 1) ** 2)
+    lam = lambda c: 0.5 * (np.sqrt(1 + alpha2 * (1 - c**2) / np.maximum(c, 1e-6) ** 2) - 1)  # noqa: E731
+    g = 1 / (1 + lam(nl) + lam(nv))
+    f = F0 + (1 - F0) * (1 - vh) ** 5
+    specular = K_SPECULAR * c_spec * d * g * f / np.maximum(4 * nl * nv, 1e-9)
+    return K_DIFFUSE * np.asarray(albedo) / math.pi + specular[..., None]
+
+
+def small_light(towards: np.ndarray) -> LightStage:
+    axis = np.cross([0.0, 1.0, 0.0], towards)
+    return LightStage(
+        position=towards[None] * DISTANCE, direction=-towards[None], axis_x=axis[None] / np.linalg.norm(axis),
+        side=np.array([SIDE]), radiance=np.full((1, 3), 50.0), state=np.array([ON]),
+    )  # fmt: skip
+
+
+def render_ball(scene, albedo, c_spec, roughness, towards) -> np.ndarray:
+    """A ball at the origin with the skin material, one small light, orthographic camera on stage +Z."""
+    import bpy
+
+    from facestage_blender.camera import set_resolution
+    from facestage_blender.material import part_materials, skin_group
+    from facestage_blender.render import render_linear
+    from facestage_blender.stage import build_stage
+
+    build_stage(scene, small_light(towards))
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=256, ring_count=128, radius=RADIUS)
+    ball = bpy.context.object
+    ball.data.shade_smooth()
+    material = part_materials(np.array([0]))[0]
+    skin = material.node_tree.nodes[skin_group().name]
+    for name in ("Albedo", "Specular"):
+        material.node_tree.links.remove(skin.inputs[name].links[0])
+    skin.inputs["Albedo"].default_value = (*albedo, 1)
+    skin.inputs["Specular"].default_value = c_spec
+    skin.inputs["Roughness"].default_value = roughness
+    ball.data.materials.append(material)
+    scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.collection.objects.link(scene.camera)
+    scene.camera.location, scene.camera.rotation_euler = (0, -1, 0), (math.pi / 2, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2 * RADIUS
+    set_resolution(scene, PIXELS, PIXELS)
+    return render_linear(scene, 512, direct_only=True)[..., :3]
+
+
+def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.ndarray]:
+    """The same picture in closed form, averaged over pixel and light, and where it is away from the edges."""
+    sub = 4
+    steps = (np.arange(PIXELS * sub) + 0.5) / (PIXELS * sub) * 2 - 1
+    x, y = np.meshgrid(steps, -steps)
+    inside = x**2 + y**2 < 0.9**2
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    normal = np.stack([x, y, z], -1)
+    axis = np.cross([0.0, 1.0, 0.0], towards)
+    axis /= np.linalg.norm(axis)
+    other = np.cross(towards, axis)
+    total = np.zeros((*x.shape, 3))
+    offsets = (np.arange(5) + 0.5) / 5 - 0.5
+    for a in offsets:
+        for b in offsets:
+            path = towards * DISTANCE + SIDE * (a * axis + b * other) - RADIUS * normal
+            length = np.linalg.norm(path, axis=-1, keepdims=True)
+            light = path / length
+            cosines = np.maximum((light * normal).sum(-1), 0) * np.maximum(light @ towards, 0)
+            f = reflectance(normal, light, np.broadcast_to([0.0, 0.0, 1.0], light.shape), albedo, c_spec, roughness)
+            total += f * (50.0 * SIDE**2 / len(offsets) ** 2 * cosines / length[..., 0] ** 2)[..., None]
+            inside &= cosines > 0.1
+    blocks = (PIXELS, sub, PIXELS, sub)
+    return total.reshape(*blocks, 3).mean((1, 3)), inside.reshape(blocks).all((1, 3))
+
+
+@pytest.mark.parametrize(
+    ("albedo", "c_spec", "roughness"),
+    [
+        ((0.5, 0.3, 0.2), 0.0, 0.5),
+        ((0.0, 0.0, 0.0), 1.0, 0.35),
+        ((0.6, 0.4, 0.3), 0.6, 0.5),
+        ((0.1, 0.1, 0.1), 1.7, 0.8),
+    ],
+)
+def test_cycles_evaluates_the_contracts_reflectance(scene, tmp_path: Path, albedo, c_spec, roughness) -> None:
+    from facestage_blender.render import save_exr
+
+    towards = np.array([0.5, 0.4, 0.77])
+    towards /= np.linalg.norm(towards)
+    expected, mask = expected_ball(albedo, c_spec, roughness, towards)
+    found = render_ball(scene, albedo, c_spec, roughness, towards)
+    error = np.abs(found - expected)[mask].max() / expected[mask].max()
+    print(f"off by {error:.3%} of the brightest pixel; 1 % allowed")
+    if error >= 0.01:
+        save_exr(tmp_path / "found.exr", found)
+        save_exr(tmp_path / "expected.exr", expected)
+        pytest.fail(f"off by {error:.2%}; pictures in {tmp_path}")
+    assert mask.sum() > 300
+
+
+def test_textures_keep_their_linear_values(scene) -> None:
+    from facestage_blender.material import image_pixels, texture_image
+
+    values = np.random.default_rng(0).uniform(0, 1.8, (9, 5)).astype(np.float32)
+    image = texture_image("map", values)
+    assert image.packed_file is not None
+    assert image.colorspace_settings.name == "Non-Color"
+    np.testing.assert_array_equal(image_pixels(image)[..., 0], values)
+
+
+def test_the_node_group_is_shared(scene) -> None:
+    import bpy
+
+    from facestage_blender.material import part_materials, skin_group
+
+    materials = part_materials(np.arange(5))
+    assert len({material.node_tree.nodes[skin_group().name].node_tree for material in materials}) == 1
+    assert len(bpy.data.node_groups) == 1

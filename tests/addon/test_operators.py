@@ -1,0 +1,240 @@
+"""Operators: the same as their functions, one undo step, the user's place kept, errors in one sentence."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+def describe(scene) -> dict[str, object]:
+    """Everything of the scene that Facestage may change, as plain values."""
+    scene.view_layers[0].update()
+    description: dict[str, object] = {}
+    for item in sorted(scene.objects, key=lambda item: item.name):
+        description[item.name] = [round(value, 5) for row in item.matrix_basis for value in row]
+        if item.type == "LIGHT":
+            description[f"{item.name} light"] = (
+                round(item.data.energy, 5), [round(value, 5) for value in item.data.color], item.facestage_light.state,
+            )  # fmt: skip
+        if item.type == "MESH":
+            keys = item.data.shape_keys.key_blocks
+            description[f"{item.name} keys"] = {key.name: round(key.value, 5) for key in keys}
+            face = item.facestage_face
+            description[f"{item.name} pictures"] = (
+                face.albedo_image.size[:],
+                face.specular_image.size[:],
+                face.roughness,
+            )
+        if item.type == "CAMERA":
+            description[f"{item.name} lens"] = (round(item.data.lens, 4), round(item.data.shift_x, 5))
+    return description
+
+
+@pytest.fixture
+def ready(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path):
+    """A scene set up by the operators alone."""
+    import bpy
+
+    stand_in("works")
+    scene.facestage.output = str(tmp_path / "work")
+    scene.facestage.light_count = 5
+    for answer in (
+        bpy.ops.facestage.choose_photo(filepath=str(photo)),
+        bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file)),
+        bpy.ops.facestage.build_stage(),
+        bpy.ops.facestage.build_rig(),
+    ):
+        assert answer == {"FINISHED"}
+    return scene
+
+
+def refused(operator: Callable[..., set[str]], match: str, **options: object) -> None:
+    """In a script an operator's error report is a RuntimeError with its sentence."""
+    with pytest.raises(RuntimeError, match=match) as caught:
+        operator(**options)
+    assert "Traceback" not in str(caught.value)
+
+
+def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
+    import bpy
+
+    from facestage_blender.operators import choose_photo
+    from facestage_blender.rig import build_rig
+    from facestage_blender.stage import build_stage, default_stage
+
+    by_operators = describe(ready)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    choose_photo(scene, photo)
+    build_rig(scene, head, "default", build_stage(scene, default_stage(5, 1.0, 0.2)))
+    assert describe(scene) == by_operators
+
+
+def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage.contract.result import Result
+    from facestage_blender.write_back import apply_result
+
+    before = describe(ready)
+    assert bpy.ops.facestage.fit(apply=False) == {"FINISHED"}
+    assert describe(ready) == before
+    assert bpy.ops.facestage.apply_result() == {"FINISHED"}
+    by_operator = describe(ready)
+    assert by_operator != before
+    apply_result(ready, Result.load(tmp_path / "work" / "result"))
+    assert describe(ready) == by_operator
+    assert bpy.context.window_manager.facestage.message == "The stand-in is content."
+
+
+def test_apply_is_one_undo_step(ready) -> None:
+    import bpy
+
+    bpy.ops.facestage.fit(apply=False)
+    before = describe(ready)
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.facestage.apply_result()
+    bpy.ops.ed.undo_push(message="Apply Result")  # what Blender does after an operator that the user starts
+    after = describe(bpy.context.scene)
+    assert after != before
+    bpy.ops.ed.undo()
+    assert describe(bpy.context.scene) == before
+    bpy.ops.ed.redo()
+    assert describe(bpy.context.scene) == after
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT", "SCULPT"])
+@pytest.mark.parametrize("action", ["apply_result", "build_stage", "build_rig"])
+def test_mode_active_object_and_selection_are_kept(ready, mode: str, action: str) -> None:
+    import bpy
+
+    bpy.ops.facestage.fit(apply=False)
+    layer = bpy.context.view_layer
+    rig, light = ready.facestage.rig, bpy.data.objects["Facestage Light 02"]
+    for item in layer.objects:
+        item.select_set(item == light)
+    layer.objects.active = rig
+    if mode != "OBJECT":
+        bpy.ops.object.mode_set(mode=mode)
+    assert getattr(bpy.ops.facestage, action)() == {"FINISHED"}
+    assert layer.objects.active == rig
+    assert rig.mode == mode
+    assert [item for item in layer.objects if item.select_get()] == [light]
+    if mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_mode_is_kept_when_applying_fails(ready) -> None:
+    import bpy
+
+    bpy.context.view_layer.objects.active = ready.facestage.rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    refused(bpy.ops.facestage.apply_result, "run a fit first")
+    assert ready.facestage.rig.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_users_errors_are_one_sentence(scene, stand_in, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import bpy
+
+    stand_in("works")
+    refused(bpy.ops.facestage.fit, "Choose Photo")
+    refused(bpy.ops.facestage.choose_photo, "does not exist", filepath=str(tmp_path / "absent.png"))
+    refused(bpy.ops.facestage.choose_landmarks, "does not exist", filepath=str(tmp_path / "absent.json"))
+    refused(bpy.ops.facestage.open_report, "run a fit first")
+    refused(bpy.ops.facestage.relight, "Build Light Stage", direction="left")
+    monkeypatch.setenv("FACESTAGE_BACKEND", "/no/such/program")
+    refused(bpy.ops.facestage.build_rig, "/no/such/program")
+    assert "/no/such/program" in bpy.context.window_manager.facestage.failure
+    assert not bpy.context.window_manager.facestage.task
+
+
+@pytest.mark.parametrize(("mood", "sentence"), [("refuses", "photo is of a cat"), ("crashes", "out of luck")])
+def test_failed_fit_leaves_the_scene_alone(ready, stand_in, mood: str, sentence: str) -> None:
+    import bpy
+
+    before = describe(ready)
+    stand_in(mood)
+    refused(bpy.ops.facestage.fit, sentence)
+    assert describe(ready) == before
+    assert sentence in bpy.context.window_manager.facestage.failure
+
+
+def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.operators_fit import Running
+
+    before = describe(ready)
+    stand_in("hangs in fit")
+    partial = tmp_path / "work" / "result.partial"
+
+    def kill() -> None:
+        while not partial.exists():
+            time.sleep(0.02)
+        os.kill(Running.process.pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    refused(bpy.ops.facestage.fit, "killed")
+    killer.join()
+    assert describe(ready) == before
+    assert partial.is_dir()
+    stand_in("works")
+    assert bpy.ops.facestage.fit(resume=True) == {"FINISHED"}
+    assert describe(ready) != before
+
+
+def test_disabling_the_addon_stops_the_backend(scene, stand_in) -> None:
+    from facestage_blender.operators_fit import Running, stop_running
+    from facestage_blender.process import BackendProcess
+
+    Running.process = child = BackendProcess([*stand_in("hangs"), "fit"])
+    stop_running()
+    assert child.wait().code == 3
+    assert Running.process is None
+
+
+def test_check_backend_shows_the_report(scene, stand_in) -> None:
+    import bpy
+
+    from facestage_blender.preferences import addon_preferences
+
+    stand_in("works")
+    assert bpy.ops.facestage.check_backend() == {"FINISHED"}
+    assert addon_preferences(bpy.context).report == "everything works"
+
+
+def test_relight_and_light_states(ready) -> None:
+    import bpy
+
+    from facestage_blender.stage import read_stage, stage_lights
+
+    before = read_stage(ready.facestage.stage)
+    assert bpy.ops.facestage.relight(direction="right") == {"FINISHED"}
+    lit = read_stage(ready.facestage.stage)
+    assert not np.allclose(lit.radiance, before.radiance)
+    assert bpy.ops.facestage.relight(direction="fitted") == {"FINISHED"}
+    np.testing.assert_allclose(read_stage(ready.facestage.stage).radiance, before.radiance, rtol=1e-5)
+    assert bpy.ops.facestage.light_states(state="OFF") == {"FINISHED"}
+    assert all(light.hide_render for light in stage_lights(ready.facestage.stage))
+
+
+def test_all_properties_and_operators_explain_themselves(scene) -> None:
+    import bpy
+
+    from facestage_blender import operators, operators_fit, properties
+
+    for group in properties.CLASSES:
+        for name, prop in group.bl_rna.properties.items():
+            assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
+    for operator in (*operators.CLASSES, *operators_fit.CLASSES):
+        assert operator.__doc__
+        assert hasattr(bpy.types, operator.__name__)

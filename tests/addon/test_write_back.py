@@ -1,0 +1,155 @@
+"""Scene -> job -> result -> scene: what is read is what was written."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
+from facestage.contract.job import PARAMETERS, Job
+from facestage.contract.result import Result
+from facestage_blender.backend import fit_command
+
+
+@pytest.fixture
+def ready(scene, head: FaceModel, photo: Path, landmark_file: Path):
+    """A scene with everything set up for a fit."""
+    from facestage_blender.operators import choose_landmarks, choose_photo
+    from facestage_blender.rig import build_rig
+    from facestage_blender.stage import build_stage, default_stage
+
+    empty = build_stage(scene, default_stage(5, 1.0, 0.2))
+    empty.location, empty.rotation_euler = (0.5, 0.25, 1.5), (0.1, 0.2, 0.7)
+    build_rig(scene, head, "default", empty)
+    choose_photo(scene, photo)
+    choose_landmarks(scene, landmark_file)
+    return scene
+
+
+def fitted(scene, stand_in: Callable[[str], list[str]], folder: Path) -> Result:
+    from facestage_blender.scene_read import read_job
+
+    read_job(scene).save(folder / "job")
+    subprocess.run(fit_command(stand_in("works"), folder / "job", folder / "result"), check=True, capture_output=True)
+    return Result.load(folder / "result")
+
+
+def camera_vertices(scene) -> np.ndarray:
+    """(n, 3) the rig's vertices as shown, in the camera frame."""
+    import bpy
+
+    rig = scene.facestage.rig
+    shown = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    flat = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", flat)
+    matrix = np.array(scene.camera.matrix_world.inverted() @ rig.matrix_world)
+    return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
+    from facestage_blender.scene_read import read_job
+
+    settings = ready.facestage
+    settings.freeze, settings.light_color, settings.budget = {"identity", "roughness"}, "uniform", 12.5
+    settings.weight_prior, settings.seed, settings.device = 2.0, 7, "cpu"
+    settings.rig.data.shape_keys.key_blocks["identity/mode_2"].value = 1.5
+    read_job(ready).save(tmp_path / "job")
+    job = Job.load(tmp_path / "job")
+    assert job.freeze == ("identity", "roughness")
+    assert (job.light_color, job.budget_seconds, job.seed, job.device) == ("uniform", 12.5, 7, "cpu")
+    assert (job.weights.prior, job.weights.photo) == (2.0, 1.0)
+    assert (job.camera, job.camera_to_stage) == (None, None)
+    np.testing.assert_allclose(job.initial["identity"], [0, 0, 1.5, 0, 0, 0])
+    assert float(job.initial["roughness"]) == pytest.approx(0.45)
+    assert "expression" not in job.initial
+    assert job.landmarks.scheme == "ibug68"
+    assert len(job.stage) == 5
+    assert job.image.read_bytes() == Path(settings.photo).read_bytes()
+
+
+def test_every_parameter_can_be_frozen(ready) -> None:
+    from facestage_blender.scene_read import read_job
+
+    for name in PARAMETERS:
+        ready.facestage.freeze = {name}
+        assert read_job(ready).freeze == (name,)
+
+
+def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.scene_read import read_camera_to_stage, read_job, read_model_to_stage
+    from facestage_blender.write_back import apply_result
+
+    world = ready.world
+    result = fitted(ready, stand_in, tmp_path)
+    apply_result(ready, result)
+    np.testing.assert_allclose(camera_vertices(ready), result.vertices, atol=2e-6)
+    np.testing.assert_allclose(read_camera_to_stage(ready), result.camera_to_stage, atol=1e-6)
+    np.testing.assert_allclose(read_model_to_stage(ready), result.model_to_stage, atol=1e-6)
+    ready.facestage.keep_camera = ready.facestage.start_from_rig = True
+    job = read_job(ready)
+    np.testing.assert_allclose(job.stage.radiance, result.stage.radiance, rtol=1e-5)
+    np.testing.assert_allclose(job.stage.position, result.stage.position, atol=1e-6)
+    np.testing.assert_allclose(job.initial["identity"], result.identity, atol=1e-6)
+    np.testing.assert_allclose(job.initial["expression"], result.expression, atol=1e-6)
+    np.testing.assert_allclose(job.initial["model_to_camera"], result.model_to_camera, atol=1e-6)
+    assert float(job.initial["roughness"]) == pytest.approx(result.roughness)
+    assert job.camera.focal_px == pytest.approx(result.camera.focal_px, rel=1e-6)
+    assert job.camera.principal_px == pytest.approx(result.camera.principal_px, abs=1e-3)
+    assert ready.world == world
+
+
+def test_textures_are_packed_and_linear(ready, stand_in, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.render import read_pixels
+    from facestage_blender.write_back import apply_result
+
+    result = fitted(ready, stand_in, tmp_path)
+    apply_result(ready, result)
+    apply_result(ready, result)
+    face = ready.facestage.rig.facestage_face
+    for image in (face.albedo_image, face.specular_image):
+        assert image.packed_file is not None
+        assert image.colorspace_settings.name == "Non-Color"
+    assert len(bpy.data.images) == 3  # with the photo: nothing is left behind by the second time
+    specular = np.array(face.specular_image.pixels).reshape(16, 16, 4)[::-1]
+    np.testing.assert_array_equal(specular, read_pixels(result.folder / "specular.exr"))
+    assert (specular[..., 0] == specular[..., 1]).all()
+    for material in ready.facestage.rig.data.materials:
+        assert material.node_tree.nodes["Albedo"].image == face.albedo_image
+        assert material.node_tree.nodes["Specular"].image == face.specular_image
+
+
+def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.write_back import apply_result
+
+    ready.facestage.keep_camera = True
+    ready.camera.location, ready.camera.data.lens = (0.4, -0.9, 1.6), 61.0
+    ready.view_layers[0].update()
+    before = ready.camera.matrix_world.copy()
+    result = fitted(ready, stand_in, tmp_path)
+    apply_result(ready, result)
+    assert ready.camera.matrix_world == before
+    assert ready.camera.data.lens == 61.0
+    np.testing.assert_allclose(camera_vertices(ready), result.vertices, atol=2e-6)
+
+
+def test_what_is_missing_is_said(scene, ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.scene_read import read_job
+    from facestage_blender.write_back import apply_result
+
+    result = fitted(ready, stand_in, tmp_path)
+    (result.folder / "albedo.exr").unlink()
+    with pytest.raises(InputError, match="albedo"):
+        apply_result(ready, result)
+    ready.facestage.rig.facestage_face.model = "ict:/there"
+    with pytest.raises(InputError, match="ict:/there"):
+        apply_result(ready, result)
+    ready.facestage.photo = ""
+    with pytest.raises(InputError, match="Choose Photo"):
+        read_job(ready)
