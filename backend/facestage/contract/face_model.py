@@ -43,6 +43,8 @@ class FaceModel:
     landmarks: Mapping[str, np.ndarray]  # scheme -> (m, 6): 3 vertex indices, 3 barycentric weights
     regions: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (r,) int32 vertex indices
     expression_prior: str = "box"  # "box": weights in 0..1; "gaussian": unit variance
+    # Where the published UV tile of the face lies in this atlas: corner u, v and scale.
+    face_tile: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         n, u = len(self.vertices), len(self.uvs)
@@ -114,7 +116,7 @@ class FaceModel:
         meta = {
             "schema": SCHEMA_VERSION, "name": self.name, "license": self.license, "source": self.source,
             "identity_names": self.identity_names, "expression_names": self.expression_names,
-            "expression_prior": self.expression_prior,
+            "expression_prior": self.expression_prior, "face_tile": self.face_tile,
         }  # fmt: skip
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays |= {f"landmarks/{name}": table for name, table in self.landmarks.items()}
@@ -134,7 +136,7 @@ class FaceModel:
         return cls(
             name=meta["name"], license=meta["license"], source=meta["source"],
             identity_names=tuple(meta["identity_names"]), expression_names=tuple(meta["expression_names"]),
-            expression_prior=meta["expression_prior"],
+            expression_prior=meta["expression_prior"], face_tile=tuple(meta["face_tile"]),
             landmarks={name[10:]: array for name, array in arrays.items() if name.startswith("landmarks/")},
             regions={name[8:]: array for name, array in arrays.items() if name.startswith("regions/")},
             **{name: arrays[name] for name in _ARRAYS},

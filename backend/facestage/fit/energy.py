@@ -69,7 +69,7 @@ class PhotoTerm:
         image = self.forward.shade(state, surface, terms)
         shape = self.photo.usable.shape
         residual, weight = np.zeros((*shape, 3)), np.zeros(shape)
-        y, x = self._index(surface)
+        y, x = self.index(surface)
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
@@ -80,7 +80,8 @@ class PhotoTerm:
         weight *= binary_erosion(weight > 0, border_value=1)
         return Evaluation(state, image, residual, weight, seed)
 
-    def _index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of each of the surface's pixels."""
         return surface.pixels[:, 1].astype(int), surface.pixels[:, 0].astype(int)
 
     def noise(self, evaluation: Evaluation) -> NoiseModel:
@@ -98,7 +99,7 @@ class PhotoTerm:
     ) -> tuple[np.ndarray, np.ndarray]:
         """(size, size) Hessian and (size,) gradient, accumulated in float64."""
         hessian, gradient = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
-        y, x = self._index(evaluation.image.surface)
+        y, x = self.index(evaluation.image.surface)
         root = np.sqrt(np.repeat(weights[y, x], 3))
         residual = evaluation.residual[y, x].ravel() * root
         texture = layout.slices["specular"]

@@ -8,8 +8,9 @@ from scipy.optimize import nnls
 from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.energy import Evaluation, PhotoTerm
 from facestage.fit.geometry import FaceGeometry
-from facestage.fit.shading import Image
+from facestage.fit.parameters import LightParameters
 
 
 def scaled_orthographic_pose(
@@ -60,28 +61,39 @@ LIGHT_RIDGE = 1e-3
 ROBUST_ROUNDS = 5
 
 
-def initial_lights(image: Image, photo: np.ndarray, clipped: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Radiance (N, 3) that best explains ``photo`` (P, 3) on the current geometry and albedo.
+def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters) -> np.ndarray:
+    """Radiance (N, 3) of all lights that best explains the photo on the current geometry and albedo.
 
-    The image is linear in the lights, so this is a non-negative least-squares problem per channel.
-    Residuals are absolute: bright pixels say where the light is, dark ones only where it is not; relative
-    residuals would let black explain a half-lit face. Highlights are calmed by Huber weights.
+    The image is linear in the lights, so this is a non-negative least-squares problem per channel;
+    lights that are not fitted keep their radiance. Residuals are absolute: bright pixels say where the
+    light is; relative residuals would let black explain a half-lit face. Huber weights calm highlights.
     """
-    result = np.zeros((image.terms.diffuse.shape[1], photo.shape[1]))
-    for channel in range(photo.shape[1]):
+    image = evaluation.image
+    y, x = photo.index(image.surface)
+    weights, target, clipped = evaluation.base_weight[y, x], photo.photo.color[y, x], photo.photo.clipped[y, x]
+    result = lights.fixed_radiance.copy()
+    for channel in range(result.shape[1]):
         columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
         columns = columns + brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular
-        target = photo[:, channel]
+        wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
         usable = weights * ~clipped[:, channel]
-        robust = np.ones_like(usable)
-        for _ in range(ROBUST_ROUNDS):
-            weighted = columns * (usable * robust)[:, None]
-            normal = weighted.T @ columns
-            ridge = LIGHT_RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
-            factor = np.linalg.cholesky(normal + ridge * np.eye(len(normal)))
-            radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
-            residual = np.abs(columns @ radiance - target)
-            scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)
-            robust = np.minimum(1.0, scale / np.maximum(residual, 1e-12))
-        result[:, channel] = radiance
+        result[lights.fitted, channel] = _robust_nnls(columns[:, lights.fitted], wanted, usable)
+    # A fit that starts in the dark has no gradient to leave it.
+    level = max(float(result[lights.fitted].mean()), 1e-6)
+    result[lights.fitted] = np.maximum(result[lights.fitted], 1e-3 * level)
     return result
+
+
+def _robust_nnls(columns: np.ndarray, target: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    robust = np.ones_like(usable)
+    radiance = np.zeros(columns.shape[1])
+    for _ in range(ROBUST_ROUNDS):
+        weighted = columns * (usable * robust)[:, None]
+        normal = weighted.T @ columns
+        ridge = LIGHT_RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
+        factor = np.linalg.cholesky(normal + ridge * np.eye(len(normal)))
+        radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
+        residual = np.abs(columns @ radiance - target)
+        scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)
+        robust = np.minimum(1.0, scale / np.maximum(residual, 1e-12))
+    return radiance

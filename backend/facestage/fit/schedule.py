@@ -14,7 +14,8 @@ from facestage.fit.solver import Damping, bounded_step
 
 # A stage ends when the energy falls by less than this share in a step.
 CONVERGED_SHARE = 1e-3
-MAX_REJECTIONS = 6
+# Shadows and silhouettes jump between steps; what three dampings cannot lower is as low as it gets.
+MAX_REJECTIONS = 3
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Iteration:
     evaluation: Evaluation | None
     energy: dict[str, float]
     condition: float
-    damping: float
+    damping: Damping
+    finished: bool
 
 
 @dataclass
@@ -44,11 +46,13 @@ class Stage:
     tolerance: float = CONVERGED_SHARE
     damping: Damping = field(default_factory=Damping)
 
-    def run(self, state: State, seed: int, deadline: float, clock: Callable[[], float] = time.monotonic) -> Iterator[Iteration]:
-        """Accepted steps until converged, out of steps, or past the ``deadline`` of ``clock``."""
+    def run(
+        self, state: State, seed: int, deadline: float, first: int = 1, clock: Callable[[], float] = time.monotonic
+    ) -> Iterator[Iteration]:
+        """Accepted steps, numbered from ``first``, until converged, out of steps, or past the ``deadline``."""
         active = self.energy.layout.mask(self.blocks) & ~self.freeze
         evaluation = self._evaluate(state, seed)
-        for number in range(1, self.steps + 1):
+        for number in range(first, self.steps + 1):
             system = _System(self.energy, state, evaluation, active)
             accepted = False
             for _ in range(MAX_REJECTIONS):
@@ -70,10 +74,11 @@ class Stage:
             if not accepted:
                 return
             state, evaluation = candidate, trial
+            finished = number == self.steps or decrease < self.tolerance * max(system.total, 1e-12)
             yield Iteration(
-                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping.value
+                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping, finished
             )
-            if clock() > deadline or decrease < self.tolerance * max(system.total, 1e-12):
+            if finished or clock() > deadline:
                 return
 
     def _evaluate(self, state: State, seed: int) -> Evaluation | None:

@@ -100,9 +100,17 @@ class ForwardModel:
             stage.transformed(centred), state.roughness, samples, seed, derivatives,
         )  # fmt: skip
 
-    def shade(self, state: State, surface: Surface, terms: LightTerms, albedo: np.ndarray | None = None) -> Image:
-        """Radiance towards the camera; ``albedo`` (P, 3) replaces the model's own."""
-        radiance = self.lights.radiance(state.lights)
+    def shade(
+        self,
+        state: State,
+        surface: Surface,
+        terms: LightTerms,
+        albedo: np.ndarray | None = None,
+        radiance: np.ndarray | None = None,
+    ) -> Image:
+        """Radiance towards the camera; ``albedo`` (P, 3) and ``radiance`` (N, 3) replace the state's own."""
+        if radiance is None:
+            radiance = self.lights.radiance(state.lights)
         if albedo is None:
             albedo = self.albedo(state, surface)
         c_spec = sample_bilinear(state.specular, self.uvs(surface))

@@ -76,7 +76,7 @@ def load_ict(path: Path) -> FaceModel:
         vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
         identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
         expression_names=tuple(Path(name).stem for name in expression_files), expression_basis=basis(expression_files),
-        albedo_mean=mean, albedo_basis=albedo,
+        albedo_mean=mean, albedo_basis=albedo, face_tile=(*_TILES[0][2], _TILES[0][3]),
         landmarks={"ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1)},
         regions={
             "narrow_face": np.arange(NARROW_FACE, dtype=np.int32),

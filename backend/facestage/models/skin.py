@@ -130,7 +130,7 @@ def _spectrum_to_rgb() -> np.ndarray:
     """(31, 3) weights from a reflectance spectrum to linear Rec. 709 RGB, with each column summing to 1."""
 
     def lobe(mean: float, below: float, above: float) -> np.ndarray:
-        return np.exp(-0.5 * ((_WAVELENGTH - mean) * np.where(_WAVELENGTH < mean, below, above)) ** 2)
+        return np.exp(-0.5 * ((_WAVELENGTH - mean) * np.where(mean > _WAVELENGTH, below, above)) ** 2)
 
     x = 0.362 * lobe(442.0, 0.0624, 0.0374) + 1.056 * lobe(599.8, 0.0264, 0.0323) - 0.065 * lobe(501.1, 0.0490, 0.0382)
     y = 0.821 * lobe(568.8, 0.0213, 0.0247) + 0.286 * lobe(530.9, 0.0613, 0.0322)

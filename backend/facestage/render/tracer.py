@@ -63,8 +63,8 @@ class RayTracer:
         self._scene_parameters.update()
 
     def first_hits(self, origin: np.ndarray, directions: np.ndarray) -> Hits:
-        """First triangle along unit ``directions`` (P, 3) from ``origin`` (3,)."""
-        ray = mi.Ray3f(mi.Point3f(*(mi.Float(float(value)) for value in origin)), _vector(directions))
+        """First triangle along unit ``directions`` (P, 3) from ``origin`` (3,) or (P, 3)."""
+        ray = mi.Ray3f(mi.Point3f(_vector(np.broadcast_to(origin, directions.shape))), _vector(directions))
         hit = self._scene.ray_intersect_preliminary(ray)
         valid = hit.is_valid()
         u, v = dr.select(valid, hit.prim_uv.x, 0), dr.select(valid, hit.prim_uv.y, 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_matrix
 
 from facestage.contract.face_model import EYES, MOUTH, SKIN, TEETH
 from facestage.models.head import ear, eyes, mouth, topology
@@ -60,12 +61,35 @@ def assemble() -> HeadMesh:
     teeth = {row: _add_teeth(builder, row) for row in ("upper", "lower")}
     tongue = _add_tongue(builder)
     vertices, polygons, polygon_uvs, parts, uvs = builder.arrays()
+    vertices = _faired(vertices, polygons[parts == SKIN], grid, loops)
     uvs[:skin_uv_count] = _Atlas(surface).uv(chart_uvs)
     chart = np.full((len(vertices), 2), np.nan)
     skin = parts == SKIN
     corner_used = polygons[skin] >= 0
     chart[polygons[skin][corner_used]] = chart_uvs[polygon_uvs[skin][corner_used]]
     return HeadMesh(vertices, polygons, polygon_uvs, parts, uvs, chart, grid, loops, bag, eyeballs, teeth, tongue)
+
+
+def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops: dict[str, np.ndarray]) -> np.ndarray:
+    """Vertices with the skin of the nose and the corners of the windows smoothed; lids, lips and ears stay."""
+    n = len(vertices)
+    following = np.where(polygons[:, [1, 2, 3, 0]] < 0, polygons[:, :1], polygons[:, [1, 2, 3, 0]])
+    edges = np.stack([polygons, following], axis=-1)[polygons >= 0].reshape(-1, 2)
+    links = coo_matrix((np.ones(len(edges)), edges.T), (n, n)).tocsr()
+    links = ((links + links.T) > 0).astype(np.float64)
+    degree = np.maximum(np.asarray(links.sum(axis=1)).ravel(), 1.0)
+    free = np.zeros(n)
+    free[grid[1:][grid[1:] >= 0]] = 1.0
+    free[loops["mouth"][1 : len(mouth._LOOPS)]] = 1.0
+    for side in SIDES:
+        free[loops[f"eye_{side}"][1:3]] = 1.0
+        free[loops[f"ear_{side}"][0]] = 0.0
+    nose = np.array([[-14.0, -45.0, 100.0], [14.0, -45.0, 100.0]])
+    near_nose = np.exp(-(((vertices[:, None] - nose) / [11.0, 10.0, 18.0]) ** 2).sum(axis=2)).max(axis=1)
+    weight = free * (0.12 + 0.38 * near_nose)
+    for _ in range(4):
+        vertices = vertices + weight[:, None] * ((links @ vertices) / degree[:, None] - vertices)
+    return vertices
 
 
 def _window_chart(name: str) -> np.ndarray:

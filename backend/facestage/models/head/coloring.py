@@ -64,7 +64,7 @@ def brow_weight(masks: Masks) -> np.ndarray:
 
 def hair_weight(masks: Masks) -> np.ndarray:
     """(n,) 1 where hair grows on the head, 0 on face, ears and neck."""
-    x, y, z = masks.points.T
+    y, z = masks.points[:, 1], masks.points[:, 2]
     # The hairline: high over the forehead, down the temples, behind the ears, to the nape.
     line = np.interp(
         z, (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0), (-72, -68, -40, 12, 14, 16, 34, 58, 72)

@@ -11,8 +11,8 @@ from facestage.models.head.eyes import Patch
 # Outline in the plane of the ear (backward, up) in mm from the ear canal, counterclockwise seen from outside,
 # starting at the tragus; height about 63 mm and breadth about 36 mm (Farkas 1994).
 _OUTLINE = np.array([
-    (-4.5, -4), (-4.5, -13), (-3.5, -23), (2, -30.5), (9, -29.5), (15, -20), (21, -8), (26, 5), (27.5, 17), (23.5, 27.5),
-    (14.5, 33), (5.5, 31), (-0.5, 24), (-3.5, 14), (-4.3, 4),
+    (-4.5, -4), (-4.8, -13), (-3.8, -22), (0, -29), (7.5, -31), (14, -26), (19.5, -13), (25, 2), (27.5, 16), (24, 27),
+    (15.5, 32.5), (6, 31), (-0.5, 24), (-3.5, 14), (-4.3, 4),
 ])  # fmt: skip
 # How free of the head the ear is at each outline point: 0 in front, 1 behind; and how strongly the helix curls.
 _FREE = np.array([0, 0, 0.25, 0.8, 1, 1, 1, 1, 1, 1, 1, 0.9, 0.5, 0.1, 0], float)

@@ -1,4 +1,4 @@
-"""What each muscle group does to the face: Gaussian pulls in the front view. The left side is written, right mirrors."""
+"""What each muscle group does to the face: Gaussian pulls in the front view, written for the left side."""
 
 from __future__ import annotations
 
@@ -81,8 +81,9 @@ BOTH: dict[str, tuple[Muscle, ...]] = {
     "AU17_chin_raiser": (M((0, -101), (17, 11), (0, 5.6, 1.2)), M((0, -92), (16, 7), (0, 1.6, 2.0))),
     "AU22_upper_lip_funnel": (M((0, -66), (16, 7), (0, 3.2, 4.2), "upper"),),
     "AU22_lower_lip_funnel": (M((0, -82), (16, 8), (0, -3.6, 4.4), "lower"),),
-    "AU23_lip_tightener": (M((0, -67), (20, 5), (0, -2.2, -1.0), "upper"), M((0, -80), (20, 6), (0, 2.4, -1.0), "lower"),
-                           M(_CORNER, (9, 9), (-1.6, 0, -0.6))),
+    "AU23_lip_tightener": (
+        M((0, -67), (20, 5), (0, -2.2, -1.0), "upper"), M((0, -80), (20, 6), (0, 2.4, -1.0), "lower"), M(_CORNER, (9, 9), (-1.6, 0, -0.6)),
+    ),
     "AU25_lips_part": (M((0, -69), (19, 8), (0, 1.6, 0), "upper"), M((0, -80), (19, 10), (0, -3.4, 0), "lower")),
     "AU39_nostril_compressor": (M((15, -48), (7, 8), (-2.0, 0, 0.4)), M((0, -44), (8, 8), (0, -1.2, 0))),
     "AU21_neck_tightener": (M((34, -125), (22, 26), (2.4, -2.6, 3.4)), M((30, -92), (17, 14), (1.2, -2.4, 0))),

@@ -79,7 +79,7 @@ def _jaw_shapes(masks: Masks) -> dict[str, np.ndarray]:
     opened = _jaw_turn(masks, _JAW_OPEN_DEGREES)
     forward = jaw * np.array([0.0, -0.6, 5.0])
     sideways = rotate_about(points, JAW_HINGE, 1, np.radians(4.5)) - points
-    left = jaw * (sideways + [1.0, 0.0, 0.0])
+    left = jaw * (sideways + np.array([1.0, 0.0, 0.0]))
     right = jaw * (rotate_about(points, JAW_HINGE, 1, -np.radians(4.5)) - points - [1.0, 0.0, 0.0])
     # With jawOpen at 1, mouthClose brings the lips together again between the parted teeth.
     lips = np.exp(-(((points[:, 1] + 77) / 15.0) ** 2) - (points[:, 0] / 30.0) ** 4) * masks.front

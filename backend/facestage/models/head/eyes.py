@@ -9,9 +9,9 @@ import numpy as np
 from facestage.models.head.base_surface import BaseSurface
 from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features, smooth_maximum
 
-INNER_CORNER = np.array([17.0, -2.0])
-OUTER_CORNER = np.array([45.6, 0.8])
-LID_THICKNESS = 1.05
+INNER_CORNER = np.array([17.2, -2.2])
+OUTER_CORNER = np.array([46.2, 0.6])
+LID_THICKNESS = 1.2
 _LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.89)  # between the window (0) and the lid margin (1)
 
 IRIS_RADIUS, PUPIL_RADIUS = 5.9, 2.0
@@ -33,8 +33,8 @@ def lid_curve(count: int) -> np.ndarray:
     along = np.arange(half + 1) / half
     along = 0.45 * along + 0.55 * (0.5 - 0.5 * np.cos(np.pi * along))
     chord = INNER_CORNER + along[:, None] * (OUTER_CORNER - INNER_CORNER)
-    lower = chord - np.stack([np.zeros(half + 1), 5.0 * np.sin(np.pi * along**1.12) ** 0.85], axis=-1)
-    upper = chord + np.stack([np.zeros(half + 1), 6.3 * np.sin(np.pi * along**0.86) ** 0.8], axis=-1)
+    lower = chord - np.stack([np.zeros(half + 1), 4.5 * np.sin(np.pi * along**1.15) ** 0.85], axis=-1)
+    upper = chord + np.stack([np.zeros(half + 1), 5.9 * np.sin(np.pi * along**0.84) ** 0.8], axis=-1)
     return np.concatenate([lower[:-1], upper[:0:-1]])
 
 
@@ -46,14 +46,14 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     upper = np.zeros(n)
     upper[n // 2 + 1 :] = np.sin(np.pi * np.arange(1, n - n // 2) / (n // 2))
     positions, charts = [], []
-    for t in _LOOPS + (1.0,):
+    for t in (*_LOOPS, 1.0):
         chart = window_chart + t * (margin_chart - window_chart)
         point = add_features(surface.point(*chart.T))
         # The fold of the upper lid: a shallow furrow parallel to the margin.
-        fold = np.exp(-(((t - 0.6) / 0.13) ** 2)) * upper
+        fold = np.exp(-(((t - 0.68) / 0.1) ** 2)) * upper
         point = _over_eyeball(point, LID_THICKNESS + 0.5 * (1 - t))
         relative = point - EYE_CENTER
-        point = point - 1.3 * fold[:, None] * relative / np.linalg.norm(relative, axis=1, keepdims=True)
+        point = point - 1.5 * fold[:, None] * relative / np.linalg.norm(relative, axis=1, keepdims=True)
         positions.append(point)
         charts.append(chart)
     for shrink, radius, spread in ((0.3, 0.2, -0.35), (0.65, -1.5, 2.0)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-EYE_CENTER = np.array([31.3, 0.0, 66.6])
+EYE_CENTER = np.array([31.6, 0.0, 65.3])
 EYE_RADIUS = 12.2
 
 # Reliefs: centre |x|, y; Gaussian radii; displacement (outward x, y, z).
@@ -23,13 +23,13 @@ _BUMPS = (
     ((37.0, -52.0), (10.0, 13.0), (0.4, 0.0, 1.0)),  # fullness of the cheek
     ((29.5, -74.0), (4.0, 4.0), (0.0, 0.0, -1.6)),  # corner of the mouth
     ((0.0, -106.0), (11.0, 8.0), (0.0, 0.0, 1.2)),  # chin
-    ((27.0, 19.0), (15.0, 5.0), (0.0, 0.0, 1.0)),  # brow ridge
+    ((29.0, 17.5), (17.0, 6.5), (0.0, 0.0, 1.4)),  # brow ridge
     ((0.0, 9.0), (8.0, 8.0), (0.0, 0.0, -0.6)),  # nasal root
     ((0.0, -150.0), (9.0, 10.0), (0.0, 0.0, 2.4)),  # larynx
 )
 # Furrows: two ends (|x|, y), width, displacement.
 _FURROWS = (
-    ((20.0, -45.0), (31.0, -68.0), 2.8, (0.0, 0.0, -1.1)),  # nasolabial fold
+    ((21.0, -46.0), (31.5, -68.0), 4.0, (0.0, 0.0, -1.3)),  # nasolabial fold
     ((27.0, -41.0), (39.0, -64.0), 6.0, (0.3, 0.0, 0.8)),  # cheek beside it
 )
 
@@ -40,7 +40,7 @@ def add_features(points: np.ndarray) -> np.ndarray:
     side = np.where(points[:, 0] < 0, -1.0, 1.0)
     local = points * np.stack([side, np.ones_like(side), np.ones_like(side)], axis=-1)
     front = _smoothstep((local[:, 2] - 20.0) / 20.0)
-    result = inflate(local, np.array([11.3, -46.0, 92.5]), np.array([7.0, 6.6, 11.0]), 0.25)
+    result = inflate(local, np.array([11.4, -46.3, 93.5]), np.array([6.6, 6.6, 11.0]), 0.5)
     for center, radius, move in _BUMPS:
         weight = np.exp(-(((local[:, 0] - center[0]) / radius[0]) ** 2) - ((local[:, 1] - center[1]) / radius[1]) ** 2)
         result = result + (front * weight)[:, None] * _at_midline(np.array(move), center[0])
@@ -48,8 +48,8 @@ def add_features(points: np.ndarray) -> np.ndarray:
         distance, along = _to_segment(local[:, :2], np.array(start), np.array(end))
         weight = np.exp(-((distance / width) ** 2)) * np.sin(np.pi * (0.08 + 0.84 * along))
         result = result + (front * weight)[:, None] * np.array(move)
-    nostril = np.exp(-((((local - [6.6, -50.0, 104.0]) / [3.4, 4.0, 5.0]) ** 2).sum(axis=1)))
-    result = result + nostril[:, None] * np.array([0.0, 5.5, -1.5])
+    nostril = np.exp(-((((local - [6.6, -50.0, 104.0]) / [3.3, 4.0, 5.2]) ** 2).sum(axis=1)))
+    result = result + nostril[:, None] * np.array([0.0, 7.0, -1.0])
     result = _neck_muscle(result)
     return result * np.stack([side, np.ones_like(side), np.ones_like(side)], axis=-1)
 

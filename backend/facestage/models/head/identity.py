@@ -89,7 +89,7 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     for name, pulls in PULLS.items():
         fields[name] = lambda p, pulls=pulls: np.sum([_pulled(p, pull) for pull in pulls], axis=0)
     # Each field is evaluated on the vertices and in front of both eyes, whose motion the eyes then follow.
-    probes = np.concatenate([masks.points, [eye_center(side) + [0.0, 0.0, 6.0] for side in SIDES]])
+    probes = np.concatenate([masks.points, [eye_center(side) + np.array([0.0, 0.0, 6.0]) for side in SIDES]])
     modes = {name: _eyes_rigid(masks, field(probes)) for name, field in fields.items()}
     modes |= _eye_shapes(masks) | _ears(masks)
     modes |= {name: _eyes_rigid(masks, field(probes)) for name, field in _ASYMMETRIC.items()}
@@ -117,7 +117,7 @@ def _pulled(points: np.ndarray, pull: Pull) -> np.ndarray:
         if np.isfinite(pull.radii[0]):
             weight = weight + np.exp(-(((mirrored - pull.center) / pull.radii) ** 2).sum(axis=1))
     outward = side * np.tanh(local[:, 0] / pull.midline)
-    return weight[:, None] * np.stack([pull.move[0] * outward, np.full(len(side), pull.move[1]), np.full(len(side), pull.move[2])], axis=-1)  # fmt: skip
+    return weight[:, None] * _vector(pull.move[0] * outward, pull.move[1], pull.move[2])
 
 
 def _eyes_rigid(masks: Masks, values: np.ndarray) -> np.ndarray:
@@ -130,7 +130,7 @@ def _eyes_rigid(masks: Masks, values: np.ndarray) -> np.ndarray:
     return result
 
 
-def _vector(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _vector(x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
     return np.stack(np.broadcast_arrays(x, y, z), axis=-1).astype(np.float64)
 
 
@@ -214,7 +214,7 @@ def _ears(masks: Masks) -> dict[str, np.ndarray]:
         loops = masks.mesh.loops[f"ear_{side}"]
         sign = 1.0 if side == "left" else -1.0
         center = masks.points[loops[1]].mean(axis=0)
-        hinge = center + [0.0, 0.0, 14.0]
+        hinge = center + np.array([0.0, 0.0, 14.0])
         follow = np.concatenate([[0.0, 0.25, 0.7], np.ones(len(loops) - 3)])
         for ring, row in enumerate(loops):
             relative = masks.points[row] - center

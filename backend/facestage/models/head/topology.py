@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,11 @@ from facestage.models.head.base_surface import LEVELS
 
 HALF_STATIONS = np.concatenate([np.arange(0, 7, 0.25), 7 + np.arange(10) / 3])
 STATION_LINES = np.concatenate([-HALF_STATIONS[:0:-1], HALF_STATIONS])  # first and last are the back midline
-LEVEL_LINES = np.concatenate([np.arange(0, 5, 0.5), 5 + np.arange(45) / 3, np.arange(20, LEVELS, 0.5)])
+# Twice as many levels over the nose, whose underside turns sharply.
+_NOSE_LEVELS = 32 / 3 + np.arange(16) / 6
+LEVEL_LINES = np.concatenate([
+    np.arange(0, 5, 0.5), 5 + np.arange(17) / 3, _NOSE_LEVELS, 40 / 3 + np.arange(20) / 3, np.arange(20, LEVELS, 0.5),
+])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -31,10 +36,12 @@ class Window:
 
     @property
     def width(self) -> int:
+        """Cells across."""
         return self.right - self.left
 
     @property
     def height(self) -> int:
+        """Cells from bottom to top."""
         return self.top - self.bottom
 
     def loop(self) -> np.ndarray:
@@ -43,7 +50,7 @@ class Window:
         corners = [(self.left, middle), (self.left, self.bottom), (self.right, self.bottom)]
         corners += [(self.right, self.top), (self.left, self.top), (self.left, middle)]
         path: list[tuple[int, int]] = []
-        for (c0, r0), (c1, r1) in zip(corners, corners[1:], strict=False):
+        for (c0, r0), (c1, r1) in pairwise(corners):
             steps = abs(c1 - c0) + abs(r1 - r0)
             path += [(c0 + (c1 - c0) * k // steps, r0 + (r1 - r0) * k // steps) for k in range(steps)]
         return np.array(path)
@@ -107,11 +114,9 @@ def cap_quads(loop: np.ndarray) -> np.ndarray:
     """(p, 4) quads that close a loop of an even number of indices by a ladder between its two sides."""
     n = len(loop)
     forward, backward = loop[1 : n // 2], loop[: n // 2 : -1]
-    rungs = [(loop[0], forward[0], backward[0], -1)]
-    for k in range(len(forward) - 1):
-        rungs.append((forward[k], forward[k + 1], backward[k + 1], backward[k]))
-    rungs.append((forward[-1], loop[n // 2], backward[-1], -1))
-    return np.array(rungs)
+    sides = pairwise(zip(forward, backward, strict=True))
+    rungs = [(a0, a1, b1, b0) for (a0, b0), (a1, b1) in sides]
+    return np.array([(loop[0], forward[0], backward[0], -1), *rungs, (forward[-1], loop[n // 2], backward[-1], -1)])
 
 
 def grid_quads(builder: MeshBuilder, positions: np.ndarray, pole: np.ndarray, part: int) -> np.ndarray:

@@ -1,0 +1,223 @@
+"""The command line: parse, call one function, turn errors into one sentence and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from facestage import __version__
+from facestage.contract.errors import CancelledError, FacestageError, InputError
+
+if TYPE_CHECKING:
+    from facestage.contract.job import Job
+
+EXIT_DONE, EXIT_BAD_INPUT = 0, 2
+MODELS = "default (built in), ict:PATH (ICT-FaceKit's folder or archive) or npz:FILE"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code: 0 done, 2 bad input, 3 cancelled, 4 no backend."""
+    signal.signal(signal.SIGTERM, _cancel)
+    parser = build_parser()
+    options = parser.parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except FacestageError as error:
+        print(f"facestage: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("facestage: cancelled; the last checkpoint is kept, --resume continues from it.", file=sys.stderr)
+        return CancelledError.exit_code
+    except BrokenPipeError:
+        # Whoever listened is gone; without this the interpreter complains once more while closing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CancelledError.exit_code
+
+
+def _cancel(_number: int, _frame: Any) -> None:
+    raise CancelledError("cancelled; the last checkpoint is kept, --resume continues from it.")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of every command; ``--help`` of each shows an example."""
+    parser = argparse.ArgumentParser(
+        prog="facestage",
+        description="From a photograph of a face to a face that can be edited and relit.",
+        epilog="Start with: facestage doctor, then facestage fit photo.jpg --landmarks points.json --out result",
+    )
+    parser.add_argument("--version", action="version", version=f"facestage {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _add_fit(commands)
+    _add_detect(commands)
+    _add_render(commands)
+    _add_model(commands)
+    doctor = commands.add_parser("doctor", help="say what works on this machine, and how to mend the rest")
+    doctor.set_defaults(run=_run_doctor)
+    return parser
+
+
+def _add_fit(commands: Any) -> None:
+    fit = commands.add_parser(
+        "fit",
+        help="fit a face to a photograph",
+        description="Fit shape, expression, pose, albedo, specular map and light to one photograph.",
+        epilog="Example: facestage fit photo.png --landmarks points.json --out result --budget 60. "
+        "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
+    )
+    fit.add_argument("image", nargs="?", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels")
+    fit.add_argument("--job", type=Path, metavar="DIR", help="a job folder (what the add-on writes) instead of IMAGE and its options")
+    fit.add_argument("--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done")
+    fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
+    fit.add_argument("--landmarks", type=Path, metavar="FILE", help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}')
+    camera = fit.add_mutually_exclusive_group()
+    camera.add_argument("--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}')
+    camera.add_argument("--focal-px", type=float, metavar="F", help="focal length in pixels; fitted when neither is given")
+    fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
+    fit.add_argument("--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all")
+    fit.add_argument("--freeze", nargs="+", default=[], metavar="NAME", help="do not fit: identity, expression, pose, albedo, ...")
+    fit.add_argument("--budget", type=float, metavar="SECONDS", help="wall-clock limit from the first step on, pictures included")
+    fit.add_argument("--seed", type=int, metavar="N", help="seed of the light samples (default 0)")
+    fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
+    fit.add_argument("--truth", type=Path, metavar="FILE", help="known vertices (.npz): adds errors to trace and result, changes nothing")
+    fit.add_argument("--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out")
+    fit.set_defaults(run=_run_fit)
+
+
+def _add_detect(commands: Any) -> None:
+    detect = commands.add_parser("detect", help="find the landmarks of a face in a photograph")
+    detect.add_argument("image", type=Path, metavar="IMAGE")
+    detect.add_argument("--out", type=Path, required=True, metavar="FILE", help="landmarks.json to write")
+    detect.set_defaults(run=_run_detect)
+
+
+def _add_render(commands: Any) -> None:
+    render = commands.add_parser(
+        "render",
+        help="render a fitted face, relit or with another expression",
+        epilog="Example: facestage render result --out relit.png --lights lights.json --weights smile.json",
+    )
+    render.add_argument("result", type=Path, metavar="RESULT", help="a result folder of facestage fit")
+    render.add_argument("--out", type=Path, required=True, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)")
+    render.add_argument("--lights", type=Path, metavar="FILE", help='{"radiance": [[r, g, b], ...]}, one row per light of the stage')
+    render.add_argument("--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}')
+    render.add_argument("--spp", type=int, default=16, metavar="N", help="shadow samples per light and pixel (default 16)")
+    render.set_defaults(run=_run_render)
+
+
+def _add_model(commands: Any) -> None:
+    model = commands.add_parser("model", help="write a face model in Facestage's own form (what the add-on builds rigs from)")
+    model.add_argument("model", metavar="MODEL", help=MODELS)
+    model.add_argument("--out", type=Path, required=True, metavar="FILE", help=".npz to write")
+    model.set_defaults(run=_run_model)
+
+
+def _run_fit(options: argparse.Namespace) -> int:
+    from facestage.fit.run import fit_job
+
+    fit_job(_job(options), options.out, options.resume, lambda event: print(event.to_line(), flush=True))
+    return EXIT_DONE
+
+
+def _job(options: argparse.Namespace) -> Job:
+    """The job of a ``fit`` command line, from a job folder or from the image and its options."""
+    from facestage.contract.job import Job
+
+    if options.job is not None:
+        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device")
+        given = [name for name in own if getattr(options, name) is not None]
+        if given or options.freeze:
+            raise InputError(
+                f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or change it in the job."
+            )
+        job = Job.load(options.job)
+        return _override(job, options)
+    if options.image is None:
+        raise InputError("facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job DIR --out DIR.")
+    return _override(_image_job(options), options)
+
+
+def _override(job: Job, options: argparse.Namespace) -> Job:
+    from dataclasses import replace
+
+    if options.budget is not None:
+        job = replace(job, budget_seconds=options.budget)
+    if options.truth is not None:
+        job = replace(job, truth=options.truth.absolute())
+    return job
+
+
+def _image_job(options: argparse.Namespace) -> Job:
+    from facestage.contract.camera import Camera
+    from facestage.contract.job import Job
+    from facestage.contract.landmarks import Landmarks
+    from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
+    from facestage.image_io import read_photograph
+
+    camera = Camera.read(options.camera) if options.camera else None
+    if options.focal_px is not None:
+        camera = Camera.default(*read_photograph(options.image).size, options.focal_px)
+    count = DEFAULT_COUNT if options.lights is None else options.lights
+    return Job(
+        image=options.image.absolute(),
+        model=options.model or "default",
+        landmarks=Landmarks.read(options.landmarks) if options.landmarks else None,
+        camera=camera,
+        stage=fibonacci_stage(count),
+        light_color=options.light_color or "multi",
+        freeze=tuple(options.freeze),
+        seed=options.seed or 0,
+        device=options.device or "auto",
+    )
+
+
+def _run_detect(_options: argparse.Namespace) -> int:
+    raise InputError(
+        "Automatic landmark detection is not available; make a landmark file by hand or with another tool and "
+        "give it with --landmarks (68 points, scheme ibug68)."
+    )
+
+
+def _run_render(options: argparse.Namespace) -> int:
+    from facestage.fit.relight import render_result
+
+    lights = _read(options.lights, "light file")
+    weights = _read(options.weights, "weight file")
+    render_result(options.result, options.out, lights, weights, options.spp)
+    return EXIT_DONE
+
+
+def _read(path: Path | None, what: str) -> dict[str, Any] | None:
+    from facestage.contract.storage import read_json
+
+    return read_json(path, what) if path is not None else None
+
+
+def _run_model(options: argparse.Namespace) -> int:
+    from facestage.models.registry import load_model
+
+    if options.out.suffix != ".npz":
+        raise InputError(f"The output '{options.out}' does not end in .npz; a face model is written as one .npz file.")
+    model = load_model(options.model)
+    model.save(options.out)
+    summary = {
+        "name": model.name, "license": model.license, "vertices": len(model.vertices),
+        "identity": len(model.identity_names), "expression": len(model.expression_names),
+    }  # fmt: skip
+    print(json.dumps(summary))
+    return EXIT_DONE
+
+
+def _run_doctor(_options: argparse.Namespace) -> int:
+    from facestage.doctor import run_doctor
+
+    return run_doctor(sys.stdout)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,252 @@
+"""Runs a fit: phases of the schedule over one problem, with checkpoints, progress and a deadline."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.light_stage import LightStage
+from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.energy import Energy, Evaluation, PhotoTerm
+from facestage.fit.initialize import initial_lights, initial_pose
+from facestage.fit.landmark_term import LandmarkTerm
+from facestage.fit.metrics import psnr
+from facestage.fit.parameters import Layout, State
+from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
+from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
+from facestage.fit.schedule import Iteration, Stage
+from facestage.fit.shading import ForwardModel
+from facestage.fit.solver import Damping
+from facestage.fit.truth import Truth
+
+# Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
+LANDMARK_SIGMA_SHARE = 0.0085
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A step of the schedule: what moves, at which size of the face, with how many light samples."""
+
+    name: str
+    blocks: tuple[str, ...]
+    face_px: float | None  # None: landmarks only
+    steps: int
+    samples: int = 2
+    share: float = 0.1  # of the whole work, for the progress bar
+
+
+SHAPE = ("pose", "focal", "identity", "expression")
+SKIN = ("lights", "albedo")
+GLOSS = ("specular", "roughness")
+PHASES = (
+    Phase("pose", ("pose", "focal"), None, 20, share=0.01),
+    Phase("landmarks", SHAPE, None, 30, share=0.04),
+    Phase("light and albedo", SKIN, COARSE_FACE_PX, 4, share=0.10),
+    Phase("geometry", SHAPE + SKIN, COARSE_FACE_PX, 8, share=0.25),
+    Phase("specular", SKIN + GLOSS, COARSE_FACE_PX, 3, share=0.10),
+    Phase("joint", SHAPE + SKIN + GLOSS, FINE_FACE_PX, 8, samples=4, share=0.40),
+)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a listener hears after each step."""
+
+    phase: str
+    iteration: int
+    fraction: float
+    seconds: float
+    photo_rms: float | None
+    evaluation: Evaluation | None
+    photo: np.ndarray | None  # (h, w, 3) at the phase's resolution
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where the schedule ended."""
+
+    state: State
+    camera_to_stage: np.ndarray  # (4, 4)
+    stage: LightStage  # lit lights, camera frame, at the fitted radiance
+    trace: list[dict[str, Any]]
+    energy: dict[str, float]
+    condition: float
+    seconds: float
+    in_time: bool
+
+
+class FitRun:
+    """One fit. ``folder`` keeps the checkpoint; ``listen`` hears of each step; the clock is monotonic."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        forward: ForwardModel,
+        folder: Path,
+        truth: Truth | None = None,
+        listen: Callable[[Progress], None] = lambda progress: None,
+    ) -> None:
+        self.problem, self.forward, self.folder = problem, forward, folder
+        self.truth, self.listen = truth, listen
+        self.trace: list[dict[str, Any]] = []
+        self.light_scale = 1.0
+        self.camera_to_stage = problem.job.camera_to_stage
+
+    def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
+        """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
+        started = time.monotonic()
+        state, first_phase, first_step, damping = self._start_state(), 0, 1, Damping()
+        if checkpoint is not None:
+            if checkpoint.fingerprint != self.problem.fingerprint:
+                raise InputError(
+                    f"The checkpoint in '{self.folder}' belongs to another job (photo, landmarks or options differ); "
+                    "start again without --resume, or restore the options."
+                )
+            state, first_phase, first_step = checkpoint.state, checkpoint.phase, checkpoint.step + 1
+            damping = Damping(*checkpoint.damping)
+            self.trace, self.light_scale = list(checkpoint.trace), checkpoint.light_scale
+            started -= checkpoint.seconds
+            if np.isfinite(checkpoint.camera_to_stage).all():
+                self.camera_to_stage = checkpoint.camera_to_stage
+        last: Iteration | None = None
+        for number in range(first_phase, len(PHASES)):
+            phase = PHASES[number]
+            if time.monotonic() > deadline and number > 1:
+                break
+            stage = self._stage(phase, state, resumed=number == first_phase and first_step > 1)
+            if stage is None:
+                continue
+            if phase.face_px is not None and first_step == 1:
+                state = self._with_initial_lights(stage, state)
+            if number == first_phase and first_step > 1:
+                stage.damping = damping
+            factor = self._factor(phase)
+            scaled = replace(state, camera=state.camera.scaled(factor))
+            for item in stage.run(scaled, self.problem.job.seed + number, deadline, first_step):
+                state = self._full_size(item.state, state, factor)
+                last = item
+                seconds = time.monotonic() - started
+                self._record(phase, item, stage, state, seconds)
+                done = number + 1 if item.finished else number
+                step = 0 if item.finished else item.number
+                self._save(done, step, item.damping, state, seconds)
+                self.listen(self._progress(number, item, stage, seconds))
+            first_step = 1
+        seconds = time.monotonic() - started
+        stage_camera = self._stage_in_camera(state)
+        return Fitted(
+            state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
+            self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
+            time.monotonic() <= deadline,
+        )  # fmt: skip
+
+    def _start_state(self) -> State:
+        problem, initial = self.problem, self.problem.job.initial
+        model = problem.geometry.model
+        rotation, translation = initial_pose(problem.geometry, problem.landmarks, problem.camera)
+        if "model_to_camera" in initial:
+            rotation, translation = initial["model_to_camera"][:3, :3], initial["model_to_camera"][:3, 3]
+        size = SPECULAR_SIZE
+        return State(
+            rotation=rotation, translation=translation, camera=problem.camera,
+            identity=initial.get("identity", np.zeros(len(model.identity_names))).astype(float),
+            expression=initial.get("expression", np.zeros(len(model.expression_names))).astype(float),
+            lights=np.zeros(problem.lights.size),
+            albedo=initial.get("albedo", np.zeros(len(model.albedo_basis))).astype(float),
+            roughness=float(initial.get("roughness", ROUGHNESS_MEAN)),
+            specular=initial.get("specular", np.full((size, size), SPECULAR_MEAN)).astype(float),
+        )  # fmt: skip
+
+    def _factor(self, phase: Phase) -> float:
+        return 1.0 if phase.face_px is None else self.problem.scale(phase.face_px)
+
+    def _full_size(self, scaled: State, reference: State, factor: float) -> State:
+        """The scaled state with the camera of the full photo."""
+        return replace(scaled, camera=replace(reference.camera, focal_px=scaled.camera.focal_px / factor))
+
+    def _anchor(self, state: State) -> np.ndarray:
+        """camera_to_stage: the job's, or axes parallel to the camera's with the face at the centre."""
+        if self.camera_to_stage is None:
+            self.camera_to_stage = np.eye(4)
+            self.camera_to_stage[:3, 3] = -state.translation
+        return self.camera_to_stage
+
+    def _stage_in_camera(self, state: State) -> LightStage:
+        return self.problem.lit_stage.transformed(np.linalg.inv(self._anchor(state)))
+
+    def _stage(self, phase: Phase, state: State, resumed: bool) -> Stage | None:
+        """The solver's stage for a phase, or None when all it could move is frozen."""
+        problem, job = self.problem, self.problem.job
+        layout = Layout(state)
+        frozen = set(job.freeze) | (set() if problem.fit_focal else {"focal"})
+        freeze = layout.mask(frozen)
+        if not (layout.mask(phase.blocks) & ~freeze).any():
+            return None
+        factor = self._factor(phase)
+        scaled = replace(state, camera=state.camera.scaled(factor))
+        box = problem.geometry.model.expression_prior == "box"
+        sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
+        priors = Priors(layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale)
+        energy = Energy(
+            layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
+            job.weights, problem.lights,
+            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), phase.samples),
+            stage=None if phase.face_px is None else self._stage_in_camera(scaled),
+        )  # fmt: skip
+        low, high = layout.bounds(box)
+        return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
+
+    def _with_initial_lights(self, stage: Stage, state: State) -> State:
+        """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
+        problem = self.problem
+        if state.lights.any() or not problem.lights.size:
+            return state
+        photo, energy = stage.energy.photo, stage.energy
+        assert photo is not None and energy.stage is not None
+        factor = photo.photo.usable.shape[1] / problem.camera.width
+        scaled = replace(state, camera=state.camera.scaled(factor))
+        evaluation = photo.evaluate(scaled, energy.stage, problem.job.seed)
+        if len(evaluation.image.color) == 0:
+            raise InputError(
+                "None of the photo's usable pixels shows the face where the landmarks put it; "
+                "check the landmarks and the photo's alpha mask."
+            )
+        radiance = initial_lights(evaluation, photo, problem.lights)
+        self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
+        energy.priors.light_scale = self.light_scale
+        return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def _record(self, phase: Phase, item: Iteration, stage: Stage, state: State, seconds: float) -> None:
+        row: dict[str, Any] = {
+            "seconds": seconds, "stage": phase.name, "iteration": item.number, "energy": item.energy,
+            "condition": item.condition, "damping": item.damping.value,
+        }  # fmt: skip
+        if item.evaluation is not None and stage.energy.photo is not None:
+            used = item.evaluation.base_weight > 0
+            photo = stage.energy.photo.photo.color
+            row["photo_rms"] = float(np.sqrt((item.evaluation.residual[used] ** 2).mean())) if used.any() else None
+            row["psnr"] = psnr(photo + item.evaluation.residual, photo, used)
+        if self.truth is not None:
+            row |= self.truth.geometry_errors(state)
+        self.trace.append(row)
+
+    def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float) -> None:
+        anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
+        Checkpoint(
+            self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
+            seconds, anchor, state, self.trace,
+        ).save(self.folder)  # fmt: skip
+
+    def _progress(self, number: int, item: Iteration, stage: Stage, seconds: float) -> Progress:
+        phase = PHASES[number]
+        done = sum(earlier.share for earlier in PHASES[:number])
+        done += phase.share * (1.0 if item.finished else item.number / phase.steps)
+        photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
+        rms = self.trace[-1].get("photo_rms")
+        return Progress(phase.name, item.number, done, seconds, rms, item.evaluation, photo)

@@ -1,0 +1,203 @@
+"""From the end of the schedule to a result folder: texture detail, pictures, numbers."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage import __version__
+from facestage.contract import brdf
+from facestage.contract.face_model import EYES, SKIN, TEETH
+from facestage.contract.light_stage import LightStage
+from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
+from facestage.contract.storage import finite
+from facestage.fit.driver import Fitted
+from facestage.fit.metrics import psnr
+from facestage.fit.parameters import State
+from facestage.fit.plan import left_out
+from facestage.fit.problem import Problem
+from facestage.fit.rendering import Picture, light_probe, render_picture
+from facestage.fit.shading import ForwardModel, sample_bilinear
+from facestage.fit.texture import Atlas, detail_texture
+from facestage.fit.truth import Truth
+from facestage.image_io import write_exr
+from facestage.report import ReportData, write_report
+
+# Texels along the atlas per pixel of the face: the face fills about half of it.
+TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
+SPECULAR_TEXTURE = 256
+DETAIL_SAMPLES = 16
+WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
+
+
+@dataclass(frozen=True)
+class Finished:
+    """Everything a result folder shows."""
+
+    state: State
+    texture: np.ndarray  # (S, S, 3) albedo
+    picture: Picture
+    errors: dict[str, float]
+    timings: dict[str, float]
+
+
+def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None) -> Finished:
+    """Add the albedo detail and render the fitted face at the photo's size."""
+    started = time.monotonic()
+    texture = _albedo_texture(problem, forward, fitted)
+    detail_seconds = time.monotonic() - started
+    started = time.monotonic()
+    picture = render_picture(forward, fitted.state, fitted.stage, texture, problem.job.seed)
+    timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
+    errors = _errors(problem, fitted, texture, picture, truth)
+    return Finished(fitted.state, texture, picture, errors, timings)
+
+
+def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> np.ndarray:
+    size = TEXTURE_MIN
+    while size < min(TEXELS_PER_FACE_PX * problem.face_size_px, TEXTURE_MAX):
+        size *= 2
+    atlas = Atlas.build(problem.geometry, size)
+    logs = atlas.bake(forward.log_albedo(fitted.state))
+    if "albedo" not in problem.job.freeze:
+        color, usable, clipped = problem.photograph.color, problem.photograph.mask, problem.photograph.clipped
+        y, x = np.nonzero(usable)
+        surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, parts=(SKIN,))
+        if len(surface.pixels):
+            terms = forward.light_terms(fitted.state, surface, fitted.stage, DETAIL_SAMPLES, problem.job.seed)
+            image = forward.shade(fitted.state, surface, terms)
+            column, row = surface.pixels.astype(int).T
+            cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
+            weights = np.clip((cosine - 0.15) / 0.3, 0, 1)[:, None] * ~clipped[row, column]
+            logs = logs + detail_texture(atlas, logs, image, forward.uvs(surface), color[row, column], weights)
+    return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32)
+
+
+def _errors(
+    problem: Problem, fitted: Fitted, texture: np.ndarray, picture: Picture, truth: Truth | None
+) -> dict[str, float]:
+    state, photo = fitted.state, problem.photograph
+    seen = picture.skin & photo.mask
+    errors: dict[str, float | None] = {"psnr": psnr(picture.color, photo.color, seen)}
+    vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
+    shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
+    points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
+    distance = np.linalg.norm(state.camera.project(points) - problem.landmarks.points, axis=1)
+    errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible]))
+    if truth is not None:
+        errors |= truth.geometry_errors(state)
+        # The landmark stage's own error: a fit must never end further from the truth than its start.
+        start = [row for row in fitted.trace if row["stage"] == "landmarks"]
+        if start:
+            errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
+        errors["light"] = truth.light_error(fitted.stage, state.translation)
+        errors["albedo"] = truth.albedo_error(texture)
+    return {name: value for name, value in errors.items() if value is not None}
+
+
+def write_result(
+    folder: Path, problem: Problem, forward: ForwardModel, fitted: Fitted, finished: Finished, timings: dict[str, float]
+) -> Result:
+    """Write every file of the result into an existing folder."""
+    model, state = problem.geometry.model, finished.state
+    stage = _whole_stage(problem, fitted.stage)
+    vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    specular = _specular_texture(problem, state)
+    result = Result(
+        status=CONVERGED if fitted.in_time else BUDGET_SPENT, advice=_advice(problem, fitted, finished),
+        model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
+        model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
+        albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
+        vertices=vertices.astype(np.float32), triangles=model.triangles,
+        identity_names=model.identity_names, expression_names=model.expression_names,
+        energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
+        left_out=left_out(problem, fitted), versions=_versions(), seed=problem.job.seed,
+        arrays={"condition": np.float64(fitted.condition)}, folder=folder,
+    )  # fmt: skip
+    result.write_into(folder)
+    problem.job.write_into(folder, copy_image=False)
+    write_exr(folder / "albedo.exr", finished.texture)
+    write_exr(folder / "specular.exr", specular)
+    write_exr(folder / "render.exr", finished.picture.color)
+    probe = light_probe(stage)
+    write_exr(folder / "light_probe.exr", probe)
+    lines = [json.dumps(finite(row)) for row in fitted.trace]
+    (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+    write_report(folder, _report_data(problem, forward, fitted, finished, result, specular, probe))
+    return result
+
+
+def _whole_stage(problem: Problem, lit: LightStage) -> LightStage:
+    """The job's stage (stage frame) with the radiance of the lit lights filled in."""
+    radiance = np.zeros_like(problem.stage.radiance, dtype=float)
+    radiance[problem.lit] = lit.radiance
+    return problem.stage.with_radiance(radiance)
+
+
+def _specular_texture(problem: Problem, state: State) -> np.ndarray:
+    """(SPECULAR_TEXTURE, SPECULAR_TEXTURE) c_spec: the fitted map on skin, a clear layer on eyes and teeth."""
+    atlas = Atlas.build(problem.geometry, SPECULAR_TEXTURE)
+    centre = (np.arange(SPECULAR_TEXTURE) + 0.5) / SPECULAR_TEXTURE
+    u, v = np.meshgrid(centre, 1 - centre)
+    texture = sample_bilinear(state.specular, np.stack([u.ravel(), v.ravel()], axis=1)).reshape(u.shape)
+    wet = np.isin(problem.geometry.triangle_part, (EYES, TEETH))
+    vertex_wet = np.zeros(len(problem.geometry.mean), np.float32)
+    vertex_wet[problem.geometry.triangles[wet]] = 1.0
+    return np.where(atlas.bake(vertex_wet[:, None])[..., 0] > 0.5, WET_SPECULAR, texture).astype(np.float32)
+
+
+def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
+    value = finished.errors["psnr"]
+    pixels = finished.errors["landmark_px"]
+    if not fitted.in_time:
+        return (
+            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so far); "
+            "give more --budget, or continue with --resume."
+        )
+    if pixels > 0.05 * problem.face_size_px:
+        return (
+            f"The fit converged, but its landmarks are {pixels:.1f} px off (median); check the landmark file, "
+            "or free the pose and expression."
+        )
+    if not np.isfinite(value):
+        return "The face covers no usable pixel of the photo; check the landmarks and the photo's mask."
+    if value < 22.0:
+        return (
+            f"The fit converged but explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong make-up or "
+            "wrong landmarks are the usual reasons: mask them with an alpha channel."
+        )
+    return f"Converged: the render explains the skin with a PSNR of {value:.1f} dB."
+
+
+def _versions() -> dict[str, str]:
+    names = ("mitsuba", "drjit", "numpy", "scipy", "opencv-contrib-python-headless")
+    found = {"facestage": __version__, "python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed as a package"
+    return found
+
+
+def _report_data(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, finished: Finished, result: Result,
+    specular: np.ndarray, probe: np.ndarray,
+) -> Any:  # fmt: skip
+    model, state = problem.geometry.model, finished.state
+    vertices, weights = model.landmark_vertices(problem.landmarks.scheme)
+    points = np.einsum("mi,mix->mx", weights, result.vertices[vertices])
+    return ReportData(
+        result=result, photo=problem.photograph.color, render=finished.picture.color,
+        coverage=finished.picture.skin & problem.photograph.mask, albedo=finished.texture, specular=specular,
+        texture_coverage=None, light_probe=probe, relit={}, landmarks=problem.landmarks.points,
+        projected=state.camera.project(points), visible=problem.landmarks.visible, trace=fitted.trace,
+        title=problem.job.image.stem,
+    )  # fmt: skip

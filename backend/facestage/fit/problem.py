@@ -1,0 +1,143 @@
+"""From a job to everything a fit works on, checked: photo, camera, landmarks, model, lights."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import FROZEN, OFF, ON, LightStage, fibonacci_stage
+from facestage.contract.storage import finite
+from facestage.fit.energy import Photo
+from facestage.fit.geometry import FaceGeometry
+from facestage.fit.parameters import LightParameters
+from facestage.image_io import Photograph, read_photograph, resize
+from facestage.models.registry import load_model
+
+# Longer side of the landmarks' bounding box, pixels, at which the face is fitted: finer adds cost, not shape.
+FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
+SPECULAR_SIZE = 32
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A job with its files read. Arrays are at the photo's own resolution."""
+
+    job: Job
+    photograph: Photograph
+    camera: Camera
+    landmarks: Landmarks
+    geometry: FaceGeometry
+    stage: LightStage  # stage frame, every light of the job
+    fit_focal: bool
+
+    @property
+    def lit(self) -> np.ndarray:
+        """(N,) bool, the lights that are not off."""
+        return self.stage.state != OFF
+
+    @cached_property
+    def lit_stage(self) -> LightStage:
+        """The lights that are not off: the only ones that are traced."""
+        return select_lights(self.stage, self.lit)
+
+    @cached_property
+    def lights(self) -> LightParameters:
+        """How the lit lights are parametrised."""
+        fitted = (self.lit_stage.state == ON) & ("lights" not in self.job.freeze)
+        held = np.where(fitted[:, None], 0.0, self.lit_stage.radiance)
+        return LightParameters(fitted, held, self.job.light_color == "uniform")
+
+    @cached_property
+    def face_size_px(self) -> float:
+        """Longer side of the landmarks' bounding box in pixels of the photo."""
+        return float(np.ptp(self.landmarks.points[self.landmarks.visible], axis=0).max())
+
+    def scale(self, face_px: float) -> float:
+        """The factor, at most 1, that brings the face to ``face_px`` pixels."""
+        return min(1.0, face_px / self.face_size_px)
+
+    def photo_at(self, factor: float) -> Photo:
+        """The photo resized by ``factor``."""
+        source = self.photograph
+        if factor == 1.0:
+            return Photo(source.color.astype(np.float64), source.mask, source.clipped)
+        camera = self.camera.scaled(factor)
+        size = (camera.width, camera.height)
+        return Photo(
+            resize(source.color, *size).astype(np.float64),
+            resize(source.mask.astype(np.float32), *size) > 0.99,
+            resize(source.clipped.astype(np.float32), *size) > 0.25,
+        )
+
+    def landmarks_at(self, factor: float) -> Landmarks:
+        """The landmarks of the photo resized by ``factor``."""
+        return replace(self.landmarks, points=self.landmarks.points * factor)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Changes when anything that the answer depends on changes (not the budget)."""
+        digest = hashlib.sha256()
+        digest.update(self.photograph.color.tobytes())
+        digest.update(self.geometry.mean.tobytes())
+        for name in ("position", "direction", "axis_x", "side", "radiance", "state"):
+            digest.update(np.ascontiguousarray(getattr(self.stage, name)).tobytes())
+        if self.job.camera_to_stage is not None:
+            digest.update(np.ascontiguousarray(self.job.camera_to_stage).tobytes())
+        for name, value in sorted(self.job.initial.items()):
+            digest.update(name.encode() + np.ascontiguousarray(value).tobytes())
+        settings = {
+            "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
+            "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
+            "model": self.job.model, "fit_focal": self.fit_focal,
+        }  # fmt: skip
+        digest.update(json.dumps(finite(settings), sort_keys=True).encode())
+        return digest.hexdigest()
+
+
+def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
+    """The lights of ``stage`` where ``keep`` (N,) is true."""
+    names = ("position", "direction", "axis_x", "side", "radiance", "state")
+    return LightStage(**{name: getattr(stage, name)[keep] for name in names})
+
+
+def read_problem(job: Job) -> Problem:
+    """Read and check everything a job names. Raises InputError with what is wrong."""
+    photograph = read_photograph(job.image)
+    width, height = photograph.size
+    camera = job.camera or Camera.default(width, height)
+    if (camera.width, camera.height) != (width, height):
+        raise InputError(
+            f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
+            f"{width} x {height}; give the camera of this photo."
+        )
+    if job.landmarks is None:
+        raise InputError(
+            "No landmarks were given and automatic detection is not available; give --landmarks FILE.json "
+            "with 68 points (scheme ibug68)."
+        )
+    job.landmarks.check_inside(width, height)
+    stage = job.stage or fibonacci_stage()
+    if (stage.state == OFF).all():
+        raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
+    if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
+        raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
+    model = load_model(job.model)
+    model.landmark_vertices(job.landmarks.scheme)
+    for name, size in (
+        ("identity", len(model.identity_names)),
+        ("expression", len(model.expression_names)),
+        ("albedo", len(model.albedo_basis)),
+    ):
+        value = job.initial.get(name)
+        if value is not None and (value.shape != (size,) or not np.isfinite(value).all()):
+            raise InputError(f"The starting {name} has shape {value.shape}; model '{model.name}' takes ({size},) finite numbers.")
+    fit_focal = job.camera is None and "focal" not in job.freeze
+    return Problem(job, photograph, camera, job.landmarks, FaceGeometry(model), stage, fit_focal)

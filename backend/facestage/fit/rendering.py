@@ -1,0 +1,112 @@
+"""Full-size pictures of a fitted face: anti-aliased renders, and the stage as an environment map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facestage.contract.face_model import SKIN
+from facestage.contract.light_stage import LightStage
+from facestage.fit.parameters import State
+from facestage.fit.shading import ForwardModel, Surface, sample_bilinear
+
+# Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
+RAY_BUDGET = 2.5e7
+BLOCK_POINTS = 100_000
+PROBE_HEIGHT = 128
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered photo-sized image."""
+
+    color: np.ndarray  # (h, w, 3) float32 linear, 0 where nothing is hit
+    coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
+    skin: np.ndarray  # (h, w) bool: skin all over the pixel
+
+
+def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
+    """(P, 2) int columns and rows of the pixels in the head's bounding box."""
+    width, height = state.camera.width, state.camera.height
+    projected = state.camera.project(forward.pose(state)[1])
+    projected = projected[np.isfinite(projected).all(1)]
+    if not len(projected):
+        return np.zeros((0, 2), int)
+    low = np.clip(np.floor(projected.min(0)) - 1, 0, [width, height]).astype(int)
+    high = np.clip(np.ceil(projected.max(0)) + 1, 0, [width, height]).astype(int)
+    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def render_picture(
+    forward: ForwardModel, state: State, stage: LightStage, texture: np.ndarray, seed: int = 0, samples: int | None = None
+) -> Picture:
+    """Render every part of the head with the albedo ``texture`` (S, S, 3) and direct light of ``stage``.
+
+    ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light and
+    sub-pixel; by default what RAY_BUDGET allows.
+    """
+    height, width = state.camera.height, state.camera.width
+    color, coverage = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
+    skin = np.zeros((height, width), np.float32)
+    pixels = face_pixels(forward, state)
+    if len(pixels):
+        per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
+        grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
+        each = samples or int(np.clip(per_light / grid**2, 1, 16))
+        for sub in range(grid * grid):
+            offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
+            surface = forward.surface(state, pixels + offset)
+            for start in range(0, len(surface.pixels), BLOCK_POINTS):
+                block = _slice(surface, start, start + BLOCK_POINTS)
+                x, y = block.pixels.astype(int).T
+                color[y, x] += _color(forward, state, stage, block, texture, each, seed + sub) / grid**2
+                coverage[y, x] += 1.0 / grid**2
+                skin[y, x] += (forward.geometry.triangle_part[block.triangle] == SKIN) / grid**2
+    return Picture(color, coverage, skin > 1 - 1e-3)
+
+
+def _color(
+    forward: ForwardModel, state: State, stage: LightStage, surface: Surface, texture: np.ndarray, samples: int, seed: int
+) -> np.ndarray:
+    terms = forward.light_terms(state, surface, stage, samples, seed)
+    albedo = sample_bilinear(texture, forward.uvs(surface))
+    return forward.shade(state, surface, terms, albedo, stage.radiance).color
+
+
+def _slice(surface: Surface, start: int, end: int) -> Surface:
+    """Some of a surface's pixels; what belongs to the whole mesh is kept."""
+    whole = {"vertices", "model_vertices", "normal_scale"}
+    return replace(
+        surface, **{name: value[start:end] for name, value in vars(surface).items() if name not in whole}
+    )
+
+
+def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
+    """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the middle, +Y up.
+
+    Each texel averages four directions, so that a light's edge is not a stair.
+    """
+    result = np.zeros((height, 2 * height, 3))
+    for sub in range(4):
+        row = (np.arange(height) + 0.25 + 0.5 * (sub // 2)) / height
+        column = (np.arange(2 * height) + 0.25 + 0.5 * (sub % 2)) / (2 * height)
+        elevation, azimuth = np.pi * (0.5 - row)[:, None], 2 * np.pi * (column - 0.5)[None, :]
+        towards = np.stack(
+            np.broadcast_arrays(np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)),
+            axis=-1,
+        )
+        nearest = np.full(towards.shape[:2], np.inf)
+        color = np.zeros_like(towards)
+        for index in range(len(stage)):
+            facing = towards @ stage.direction[index]
+            distance = (stage.position[index] @ stage.direction[index]) / np.where(facing < -1e-9, facing, np.nan)
+            offset = towards * distance[..., None] - stage.position[index]
+            half = 0.5 * stage.side[index]
+            inside = (np.abs(offset @ stage.axis_x[index]) <= half) & (np.abs(offset @ stage.axis_y[index]) <= half)
+            seen = inside & (distance > 0) & (distance < nearest)
+            color[seen] = stage.radiance[index]
+            nearest[seen] = distance[seen]
+        result += 0.25 * color
+    return result.astype(np.float32)

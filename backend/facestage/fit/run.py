@@ -1,0 +1,110 @@
+"""One whole fit: job in, result folder out, events on the way."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.events import DONE, PROGRESS, STARTED, Event
+from facestage.contract.job import Job
+from facestage.contract.result import Result
+from facestage.contract.storage import atomic_folder
+from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.driver import FitRun, Progress
+from facestage.fit.output import finish, write_result
+from facestage.fit.problem import Problem, read_problem
+from facestage.fit.shading import ForwardModel
+from facestage.fit.truth import Truth
+from facestage.render.variant import start_renderer
+from facestage.report import write_preview
+
+# Writing textures, pictures and the report is part of the budget.
+FINISH_SHARE, FINISH_SECONDS_MAX = 0.3, 10.0
+PREVIEW_INTERVAL = 2.0
+
+
+def partial_folder(out: Path) -> Path:
+    """Where a fit into ``out`` keeps its checkpoint and preview until it is done."""
+    return out.with_name(f"{out.name}.partial")
+
+
+def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None) -> Result:
+    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written."""
+    out = Path(out)
+    began = time.monotonic()
+    emit(Event(STARTED, message=f"Reading {job.image.name}"))
+    problem = read_problem(job)
+    truth = Truth(job.truth, problem.geometry) if job.truth else None
+    partial = _prepare_partial(out)
+    start_renderer(job.device)
+    forward = ForwardModel(problem.geometry, problem.lights)
+    cold_start = time.monotonic() - began
+    deadline = _deadline(job, time.monotonic())
+    listener = _Listener(problem, forward, partial, emit, began, job.budget_seconds)
+    run = FitRun(problem, forward, partial, truth, listener)
+    checkpoint = Checkpoint.load(partial) if resume else None
+    fitted = run.run(deadline, checkpoint)
+    emit(Event(PROGRESS, "pictures", 0, None, time.monotonic() - began, None, 0.92, message="Drawing textures and pictures"))
+    finished = finish(problem, forward, fitted, truth)
+    timings = {"cold_start": cold_start, "optimisation": fitted.seconds}
+    with atomic_folder(out) as folder:
+        result = write_result(folder, problem, forward, fitted, finished, timings)
+    result = replace(result, folder=out)
+    if fitted.in_time:
+        shutil.rmtree(partial, ignore_errors=True)
+    emit(Event(DONE, "done", 0, None, time.monotonic() - began, 0.0, 1.0, message=result.advice))
+    return result
+
+
+def _prepare_partial(out: Path) -> Path:
+    if out.exists() and not out.is_dir():
+        raise InputError(f"The output '{out}' is a file; expected a folder name.")
+    partial = partial_folder(out)
+    try:
+        partial.mkdir(parents=True, exist_ok=True)
+        probe = partial / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that you may write to.") from error
+    return partial
+
+
+def _deadline(job: Job, now: float) -> float:
+    if job.budget_seconds is None:
+        return float("inf")
+    return now + job.budget_seconds - min(FINISH_SHARE * job.budget_seconds, FINISH_SECONDS_MAX)
+
+
+class _Listener:
+    """Turns progress into events, with a preview picture now and then."""
+
+    def __init__(
+        self, problem: Problem, forward: ForwardModel, partial: Path, emit: Callable[[Event], None], began: float,
+        budget: float | None,
+    ) -> None:  # fmt: skip
+        self.problem, self.forward, self.partial = problem, forward, partial
+        self.emit, self.began, self.budget = emit, began, budget
+        self.preview: str | None = None
+        self._last_preview = -np.inf
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if progress.evaluation is not None and now - self._last_preview > PREVIEW_INTERVAL:
+            self._last_preview = now
+            self.preview = str(self.partial / "preview.png")
+            photo = progress.photo
+            write_preview(Path(self.preview), photo, photo + progress.evaluation.residual)
+        left = progress.seconds * (1 - progress.fraction) / max(progress.fraction, 1e-3)
+        self.emit(
+            Event(
+                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, now - self.began, left,
+                0.9 * progress.fraction, self.preview, f"Fitting: {progress.phase}, step {progress.iteration}",
+            )  # fmt: skip
+        )

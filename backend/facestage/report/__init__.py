@@ -1,0 +1,10 @@
+"""What a person looks at after a fit: PNG pictures, charts and one HTML page; and previews while it runs.
+
+May import the contract, numpy, Pillow and matplotlib (only while drawing); never the renderer, Blender or the fit.
+"""
+
+from facestage.report.preview import write_preview
+from facestage.report.report_data import ReportData
+from facestage.report.writer import write_report
+
+__all__ = ["ReportData", "write_preview", "write_report"]

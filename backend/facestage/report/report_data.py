@@ -1,0 +1,61 @@
+"""Everything a report is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.result import Result
+
+# The saved job lies beside the report, so the command holds wherever the folder is moved.
+REPEAT_COMMAND = "facestage fit --job . --out ../again"
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """A finished fit. Images are linear RGB; NaN and infinity may occur anywhere and are drawn as black or white.
+
+    ``trace`` holds rows as in trace.jsonl: "seconds", "stage", "iteration", "energy" (term -> value),
+    "photo_rms", "psnr", "condition" and, when truth is known, "rigid_mm" and "similarity_mm"; a missing
+    value is None. Raises InputError when two arrays that belong together differ in size.
+    """
+
+    title: str
+    result: Result
+    photo: np.ndarray  # (h, w, 3) linear
+    render: np.ndarray  # (h, w, 3) linear
+    coverage: np.ndarray  # (h, w) bool, true where the face was fitted
+    albedo: np.ndarray  # (S, S, 3) linear, row 0 at v = 1
+    specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
+    light_probe: np.ndarray  # (H, W, 3) lat-long seen from inside, +Y of the stage frame at the top
+    landmarks: np.ndarray  # (m, 2) pixels, as given
+    projected: np.ndarray  # (m, 2) pixels, as fitted
+    visible: np.ndarray  # (m,) bool
+    texture_coverage: np.ndarray | None = None  # (S, S) bool, true for texels that the photo shows
+    relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
+    trace: Sequence[Mapping[str, Any]] = ()
+    # Where +Z of the stage (towards the camera) lies across the probe: 0.5 is Mitsuba's, 0.25 Blender's layout.
+    probe_forward: float = 0.5
+    repeat_command: str = REPEAT_COMMAND
+
+    def __post_init__(self) -> None:
+        size = self.photo.shape[:2]
+        count = len(self.landmarks)
+        expected = {
+            "photo": (*size, 3), "render": (*size, 3), "coverage": size, "landmarks": (count, 2),
+            "projected": (count, 2), "visible": (count,), "albedo": (*self.albedo.shape[:2], 3),
+            "specular": self.specular.shape[:2], "light_probe": (*self.light_probe.shape[:2], 3),
+        }  # fmt: skip
+        if self.texture_coverage is not None:
+            expected["texture_coverage"] = self.albedo.shape[:2]
+        for name, shape in expected.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise InputError(f"The report's {name} has shape {found}, expected {shape}.")
+        for name, picture in self.relit.items():
+            if picture.ndim != 3 or picture.shape[2] != 3:
+                raise InputError(f"The report's relit picture '{name}' has shape {picture.shape}, expected (h, w, 3).")
