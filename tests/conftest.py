@@ -5,7 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+# The same examples on every run, and no failure because a machine is slow.
+hypothesis.settings.register_profile("facestage", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("facestage")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 

@@ -22,6 +22,7 @@ EXIT_ABLE, EXIT_UNABLE = 0, BackendUnavailableError.exit_code
 PYTHONS = ((3, 11), (3, 13))  # the Pythons inside Blender 4.2-5.0 and 5.1+
 # Distribution and the versions that work; each Mitsuba needs exactly one Dr.Jit.
 PACKAGES = {"mitsuba": "3.9.", "drjit": "1.5.", "numpy": "", "scipy": "", "scikit-image": "", "matplotlib": ""}
+INSTALL = "Run: make setup (outside the source tree: pip install --upgrade facestage)"
 # Libraries of a desktop Linux that `import bpy` and `import cv2` link to, and servers lack.
 DESKTOP_LIBRARIES = (
     "libatomic1", "libsm6", "libxext6", "libgl1", "libxi6", "libxfixes3", "libxrender1", "libxkbcommon0",
@@ -87,17 +88,17 @@ def package_finding(name: str, expected: str) -> Finding:
     try:
         version = metadata.version(name)
     except metadata.PackageNotFoundError:
-        return Finding(name, "not installed", works=False, needed=True, remedy="Run: make setup")
+        return Finding(name, "not installed", works=False, needed=True, remedy=INSTALL)
     if not version.startswith(expected):
         found = f"{version}, expected {expected}*"
-        return Finding(name, found, works=False, needed=True, remedy="Run: make clean setup")
+        return Finding(name, found, works=False, needed=True, remedy=INSTALL)
     return Finding(name, version)
 
 
 def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
     """Whether a module can be imported, tried in a child process: shared libraries may be missing."""
     if importlib.util.find_spec(module) is None:
-        return Finding(subject, "not installed", works=False, needed=needed, remedy="Run: make setup")
+        return Finding(subject, "not installed", works=False, needed=needed, remedy=INSTALL)
     code = f"import {module}; print(getattr({module}, '__version__', '') or {module}.app.version_string)"
     done = subprocess.run(
         [sys.executable, "-c", code], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace"
