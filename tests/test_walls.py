@@ -47,7 +47,7 @@ def modules_loaded_by(modules: list[str]) -> set[str]:
     done = subprocess.run(
         [sys.executable, "-c", LOADED, *modules], capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL
     )
-    assert done.returncode == 0, f"importing {modules} failed:\n{done.stderr}"
+    assert done.returncode == 0, f"a module does not import:\n{done.stderr}"
     answer = next(line for line in done.stdout.splitlines() if line.startswith("LOADED "))
     return set(json.loads(answer.removeprefix("LOADED ")))
 
