@@ -31,11 +31,14 @@ _TILES = (
     (13226, SKIN, (0.75, 0.75), 0.25),  # eye sockets
     (14034, MOUTH, (0.75, 0.5), 0.25),  # gums and tongue
     (17006, TEETH, (0.75, 0.25), 0.25),
-    (21496, EYES, (0.0, 0.0), 0.25),  # left
-    (23094, EYES, (0.25, 0.0), 0.25),  # right
-    (24692, OTHER, (0.5, 0.0), 0.25),  # tear film, lashes and other see-through shells: not rendered
+    (21496, EYES, (0.0, 0.0), 0.2),  # left eye: outer shell (sclera and cornea), then the inner ball with the iris
+    (22296, EYES, (0.2, 0.0), 0.2),
+    (23094, EYES, (0.4, 0.0), 0.2),  # right eye
+    (23894, EYES, (0.6, 0.0), 0.2),
+    (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
-_EYES = ((21451, 22221, 23021), (23021, 23791, 24591))  # sclera start, iris start, end
+_EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
+_IRIS_RADIUS, _PUPIL_RADIUS = 0.0059, 0.0021  # m
 _PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
 _IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
 
@@ -82,8 +85,8 @@ def load_ict(path: Path) -> FaceModel:
             "narrow_face": np.arange(NARROW_FACE, dtype=np.int32),
             "face": np.arange(FACE, dtype=np.int32),
             "skin": np.arange(SKIN_END, dtype=np.int32),
-            "eye_left": np.arange(_EYES[0][0], _EYES[0][2], dtype=np.int32),
-            "eye_right": np.arange(_EYES[1][0], _EYES[1][2], dtype=np.int32),
+            "eye_left": np.arange(_EYES[0][0], _EYES[0][1], dtype=np.int32),
+            "eye_right": np.arange(_EYES[1][0], _EYES[1][1], dtype=np.int32),
         },
     )  # fmt: skip
 
@@ -168,9 +171,12 @@ def _albedo(vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray) -> tup
         used = np.unique(polygons[part == label])
         used = used[(used >= 0) & ~skin[used]]
         mean[used] = color
-    for _sclera, iris, end in _EYES:
-        ball = slice(iris, end)
-        centre = vertices[ball].mean(0)
-        radius = np.linalg.norm(vertices[ball, :2] - centre[:2], axis=1)
-        mean[ball] = np.where((radius < 0.35 * radius.max())[:, None], _PUPIL, _IRIS)
+    for start, end in _EYES:
+        ball = vertices[start:end]
+        centre = 0.5 * (ball.min(0) + ball.max(0))
+        radius = np.hypot(*(ball[:, :2] - centre[:2]).T)
+        front = ball[:, 2] > centre[2]
+        # The outer shell is opaque here, so the iris is painted on its cornea.
+        mean[start:end][front & (radius < _IRIS_RADIUS)] = _IRIS
+        mean[start:end][front & (radius < _PUPIL_RADIUS)] = _PUPIL
     return mean.astype(np.float32), basis.astype(np.float32)

@@ -167,6 +167,7 @@ def _add_teeth(builder: MeshBuilder, row: str) -> np.ndarray:
     index = builder.add_vertices(strip.reshape(-1, 3)).reshape(profile, m)
     left, bottom = (0.40, 0.008) if row == "upper" else (0.70, 0.008)
     u, v = np.meshgrid(left + 0.28 * np.arange(m) / (m - 1), bottom + 0.09 * np.arange(profile) / (profile - 1))
+    v = v if row == "lower" else v[::-1]
     uv = builder.add_uvs(np.stack([u.ravel(), v.ravel()], axis=-1)).reshape(profile, m)
 
     def quads(table: np.ndarray) -> np.ndarray:

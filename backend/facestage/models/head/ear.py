@@ -22,7 +22,7 @@ _CENTER = np.array([4.5, -5.0])
 # Loops from the back edge inward: scale about the centre, height of the curled and of the flat outline.
 _LOOPS = (
     (0.965, -2.2, -1.2), (1.0, -0.5, 0.0), (0.985, 1.6, 1.0), (0.92, 2.2, 1.3), (0.85, 1.0, 1.3), (0.78, -1.6, 1.2),
-    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -3.0, -2.5), (0.32, -7.5, -7.0), (0.14, -9.0, -9.0),
+    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -3.0, -2.5), (0.34, -7.5, -7.0), (0.2, -9.0, -9.0),
 )  # fmt: skip
 _PROTRUSION_DEGREES = 24.0
 _TILT_DEGREES = 12.0
@@ -32,16 +32,21 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     """Loops of the left ear inside its window border (n, 2); the last loop is to be capped."""
     n = len(window_chart)
     knots = np.linspace(0, 1, len(_OUTLINE) + 1)
-    phase = np.arange(n) / n
+    low, high = window_chart.min(axis=0), window_chart.max(axis=0)
+    angle = _turning(*((window_chart - 0.5 * (low + high)) / (high - low)).T)
+    fine = np.linspace(0, 1, 2001)
+    fine_outline = CubicSpline(knots, np.concatenate([_OUTLINE, _OUTLINE[:1]]), bc_type="periodic")(fine)
+    # Loops run straight out from the ear: the same direction on the window, the seam and the outline.
+    phase = np.interp(
+        angle, _turning(*((fine_outline[:-1] - [10.0, 0.0]) / [15.0, 31.0]).T), fine[:-1], period=2 * np.pi
+    )
 
     def along(values: np.ndarray) -> np.ndarray:
         return CubicSpline(knots, np.concatenate([values, values[:1]]), bc_type="periodic")(phase)
 
     outline = along(_OUTLINE)
     free, curl, tragus = (np.clip(along(values), 0, 1) for values in (_FREE, _CURL, _TRAGUS))
-    angle = np.arctan2(outline[:, 1] - 1.0, outline[:, 0] - 8.0)
-    middle_level = 0.5 * (window_chart[:, 1].min() + window_chart[:, 1].max())
-    attached = np.stack([7.36 + 0.19 * np.cos(angle), middle_level + 3.0 * np.sin(angle)], axis=-1)
+    attached = np.stack([7.36 + 0.19 * np.cos(angle), 0.5 * (low + high)[1] + 3.0 * np.sin(angle)], axis=-1)
     seam = surface.point(*attached.T)
     origin, back, up, out = _frame(surface)
 
@@ -67,6 +72,11 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     shrink = np.linspace(1, 0.12, len(charts))[:, None, None]
     chart = center + shrink * (np.stack(charts) - center)
     return Patch(np.stack(positions), chart)
+
+
+def _turning(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Angles (m,) that grow along a loop which starts at the left and runs counterclockwise: from pi to 3 pi."""
+    return np.pi + np.mod(np.arctan2(y, x) + np.pi, 2 * np.pi)
 
 
 def _frame(surface: BaseSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -56,10 +56,12 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
         point = point - 1.5 * fold[:, None] * relative / np.linalg.norm(relative, axis=1, keepdims=True)
         positions.append(point)
         charts.append(chart)
+    center = margin_chart.mean(axis=0)
     for shrink, radius, spread in ((0.3, 0.2, -0.35), (0.65, -1.5, 2.0)):
         positions.append(_behind_margin(positions[len(_LOOPS)], radius, spread))
         middle = 0.5 * (margin_chart + margin_chart[(n - np.arange(n)) % n])
-        charts.append(margin_chart + shrink * (middle - margin_chart))
+        # Along the opening too, or the loops would meet in one point at the corners.
+        charts.append((margin_chart + shrink * (middle - margin_chart) - center) * (1 - 0.08 * shrink) + center)
     return Patch(np.stack(positions), np.stack(charts))
 
 

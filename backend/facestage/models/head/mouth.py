@@ -12,7 +12,7 @@ MOUTH_HALF_WIDTH = 25.2
 MOUTH_CORNER_Y = -73.4
 _LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border of the red lip (1)
 # Cross-section of a lip from its border to the line where the lips meet: share of the height, forward bulge.
-_UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.2), (0.4, 2.5), (0.72, 2.8), (0.92, 2.0), (1.0, 0.8))
+_UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.5), (0.4, 2.6), (0.72, 2.8), (0.92, 2.0), (1.0, 0.8))
 _LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.5), (0.92, 2.6), (1.0, 0.8))
 # Behind the meeting line: backward, away from the line, sideways.
 _INNER = ((3.0, 0.5, 0.0), (7.0, 3.0, 0.3), (12.0, 7.0, 1.0))
@@ -47,6 +47,7 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     x = np.concatenate([x_half[:-1], x_half[:0:-1]])
     is_upper = np.arange(n) > half
     is_corner = (np.arange(n) == 0) | (np.arange(n) == half)
+    sign = np.where(is_corner, 0.0, np.where(is_upper, 1.0, -1.0))
     upper_y, middle_y, lower_y = lip_lines(x)
     border_y = np.where(is_upper, upper_y, lower_y)
     border_chart = surface.chart_at(np.stack([x, border_y], axis=-1))
@@ -59,21 +60,19 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     middle_chart = surface.chart_at(np.stack([x, middle_y], axis=-1))
     for (share, bulge_upper), (_, bulge_lower) in zip(_UPPER_PROFILE, _LOWER_PROFILE, strict=True):
         y = border_y + share * (middle_y - border_y)
-        # At the corners the loops stack up backwards instead of meeting in one point.
-        corner = is_corner * share
-        point = add_features(surface.point(*surface.chart_at(np.stack([x, y], axis=-1)).T))
-        point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (1 - fade) - 1.5 * corner
-        point[:, 0] -= np.sign(x) * corner * 0.8
+        # Inner loops are a little shorter: at the corners they follow each other instead of meeting in one point.
+        inner_x = x * (1 - 0.03 * share)
+        point = add_features(surface.point(*surface.chart_at(np.stack([inner_x, y], axis=-1)).T))
+        point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (1 - fade)
         if share == 1.0:
-            point[:, 1] += np.where(is_corner, 0.0, np.where(is_upper, 0.04, -0.04))
+            point[:, 1] += 0.03 * sign
         positions.append(point)
-        charts.append(border_chart + 0.72 * share * (middle_chart - border_chart))
+        charts.append((border_chart + 0.72 * share * (middle_chart - border_chart)) * [1 - 0.03 * share, 1])
     line = positions[-1]
-    sign = np.where(is_corner, 0.0, np.where(is_upper, 1.0, -1.0))
     opening = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 2, 0.0, 1.0))
     for k, (back, away, out) in enumerate(_INNER):
         positions.append(line + np.stack([np.sign(x) * out, away * opening, np.full(n, -back)], axis=-1))
-        charts.append(border_chart + (0.78 + 0.06 * k) * (middle_chart - border_chart))
+        charts.append((border_chart + (0.78 + 0.06 * k) * (middle_chart - border_chart)) * [0.96 - 0.01 * k, 1])
     bag = [
         line + np.stack([out * x / MOUTH_HALF_WIDTH, away * opening, np.full(n, -back)], axis=-1)
         for back, away, out in _BAG
