@@ -103,7 +103,8 @@ def draw_comparison(path: Path, view: View) -> None:
     labels = bar.ax.get_xticklabels()
     labels[0].set_ha("left")
     labels[-1].set_ha("right")
-    canvas.text(left[2] + panel_width / 2, 44 + panel_height + 66, "fit − photo, luminance", 9.5, DARK.muted, ha="center")
+    below = 44 + panel_height + 66
+    canvas.text(left[2] + panel_width / 2, below, "fit − photo, luminance", 9.5, DARK.muted, ha="center")
     canvas.save(path)
 
 

@@ -1,0 +1,240 @@
+"""The report as one HTML page that needs no other file and no network."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
+from facestage.report import tables
+from facestage.report.page_style import COMPARE_INPUT, CSS
+from facestage.report.pictures import landmark_distances
+from facestage.report.report_data import ReportData
+from facestage.report.tables import Row
+
+STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped early"}
+# Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG beside the page.
+EMBED_LIMIT = 250_000
+FACE_WIDTH = 560  # CSS pixels of the slider at most
+
+
+def build_page(folder: Path, data: ReportData, charts: dict[str, tuple[bytes, bytes]]) -> str:
+    """The page. Pictures are read from ``folder``; ``charts`` holds (light, dark) PNG bytes by name."""
+    parts = [
+        _header(data),
+        _section("Photo and fit", _photo_and_fit(folder)),
+        _relit(folder, data),
+        _section("Textures", _textures(folder, data)),
+        _section("Light", _light(folder, data)),
+        _section("Error against run time", _chart("trace", charts, "Errors against seconds, stage by stage")),
+        _section("Shape and expression", _chart("weights", charts, "The largest identity and expression weights")),
+        _section("Numbers", _numbers(data)),
+        _section("Left out", _left_out(data)),
+        _section("Repeat this fit", _repeat(data)),
+    ]
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
+        f"<title>{escape(data.title)} – Facestage</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(part for part in parts if part)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def data_uri(content: bytes) -> str:
+    """A PNG as a data URI, recompressed as JPEG when it is large."""
+    kind = "png"
+    if len(content) > EMBED_LIMIT:
+        from PIL import Image
+
+        buffer = io.BytesIO()
+        Image.open(io.BytesIO(content)).convert("RGB").save(buffer, format="JPEG", quality=92, subsampling=0)
+        content, kind = min((buffer.getvalue(), "jpeg"), (content, "png"), key=lambda pair: len(pair[0]))
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _section(heading: str, body: str) -> str:
+    return f"<section>\n<h2>{escape(heading)}</h2>\n{body}\n</section>" if body else ""
+
+
+def _header(data: ReportData) -> str:
+    result = data.result
+    words = STATUS_WORDS.get(result.status, tables.words(result.status))
+    tiles = "".join(
+        f"<div><dt>{escape(row.label)}</dt><dd>{escape(row.value)} <span>{escape(row.unit)}</span></dd></div>"
+        for row in _key_figures(data)
+    )
+    return (
+        '<header>\n<p class="eyebrow">Facestage fit report</p>\n'
+        f"<h1>{escape(data.title)}</h1>\n"
+        f'<p class="advice"><span class="badge {escape(result.status)}">{escape(words)}</span>'
+        f"{escape(result.advice)}</p>\n"
+        f'<dl class="tiles">{tiles}</dl>\n</header>'
+    )
+
+
+def _key_figures(data: ReportData) -> list[Row]:
+    errors = dict(data.trace[-1]) if data.trace else {}
+    errors |= data.result.errors
+    rows = [Row("Run time", tables.number(tables.total_seconds(data.result.timings), 3), "s")]
+    wanted = (
+        ("psnr", "PSNR, higher is better"), ("photo_rms", "Photo residual, RMS"),
+        ("rigid_mm", "From truth, rigid alignment"), ("similarity_mm", "From truth, similarity alignment"),
+    )  # fmt: skip
+    for key, label in wanted:
+        value = errors.get(key, errors.get("psnr_db") if key == "psnr" else None)
+        if isinstance(value, int | float | np.number) and np.isfinite(value):
+            rows.append(Row(label, tables.number(float(value), 3), tables.ERRORS[key][1]))
+    distances = landmark_distances(data)
+    if distances.size:
+        rows.append(Row("Landmarks, median distance", tables.number(float(np.median(distances)), 3), "px"))
+    return rows
+
+
+def _photo_and_fit(folder: Path) -> str:
+    slider = (
+        f'<figure class="dark"><div class="compare" style="max-width:{FACE_WIDTH}px">'
+        f'{_image(folder / "face_photo.png", "The photo")}'
+        f'{_image(folder / "face.png", "The fit in the photo", "over")}{COMPARE_INPUT}<i></i>'
+        '<b class="photo">Photo</b><b class="fit">Fit</b></div>'
+        "<figcaption>Drag to compare the photo with the fit.</figcaption></figure>"
+    )
+    landmarks = _figure(
+        folder / "landmarks.png", "Given and fitted landmarks on the photo",
+        "Landmarks as given and as fitted; faint ones are hidden from the camera.",
+    )  # fmt: skip
+    comparison = _figure(
+        folder / "comparison.png", "Photo, fit and their difference",
+        "Dimmed parts of the photo were not fitted. Blue: the fit is too dark. Red: it is too bright.",
+    )  # fmt: skip
+    return f'{comparison}<div class="columns">{slider}{landmarks}</div>'
+
+
+def _relit(folder: Path, data: ReportData) -> str:
+    if not data.relit:
+        return ""
+    figures = [
+        _figure(folder / relit_file(name), f"The face relit: {name}", tables.words(name)) for name in data.relit
+    ]
+    return _section("Relit", f'<div class="columns">{"".join(figures)}</div>')
+
+
+def relit_file(name: str) -> str:
+    """The file name of a relit picture."""
+    return f"relit_{''.join(letter if letter.isalnum() else '_' for letter in name)}.png"
+
+
+def _textures(folder: Path, data: ReportData) -> str:
+    faded = " Faded texels are not seen in the photo." if data.texture_coverage is not None else ""
+    albedo = _figure(folder / "albedo.png", "Diffuse albedo over the UV square", f"Diffuse albedo.{faded}")
+    caption = f"Specular map; roughness {tables.number(data.result.roughness, 3)}."
+    specular = _figure(folder / "specular.png", "Specular map over the UV square", caption)
+    return f'<div class="columns">{albedo}{specular}</div>'
+
+
+def _light(folder: Path, data: ReportData) -> str:
+    picture = _figure(
+        folder / "light_probe.png", "The fitted light as a lat-long map, with matte and mirror spheres",
+        "Numbers are those of the table: the strongest lights. Rings are lights that are on, crosses are off. "
+        "The spheres stand in for the face, seen from the camera.",
+    )  # fmt: skip
+    rows = "".join(_light_row(row) for row in tables.light_rows(data.result.stage))
+    table = (
+        '<table><thead><tr><th>Light</th><th>From the camera’s direction</th><th class="n">Red</th>'
+        '<th class="n">Green</th><th class="n">Blue</th><th></th><th class="n">Share of power</th><th>State</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table>"
+    )
+    count = len(data.result.stage)
+    words = "The light" if count == 1 else f"All {count} lights"
+    note = '<p class="note">Left and right as in the photo. Radiance is linear RGB.</p>'
+    return f"{picture}<details><summary>{words}</summary>{note}{table}</details>"
+
+
+def _light_row(row: tables.LightRow) -> str:
+    radiance = "".join(f'<td class="n">{escape(value)}</td>' for value in row.radiance)
+    style = ' class="off"' if row.state == "off" else ""
+    return (
+        f"<tr{style}><td>{row.number}</td><td>{escape(row.place)}</td>{radiance}"
+        f'<td><span class="swatch" style="background:{row.swatch}"></span></td>'
+        f'<td class="n">{100 * row.share:.1f} %</td><td>{escape(row.state)}</td></tr>'
+    )
+
+
+def _numbers(data: ReportData) -> str:
+    result = data.result
+    on_photo, against_truth = tables.error_tables(result.errors)
+    cards = [
+        _rows_card("Errors on the photo", on_photo),
+        _rows_card("Errors against known truth", against_truth),
+        _bars_card("Energy at the end", tables.energy_rows(result.energy), ""),
+        _bars_card("Timings", tables.timing_rows(result.timings), "s"),
+        _rows_card("Camera, pose and settings", tables.setup_rows(result)),
+        _rows_card("Software", [Row(name, str(version)) for name, version in result.versions.items()]),
+    ]
+    return f'<div class="columns">{"".join(cards)}</div>'
+
+
+def _rows_card(heading: str, rows: Sequence[Row]) -> str:
+    if not rows:
+        return ""
+    body = "".join(
+        f'<tr><td>{escape(row.label)}</td><td class="n">{escape(row.value)} '
+        f'<span class="unit">{escape(row.unit)}</span></td></tr>'
+        for row in rows
+    )
+    return f'<div class="card"><h3>{escape(heading)}</h3><table><tbody>{body}</tbody></table></div>'
+
+
+def _bars_card(heading: str, rows: Sequence[tuple[str, float, str]], unit: str) -> str:
+    if not rows:
+        return ""
+    body = "".join(
+        f'<tr><td>{escape(label)}</td><td class="bar"><span style="width:{100 * share:.1f}%"></span></td>'
+        f'<td class="n">{escape(value)} <span class="unit">{unit}</span></td></tr>'
+        for label, share, value in rows
+    )
+    return f'<div class="card"><h3>{escape(heading)}</h3><table><tbody>{body}</tbody></table></div>'
+
+
+def _left_out(data: ReportData) -> str:
+    if not data.result.left_out:
+        return '<p class="note">Nothing: every part of the scene was fitted.</p>'
+    heads, rows = tables.left_out_table(data.result.left_out)
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{_cells(row)}</tr>" for row in rows)
+    note = '<p class="note">What this scene did not need, and what leaving it out saved.</p>'
+    return f'<div class="card">{note}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cells(values: Iterable[str]) -> str:
+    return "".join(f"<td>{escape(value)}</td>" for value in values)
+
+
+def _repeat(data: ReportData) -> str:
+    return (
+        '<div class="card">The job as it was resolved lies beside this page. In this folder, run'
+        f"<pre><code>{escape(data.repeat_command)}</code></pre></div>"
+    )
+
+
+def _figure(path: Path, alt: str, caption: str) -> str:
+    return f'<figure class="dark">{_image(path, alt)}<figcaption>{escape(caption)}</figcaption></figure>'
+
+
+def _image(path: Path, alt: str, style: str = "") -> str:
+    name = f' class="{style}"' if style else ""
+    return f'<img{name} src="{data_uri(path.read_bytes())}" alt="{escape(alt)}">'
+
+
+def _chart(name: str, charts: dict[str, tuple[bytes, bytes]], alt: str) -> str:
+    light, dark = (data_uri(content) for content in charts[name])
+    return (
+        f'<figure class="chart"><picture><source media="(prefers-color-scheme: dark)" srcset="{dark}">'
+        f'<img src="{light}" alt="{escape(alt)}"></picture></figure>'
+    )
+

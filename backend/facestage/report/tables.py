@@ -1,0 +1,197 @@
+"""The numbers of a fit as rows of words, values and units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.light_stage import FROZEN, OFF, LightStage
+from facestage.contract.result import Result
+from facestage.report.color import to_srgb8
+from facestage.report.light_picture import light_power
+
+NOTHING = "–"
+# Key of Result.errors -> what it measures and its unit.
+ERRORS = {
+    "photo_rms": ("Photo residual, RMS", "linear"),
+    "psnr": ("Peak signal-to-noise ratio", "dB"),
+    "psnr_db": ("Peak signal-to-noise ratio", "dB"),
+    "rigid_mm": ("Vertices after rigid alignment, mean", "mm"),
+    "similarity_mm": ("Vertices after similarity alignment, mean", "mm"),
+    "albedo_rmse": ("Albedo, RMS, best scale factored out", "linear"),
+    "condition": ("Condition number of the last step", ""),
+}
+SUFFIX_UNITS = {"mm": "mm", "px": "px", "db": "dB", "deg": "°", "degrees": "°", "percent": "%", "seconds": "s"}
+TRUTH_WORDS = ("rigid", "similarity", "truth", "albedo", "light", "specular", "vertex", "vertices", "roughness")
+ENERGIES = {
+    "photo": "Photo", "landmarks": "Landmarks", "identity": "Prior on identity", "expression": "Prior on expression",
+    "albedo": "Prior on albedo", "specular": "Smoothness of specular", "light": "Light color",
+    "lights": "Light color",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured value: what it is, its number as text, its unit."""
+
+    label: str
+    value: str
+    unit: str = ""
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number with ``digits`` significant digits for people; a dash for what is missing or not finite."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        return NOTHING if value is None else str(value)
+    if isinstance(value, int | np.integer):
+        return f"{value:,}".replace(",", " ")
+    if not math.isfinite(value):
+        return NOTHING
+    magnitude = abs(float(value))
+    if magnitude != 0 and not 1e-4 <= magnitude < 1e6:
+        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+        return f"{mantissa} × 10{_superscript(int(exponent))}".replace("-", "−", 1 if value < 0 else 0)
+    return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def words(key: str) -> str:
+    """A name of the code as words: "landmark_stage" -> "Landmark stage"."""
+    text = key.replace("_", " ").strip()
+    return text[:1].upper() + text[1:]
+
+
+def error_row(key: str, value: Any) -> Row:
+    """The row of one entry of Result.errors; an unknown key's unit is read from its last word."""
+    if key in ERRORS:
+        label, unit = ERRORS[key]
+        return Row(label, number(value), unit)
+    stem, _, suffix = key.rpartition("_")
+    if stem and suffix in SUFFIX_UNITS:
+        return Row(words(stem), number(value), SUFFIX_UNITS[suffix])
+    return Row(words(key), number(value))
+
+
+def error_tables(errors: Mapping[str, Any]) -> tuple[list[Row], list[Row]]:
+    """Rows measured on the photo, and rows that need known truth (often none)."""
+    on_photo: list[Row] = []
+    against_truth: list[Row] = []
+    for key, value in errors.items():
+        needs_truth = key.endswith("_mm") or any(word in TRUTH_WORDS for word in key.lower().split("_"))
+        (against_truth if needs_truth else on_photo).append(error_row(key, value))
+    return on_photo, against_truth
+
+
+def energy_rows(energy: Mapping[str, Any]) -> list[tuple[str, float, str]]:
+    """(term, share of the total 0..1, value) of each energy term, largest first."""
+    return _shares({ENERGIES.get(key, words(key)): value for key, value in energy.items() if key != "total"})
+
+
+def timing_rows(timings: Mapping[str, Any]) -> list[tuple[str, float, str]]:
+    """(what, share of the total 0..1, seconds as text), in the order given, without the total."""
+    rows = {words(key.removesuffix("_seconds")): value for key, value in timings.items() if key != "total"}
+    return _shares(rows, total=_finite(timings.get("total")), in_order=True)
+
+
+def total_seconds(timings: Mapping[str, Any]) -> float:
+    """The run's wall time: its own total, or the sum of its parts."""
+    return _finite(timings.get("total")) or sum(_finite(value) for value in timings.values())
+
+
+def _shares(rows: Mapping[str, Any], total: float = 0.0, in_order: bool = False) -> list[tuple[str, float, str]]:
+    total = max(total, sum(abs(_finite(value)) for value in rows.values()), 1e-30)
+    result = [(label, abs(_finite(value)) / total, number(value)) for label, value in rows.items()]
+    return result if in_order else sorted(result, key=lambda row: -row[1])
+
+
+def _finite(value: Any) -> float:
+    return float(value) if isinstance(value, int | float | np.number) and math.isfinite(value) else 0.0
+
+
+@dataclass(frozen=True)
+class LightRow:
+    """One light: its number, where it stands seen from the face, its radiance and share of the power."""
+
+    number: int
+    place: str
+    radiance: tuple[str, str, str]
+    swatch: str  # CSS color
+    share: float
+    state: str
+
+
+def light_rows(stage: LightStage) -> list[LightRow]:
+    """The lights, strongest first; "right" and "left" are the photo's when the camera faces the stage."""
+    power = light_power(stage)
+    share = power / max(float(power.sum()), 1e-30)
+    rows = []
+    for index in np.argsort(-power, kind="stable"):
+        color = stage.radiance[index]
+        swatch = to_srgb8(color / max(float(color.max()), 1e-30))
+        off = stage.state[index] == OFF or not color.any()
+        state = "off" if off else "kept" if stage.state[index] == FROZEN else "fitted"
+        red, green, blue = (number(float(value), 3) for value in color)
+        rows.append(
+            LightRow(
+                int(index) + 1, light_place(stage.position[index]), (red, green, blue),
+                "transparent" if off else f"rgb({swatch[0]} {swatch[1]} {swatch[2]})", float(share[index]), state,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def light_place(position: np.ndarray) -> str:
+    """Where a stage-frame position (3,) lies for someone at the origin who looks along +Z: "31° right, 12° up"."""
+    x, y, z = (float(value) for value in position / max(float(np.linalg.norm(position)), 1e-30))
+    azimuth, elevation = math.degrees(math.atan2(x, z)), math.degrees(math.asin(max(-1.0, min(1.0, y))))
+    across = f"{abs(azimuth):.0f}° {'right' if azimuth > 0 else 'left'}"
+    return f"{across}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+
+
+def setup_rows(result: Result) -> list[Row]:
+    """Camera, head pose and model."""
+    camera, rotation = result.camera, result.model_to_camera[:3, :3]
+    gaze = rotation @ np.array([0.0, 0.0, 1.0])
+    yaw, pitch = math.atan2(gaze[0], gaze[2]), math.asin(max(-1.0, min(1.0, gaze[1])))
+    roll = math.atan2(rotation[1, 0], rotation[1, 1])
+    view = 2 * math.degrees(math.atan(0.5 * camera.width / camera.focal_px))
+    return [
+        Row("Face model", result.model),
+        Row("Photo", f"{camera.width} × {camera.height}", "px"),
+        Row("Focal length", number(camera.focal_px), "px"),
+        Row("Horizontal field of view", number(view, 3), "°"),
+        Row("Head to camera", number(float(np.linalg.norm(result.model_to_camera[:3, 3])), 3), "m"),
+        Row("Head yaw, pitch, roll", ", ".join(_signed_degrees(angle) for angle in (yaw, pitch, roll)), "°"),
+        Row("Roughness", number(result.roughness, 3)),
+        Row("Lights", f"{int((result.stage.radiance.max(axis=1) > 0).sum())} on of {len(result.stage)}"),
+        Row("Seed", str(result.seed)),
+    ]
+
+
+def _signed_degrees(angle: float) -> str:
+    return f"{math.degrees(angle):+.1f}".replace("-", "−")
+
+
+def left_out_table(left_out: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of what the plan dropped; columns are the keys in the order they first appear."""
+    keys = list(dict.fromkeys(key for item in left_out for key in item))
+    rows = [[_cell(key, item.get(key)) for key in keys] for item in left_out]
+    return [_head(key) for key in keys], rows
+
+
+def _head(key: str) -> str:
+    return words(key.removesuffix("_seconds")) if key.endswith("_seconds") else words(key)
+
+
+def _cell(key: str, value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(str(item) for item in value)
+    text = number(value, 3)
+    return f"{text} s" if key.endswith("seconds") and text != NOTHING else text

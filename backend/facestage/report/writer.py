@@ -1,0 +1,61 @@
+"""Write the pictures of a fit and the page that shows them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from facestage.contract.storage import atomic_file
+from facestage.report.charts import draw_trace, draw_weights
+from facestage.report.color import exposure, shrink
+from facestage.report.figure import DARK, LIGHT, Theme
+from facestage.report.light_picture import draw_light_probe
+from facestage.report.page import build_page, relit_file
+from facestage.report.pictures import (
+    View,
+    draw_albedo,
+    draw_comparison,
+    draw_faces,
+    draw_landmarks,
+    draw_specular,
+    save_linear,
+)
+from facestage.report.report_data import ReportData
+
+PAGE = "report.html"
+
+
+def write_report(folder: Path, data: ReportData) -> None:
+    """Write report.html and its PNG pictures into an existing folder.
+
+    comparison, face, face_photo, landmarks, albedo, specular, light_probe, trace, weights, and one
+    relit_NAME for each relit picture. All pictures of the photo share the exposure of :func:`color.exposure`
+    and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them all and needs no other file.
+    """
+    folder = Path(folder)
+    view = View.of(data)
+    draw_comparison(folder / "comparison.png", view)
+    draw_faces(folder, view)
+    draw_landmarks(folder / "landmarks.png", view, data)
+    draw_albedo(folder / "albedo.png", data)
+    draw_specular(folder / "specular.png", data)
+    draw_light_probe(folder / "light_probe.png", data)
+    factor = exposure(data.photo)
+    for name, picture in data.relit.items():
+        save_linear(folder / relit_file(name), factor * shrink(picture))
+    charts = {
+        "trace": _both_themes(folder / "trace.png", lambda path, theme: draw_trace(path, data.trace, theme)),
+        "weights": _both_themes(folder / "weights.png", lambda path, theme: draw_weights(path, data.result, theme)),
+    }
+    with atomic_file(folder / PAGE) as temporary:
+        temporary.write_text(build_page(folder, data, charts), encoding="utf-8")
+
+
+def _both_themes(path: Path, draw: Callable[[Path, Theme], None]) -> tuple[bytes, bytes]:
+    """PNG bytes of a chart for a light and for a dark page; the light one stays at ``path``."""
+    draw(path, LIGHT)
+    with tempfile.TemporaryDirectory() as folder:
+        dark = Path(folder) / path.name
+        draw(dark, DARK)
+        return path.read_bytes(), dark.read_bytes()
