@@ -69,7 +69,7 @@ def hair_weight(masks: Masks) -> np.ndarray:
     line = np.interp(
         z, (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0), (-72, -68, -40, 12, 14, 16, 34, 58, 72)
     )
-    weight = smoothstep((y - line) / 9.0 + 0.5) * masks.skin
+    weight = smoothstep((y - line) / 18.0 + 0.5) * masks.skin
     for side in SIDES:
         weight[np.unique(masks.mesh.loops[f"ear_{side}"][2:])] = 0.0
     return weight

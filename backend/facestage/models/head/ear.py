@@ -30,7 +30,6 @@ _TILT_DEGREES = 12.0
 
 def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     """Loops of the left ear inside its window border (n, 2); the last loop is to be capped."""
-    n = len(window_chart)
     knots = np.linspace(0, 1, len(_OUTLINE) + 1)
     low, high = window_chart.min(axis=0), window_chart.max(axis=0)
     angle = _turning(*((window_chart - 0.5 * (low + high)) / (high - low)).T)
