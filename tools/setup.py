@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from setup_error import SetupError
-from setup_native import provide_native_libraries
+from setup_native import apt, apt_install, can_apt_install, provide_native_libraries
 
 PROJECT = Path(__file__).resolve().parent.parent
 VENV = PROJECT / ".venv"
@@ -124,11 +124,10 @@ def create_environment(python: str) -> None:
 
 def install_venv_module(python: str) -> None:
     """Install Debian's python3-venv as root, or say how."""
-    from setup_native import apt_install, can_apt_install
-
     package = f"python{python_version(python)}-venv"
     if not can_apt_install():
         raise SetupError(f"{python} lacks the venv module; run: sudo apt-get install {package}")
+    apt(["apt-get", "update"])
     apt_install([package])
 
 

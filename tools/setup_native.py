@@ -30,12 +30,14 @@ PRELOAD = "facestage_preload"
 
 def provide_native_libraries(venv: Path, python: Path) -> None:
     """Make the packages import and the renderer find a compiler, or raise SetupError with the remedy."""
-    packages = missing_packages(python)
-    if packages and shutil.which("apt-get"):
-        if can_apt_install():
-            apt_install(packages)
-        else:
-            unpack_packages(packages, venv, python)
+    imports = not any(import_failure(python, module) for module in IMPORTS)
+    if imports and renderer_works(python):
+        return
+    if can_apt_install():
+        apt(["apt-get", "update"])
+        apt_install([*PACKAGES, *first_available(LLVM_PACKAGES)])
+    elif shutil.which("apt-get"):
+        unpack_packages(venv, python)
     for module in IMPORTS:
         reason = import_failure(python, module)
         if reason:
@@ -46,12 +48,6 @@ def provide_native_libraries(venv: Path, python: Path) -> None:
             "'make doctor' says what to install.",
             file=sys.stderr,
         )
-
-
-def missing_packages(python: Path) -> list[str]:
-    """Debian packages this environment still needs."""
-    packages = PACKAGES if any(import_failure(python, module) for module in IMPORTS) else []
-    return packages if not packages and renderer_works(python) else [*packages, *first_available(LLVM_PACKAGES)]
 
 
 def import_failure(python: Path, module: str) -> str:
@@ -84,64 +80,53 @@ def remedy(packages: list[str]) -> str:
 
 
 def apt_install(packages: list[str]) -> None:
-    """Install Debian packages as root; the package lists are fetched only when they are needed."""
+    """Install Debian packages as root."""
     print(f"Installing system packages: {' '.join(packages)} ...", flush=True)
-    install = ["apt-get", "install", "--yes", "--no-install-recommends", *packages]
-    if apt(install).returncode == 0:
-        return
-    apt(["apt-get", "update"])
-    done = apt(install)
+    done = apt(["apt-get", "install", "--yes", "--no-install-recommends", *packages])
     if done.returncode:
         print(done.stdout, file=sys.stderr)
         raise SetupError(f"apt-get could not install the system packages; {remedy(packages)} and run it again.")
 
 
-def apt(command: list[str], options: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
-    """Run an apt command without questions."""
+def apt(
+    command: list[str], options: tuple[str, ...] = (), folder: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run an apt command without questions, in ``folder`` if given."""
     return subprocess.run(
-        [command[0], *options, *command[1:]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        [command[0], *options, *command[1:]], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
         env={**os.environ, "DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C"},
     )  # fmt: skip
 
 
 def first_available(packages: list[str], options: tuple[str, ...] = ()) -> list[str]:
-    """The first package apt knows, as a list; the first of all when it knows none (its lists may be empty)."""
-    if shutil.which("apt-cache"):
-        for package in packages:
-            if apt(["apt-cache", "show", "--no-all-versions", package], options).returncode == 0:
-                return [package]
-    return packages[:1]
+    """The first of the packages that apt knows, as a list; an empty one when it knows none."""
+    for package in packages:
+        if apt(["apt-cache", "show", "--no-all-versions", package], options).returncode == 0:
+            return [package]
+    return []
 
 
-def unpack_packages(packages: list[str], venv: Path, python: Path) -> None:
-    """Without root: download Debian packages with what they depend on, and unpack them into .venv/native."""
+def unpack_packages(venv: Path, python: Path) -> None:
+    """Without root: download the packages with what they depend on, and unpack them into .venv/native."""
     native = venv / "native"
-    print(f"Unpacking system packages into {native} (no root needed): {' '.join(packages)} ...", flush=True)
+    print(f"Unpacking system packages into {native}, since only root may install them ...", flush=True)
     with tempfile.TemporaryDirectory(prefix="facestage-apt-") as folder:
         # Package lists of our own: those of the machine may be missing, and only root may renew them.
         options = private_apt(Path(folder))
-        done = apt(["apt-get", "update"], options)
-        wanted = [name for name in packages if not name.startswith("libllvm")]
-        if len(wanted) < len(packages):
-            wanted += first_available(LLVM_PACKAGES, options)
-        plan = apt(["apt-get", "install", "--simulate", "--no-install-recommends", *wanted], options)
-        names = [
-            name
-            for name in re.findall(r"^Inst (\S+)", plan.stdout, re.MULTILINE)
-            if name in wanted or not NOT_UNPACKED.match(name)
-        ]
-        if names:
-            done = subprocess.run(
-                ["apt-get", *options, "download", *names], cwd=folder, stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
-            )  # fmt: skip
-        archives = sorted(Path(folder).glob("*.deb"))
-        if plan.returncode or done.returncode or not archives:
-            print(plan.stdout if plan.returncode else done.stdout, file=sys.stderr)
+        apt(["apt-get", "update"], options)
+        wanted = [*PACKAGES, *first_available(LLVM_PACKAGES, options)]
+        done = apt(["apt-get", "install", "--simulate", "--no-install-recommends", *wanted], options)
+        missing = re.findall(r"^Inst (\S+)", done.stdout, re.MULTILINE)
+        names = [name for name in missing if name in wanted or not NOT_UNPACKED.match(name)]
+        if done.returncode == 0 and names:
+            done = apt(["apt-get", "download", *names], options, Path(folder))
+        if done.returncode:
+            print(done.stdout, file=sys.stderr)
             raise SetupError(f"the system packages could not be downloaded; {remedy(wanted)} and run it again.")
-        for archive in archives:
+        for archive in sorted(Path(folder).glob("*.deb")):
             subprocess.run(["dpkg", "-x", str(archive), str(native)], check=True)
+    native.mkdir(exist_ok=True)
     install_preload(venv, python)
 
 
