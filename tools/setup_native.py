@@ -64,7 +64,8 @@ def import_failure(python: Path, module: str) -> str:
 
 def renderer_works(python: Path) -> bool:
     """Whether the backend finds a renderer that compiles and runs here."""
-    return subprocess.run([str(python), "-m", "facestage.native"], stdout=subprocess.DEVNULL).returncode == 0
+    command = [str(python), "-m", "facestage.native"]
+    return subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0
 
 
 def can_apt_install() -> bool:
