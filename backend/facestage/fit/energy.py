@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from facestage.contract.face_model import SKIN
 from facestage.contract.job import Weights
 from facestage.contract.light_stage import LightStage
 from facestage.fit.landmark_term import LandmarkTerm
@@ -28,6 +27,7 @@ class Photo:
 
     color: np.ndarray  # (h, w, 3) linear
     usable: np.ndarray  # (h, w) bool: finite, not masked out
+    skin: np.ndarray  # (h, w) 0..1, how much the color is the face's own
     clipped: np.ndarray  # (h, w, 3) bool: "at least this bright"
 
 
@@ -64,7 +64,7 @@ class PhotoTerm:
 
     def evaluate(self, state: State, stage: LightStage, seed: int) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept."""
-        surface = self.forward.surface(state, self.pixels(state), parts=(SKIN,))
+        surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
         terms = self.forward.light_terms(state, surface, stage, self.samples, seed, derivatives=True)
         image = self.forward.shade(state, surface, terms)
         shape = self.photo.usable.shape
@@ -75,9 +75,11 @@ class PhotoTerm:
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
         ramp = np.clip((cosine - VIEW_COSINE_ZERO) / (VIEW_COSINE_FULL - VIEW_COSINE_ZERO), 0, 1)
-        weight[y, x] = ramp
+        weight[y, x] = ramp * self.photo.skin[y, x]
         # Pixels beside another part (eye, mouth, background) mix both in the photo.
-        weight *= binary_erosion(weight > 0, border_value=1)
+        seen = np.zeros(shape, bool)
+        seen[y, x] = True
+        weight *= binary_erosion(seen, border_value=1)
         return Evaluation(state, image, residual, weight, seed)
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +92,7 @@ class PhotoTerm:
 
     def weights(self, evaluation: Evaluation, noise: NoiseModel, factor: float) -> np.ndarray:
         """(h, w) inverse variances, robust and correlation-corrected, per channel."""
-        scale = noise.scale(self.photo.color)
+        scale = noise.scale(self.photo.color, evaluation.residual)
         robust = noise.robust(evaluation.residual / scale)
         return factor * noise.information() * evaluation.base_weight * (robust / scale**2)[..., 0]
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from facestage.contract.face_model import OTHER, FaceModel
+from facestage.contract.face_model import OTHER, SKIN, FaceModel
 
 
 class FaceGeometry:
     """A face model reduced to the m vertices that are rendered, with stacked shape bases.
 
     ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0, x1, ...).
+    ``fitted`` (t,) bool marks the triangles whose pixels are compared with the photo.
     """
 
     def __init__(self, model: FaceModel) -> None:
@@ -25,6 +26,12 @@ class FaceGeometry:
         self.triangles = new_index[model.triangles[rendered]]
         self.triangle_uvs = model.triangle_uvs[rendered]
         self.triangle_part = model.triangle_part[rendered]
+        self.fitted = self.triangle_part == SKIN
+        if "face" in model.regions:
+            # Scalp and neck are where hair, hats and collars are.
+            face = np.zeros(len(model.vertices), bool)
+            face[model.regions["face"]] = True
+            self.fitted &= face[used][self.triangles].all(axis=1)
         self.mean = model.vertices[used].astype(np.float64)
         shapes = [basis[:, used].reshape(len(basis), -1) for basis in (model.identity_basis, model.expression_basis)]
         self.basis = np.ascontiguousarray(np.concatenate(shapes).T)

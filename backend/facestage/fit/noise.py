@@ -29,9 +29,9 @@ class NoiseModel:
     area: float
     floor: float
 
-    def scale(self, photo: np.ndarray) -> np.ndarray:
-        """(..., 1) radiance of one standard deviation at pixels of color ``photo`` (..., 3)."""
-        return self.sigma * (photo.mean(axis=-1, keepdims=True) + self.floor)
+    def scale(self, photo: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """(..., 1) radiance of one standard deviation where the model is ``photo`` (..., 3) + ``residual``."""
+        return self.sigma * _level(photo, residual, self.floor)
 
     def information(self) -> float:
         """Weight of one pixel's channel after correlation."""
@@ -48,10 +48,19 @@ def estimate_noise(residual: np.ndarray, photo: np.ndarray, used: np.ndarray) ->
     if not used.any():
         return NoiseModel(SIGMA_MIN, AREA_MIN, 1.0)
     floor = max(FLOOR_SHARE * float(photo[used].mean()), 1e-6)
-    relative = residual / (photo.mean(-1, keepdims=True) + floor)
+    relative = residual / _level(photo, residual, floor)
     sigma = max(1.4826 * float(np.median(np.abs(relative[used]))), SIGMA_MIN)
     clipped = np.where(used[..., None], np.clip(relative, -2.5 * sigma, 2.5 * sigma), 0.0)
     return NoiseModel(sigma, _correlation_area(clipped, used), floor)
+
+
+def _level(photo: np.ndarray, residual: np.ndarray, floor: float) -> np.ndarray:
+    """(..., 1) radiance that errors are relative to: midway between model and photo.
+
+    Relative to the photo alone, black would be wrong by 1 at most and white without limit: a poor fit
+    would escape into the dark. Midway, too dark and too bright cost the same.
+    """
+    return (photo + 0.5 * residual).mean(axis=-1, keepdims=True) + floor
 
 
 def _correlation_area(residual: np.ndarray, used: np.ndarray) -> float:

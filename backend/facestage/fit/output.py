@@ -14,7 +14,7 @@ import numpy as np
 
 from facestage import __version__
 from facestage.contract import brdf
-from facestage.contract.face_model import EYES, SKIN, TEETH
+from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
 from facestage.contract.storage import finite
@@ -69,13 +69,14 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
     if "albedo" not in problem.job.freeze:
         color, usable, clipped = problem.photograph.color, problem.photograph.mask, problem.photograph.clipped
         y, x = np.nonzero(usable)
-        surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, parts=(SKIN,))
+        surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
         if len(surface.pixels):
             terms = forward.light_terms(fitted.state, surface, fitted.stage, DETAIL_SAMPLES, problem.job.seed)
             image = forward.shade(fitted.state, surface, terms)
             column, row = surface.pixels.astype(int).T
             cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
             weights = np.clip((cosine - 0.15) / 0.3, 0, 1)[:, None] * ~clipped[row, column]
+            weights = weights * problem.skin[row, column, None]
             logs = logs + detail_texture(atlas, logs, image, forward.uvs(surface), color[row, column], weights)
     return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32)
 
@@ -84,7 +85,7 @@ def _errors(
     problem: Problem, fitted: Fitted, texture: np.ndarray, picture: Picture, truth: Truth | None
 ) -> dict[str, float]:
     state, photo = fitted.state, problem.photograph
-    seen = picture.skin & photo.mask
+    seen = picture.fitted & photo.mask & (problem.skin > 0.5)
     errors: dict[str, float | None] = {"psnr": psnr(picture.color, photo.color, seen)}
     vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
@@ -196,7 +197,7 @@ def _report_data(
     points = np.einsum("mi,mix->mx", weights, result.vertices[vertices])
     return ReportData(
         result=result, photo=problem.photograph.color, render=finished.picture.color,
-        coverage=finished.picture.skin & problem.photograph.mask, albedo=finished.texture, specular=specular,
+        coverage=finished.picture.fitted & problem.photograph.mask & (problem.skin > 0.5), albedo=finished.texture, specular=specular,
         texture_coverage=None, light_probe=probe, relit={}, landmarks=problem.landmarks.points,
         projected=state.camera.project(points), visible=problem.landmarks.visible, trace=fitted.trace,
         title=problem.job.image.stem,

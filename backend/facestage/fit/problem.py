@@ -18,6 +18,7 @@ from facestage.contract.storage import finite
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters
+from facestage.fit.skin_mask import skin_weight
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
@@ -56,6 +57,11 @@ class Problem:
         return LightParameters(fitted, held, self.job.light_color == "uniform")
 
     @cached_property
+    def skin(self) -> np.ndarray:
+        """(h, w) 0..1, which pixels have the color of the face's own skin."""
+        return skin_weight(self.photograph.color, self.landmarks)
+
+    @cached_property
     def face_size_px(self) -> float:
         """Longer side of the landmarks' bounding box in pixels of the photo."""
         return float(np.ptp(self.landmarks.points[self.landmarks.visible], axis=0).max())
@@ -68,12 +74,13 @@ class Problem:
         """The photo resized by ``factor``."""
         source = self.photograph
         if factor == 1.0:
-            return Photo(source.color.astype(np.float64), source.mask, source.clipped)
+            return Photo(source.color.astype(np.float64), source.mask, self.skin, source.clipped)
         camera = self.camera.scaled(factor)
         size = (camera.width, camera.height)
         return Photo(
             resize(source.color, *size).astype(np.float64),
             resize(source.mask.astype(np.float32), *size) > 0.99,
+            resize(self.skin, *size),
             resize(source.clipped.astype(np.float32), *size) > 0.25,
         )
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.contract.face_model import SKIN
 from facestage.contract.light_stage import LightStage
 from facestage.fit.parameters import State
 from facestage.fit.shading import ForwardModel, Surface, sample_bilinear
@@ -23,7 +22,7 @@ class Picture:
 
     color: np.ndarray  # (h, w, 3) float32 linear, 0 where nothing is hit
     coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
-    skin: np.ndarray  # (h, w) bool: skin all over the pixel
+    fitted: np.ndarray  # (h, w) bool: skin of the face all over the pixel
 
 
 def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
@@ -49,7 +48,7 @@ def render_picture(
     """
     height, width = state.camera.height, state.camera.width
     color, coverage = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
-    skin = np.zeros((height, width), np.float32)
+    fitted = np.zeros((height, width), np.float32)
     pixels = face_pixels(forward, state)
     if len(pixels):
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
@@ -63,8 +62,8 @@ def render_picture(
                 x, y = block.pixels.astype(int).T
                 color[y, x] += _color(forward, state, stage, block, texture, each, seed + sub) / grid**2
                 coverage[y, x] += 1.0 / grid**2
-                skin[y, x] += (forward.geometry.triangle_part[block.triangle] == SKIN) / grid**2
-    return Picture(color, coverage, skin > 1 - 1e-3)
+                fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
+    return Picture(color, coverage, fitted > 1 - 1e-3)
 
 
 def _color(

@@ -61,16 +61,16 @@ class ForwardModel:
         model_vertices = self.geometry.vertices(state.identity, state.expression)
         return model_vertices, model_vertices @ state.rotation.T + state.translation
 
-    def surface(self, state: State, pixels: np.ndarray, parts: tuple[int, ...] | None = None) -> Surface:
-        """What ``pixels`` (P, 2) see; pixels that see nothing, or none of ``parts``, are dropped."""
+    def surface(self, state: State, pixels: np.ndarray, only_fitted: bool = False) -> Surface:
+        """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are dropped."""
         model_vertices, vertices = self.pose(state)
         # The tracer works around the face, where float32 has the most digits.
         self._tracer.update(vertices - state.translation)
         rays = pixel_rays(state.camera, pixels)
         hits = self._tracer.first_hits(-state.translation, rays)
         keep = hits.triangle >= 0
-        if parts is not None:
-            keep &= np.isin(self.geometry.triangle_part[hits.triangle], parts)
+        if only_fitted:
+            keep &= self.geometry.fitted[hits.triangle]
         triangle, weights, rays = hits.triangle[keep], hits.barycentric[keep].astype(np.float64), rays[keep]
         corners = self.geometry.triangles[triangle]
         points = np.einsum("pi,pix->px", weights, vertices[corners])
