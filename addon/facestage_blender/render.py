@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,42 @@ from .material import image_pixels
 BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
 
 
-def render_linear(scene: bpy.types.Scene, samples: int, direct_only: bool = False, seed: int = 0) -> np.ndarray:
+@dataclass(frozen=True)
+class Crop:
+    """A part of the camera's view, ``box`` = (left, top, right, bottom) in pixels, enlarged ``scale`` times."""
+
+    box: tuple[int, int, int, int]
+    scale: int = 1
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width in rendered pixels."""
+        left, top, right, bottom = self.box
+        return self.scale * (bottom - top), self.scale * (right - left)
+
+    def settings(self, render: Any) -> list[tuple[Any, str, Any]]:
+        """The render settings that show this part."""
+        left, top, right, bottom = self.box
+        width, height = render.resolution_x, render.resolution_y
+        return [
+            (render, "use_border", True),
+            (render, "use_crop_to_border", True),
+            (render, "border_min_x", left / width),
+            (render, "border_max_x", right / width),
+            (render, "border_min_y", 1 - bottom / height),
+            (render, "border_max_y", 1 - top / height),
+            (render, "resolution_percentage", 100 * self.scale),
+        ]
+
+
+def render_linear(
+    scene: bpy.types.Scene,
+    samples: int,
+    direct_only: bool = False,
+    seed: int = 0,
+    crop: Crop | None = None,
+    denoise: bool = False,
+) -> np.ndarray:
     """(h, w, 4) float32 linear RGB and coverage of the camera's view, background left out.
 
     ``direct_only`` leaves out light that was reflected more than once, as the fit does.
@@ -32,15 +70,18 @@ def render_linear(scene: bpy.types.Scene, samples: int, direct_only: bool = Fals
         (scene.cycles, "device", "CPU"),
         (scene.cycles, "samples", samples),
         (scene.cycles, "seed", seed),
-        (scene.cycles, "use_denoising", False),
+        (scene.cycles, "use_denoising", denoise),
         (scene.cycles, "use_adaptive_sampling", False),
         (scene.cycles, "sample_clamp_indirect", 0.0),
         (scene.cycles, "pixel_filter_type", "BOX" if direct_only else "BLACKMAN_HARRIS"),
     ]
     values += [(scene.cycles, name, 0 if direct_only else 4) for name in BOUNCES]
+    if crop is not None:
+        values += crop.settings(scene.render)
     with (
         tempfile.TemporaryDirectory() as folder,
         _temporarily([*values, (scene.render, "filepath", f"{folder}/render.exr")]),
+        _quiet(),
     ):
         bpy.ops.render.render(write_still=True, scene=scene.name)
         return read_pixels(Path(folder) / "render.exr")
@@ -89,6 +130,23 @@ def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool) -> N
         image.save()
     finally:
         bpy.data.images.remove(image)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without a window Blender prints a line for every picture; keep them out of the command line's output."""
+    if not bpy.app.background:
+        yield
+        return
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        with Path(os.devnull).open("w", encoding="utf-8") as nothing:
+            os.dup2(nothing.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 @contextmanager
