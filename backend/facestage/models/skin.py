@@ -20,7 +20,7 @@ from facestage.models.harmonics import surface_harmonics
 # Population mean and spread, as natural logarithms of volume fractions (ranges of Jacques 1998:
 # 1.3-43 % melanosomes in the epidermis, 0.2-7 % blood in the dermis).
 MELANIN_MEAN, HAEMOGLOBIN_MEAN = 0.035, 0.012
-MELANIN_LOG_SD, HAEMOGLOBIN_LOG_SD = 0.65, 0.45
+MELANIN_LOG_SD, HAEMOGLOBIN_LOG_SD = 0.6, 0.35
 
 EPIDERMIS_CM = 60e-4
 _EPIDERMIS_SCATTERING = 0.4  # of the dermis: no collagen fibres, only cells and keratin
@@ -90,7 +90,7 @@ def albedo_basis(
     # Within a face pigment varies several times less than between people, and less the finer the pattern.
     sigma = np.full(len(harmonics), 1.0)
     if len(sigma) > 1:
-        sigma[1:] = 0.22 * (1.0 + eigenvalues[1:] / max(eigenvalues[1], 1e-30)) ** -0.35
+        sigma[1:] = 0.14 * (1.0 + eigenvalues[1:] / max(eigenvalues[1], 1e-30)) ** -0.35
     directions = pigment_directions()
     basis = np.einsum("hn,pc,h->hpnc", harmonics, directions, sigma).reshape(-1, len(vertices), 3)[:count]
     tone = skin_albedo(np.array([MELANIN_MEAN]), np.array([HAEMOGLOBIN_MEAN]))

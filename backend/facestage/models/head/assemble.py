@@ -71,7 +71,7 @@ def assemble() -> HeadMesh:
 
 
 def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops: dict[str, np.ndarray]) -> np.ndarray:
-    """Vertices with nose, skull and corners of the windows smoothed; lids, lips and ears stay."""
+    """Vertices with the nose and the corners of the windows smoothed; lids, lips and ears stay."""
     n = len(vertices)
     following = np.where(polygons[:, [1, 2, 3, 0]] < 0, polygons[:, :1], polygons[:, [1, 2, 3, 0]])
     edges = np.stack([polygons, following], axis=-1)[polygons >= 0].reshape(-1, 2)
@@ -79,18 +79,16 @@ def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops:
     links = ((links + links.T) > 0).astype(np.float64)
     degree = np.maximum(np.asarray(links.sum(axis=1)).ravel(), 1.0)
     free = np.zeros(n)
-    free[grid[1:][grid[1:] >= 0]] = 1.0
+    free[grid[1:-6][grid[1:-6] >= 0]] = 1.0
     free[loops["mouth"][1 : len(mouth._LOOPS)]] = 1.0
     for side in SIDES:
         free[loops[f"eye_{side}"][1:3]] = 1.0
         free[loops[f"ear_{side}"][0]] = 0.0
     nose = np.array([[-14.0, -45.0, 100.0], [14.0, -45.0, 100.0]])
     near_nose = np.exp(-(((vertices[:, None] - nose) / [11.0, 10.0, 18.0]) ** 2).sum(axis=2)).max(axis=1)
-    behind = np.clip((25.0 - vertices[:, 2]) / 25.0 + np.clip((vertices[:, 1] - 60.0) / 30.0, 0, 1), 0, 1)
-    steps = ((free * (0.12 + 0.38 * near_nose), 4), (0.5 * free * behind, 24))
-    for weight, count in steps:
-        for _ in range(count):
-            vertices = vertices + weight[:, None] * ((links @ vertices) / degree[:, None] - vertices)
+    weight = free * (0.12 + 0.38 * near_nose)
+    for _ in range(4):
+        vertices = vertices + weight[:, None] * ((links @ vertices) / degree[:, None] - vertices)
     return vertices
 
 

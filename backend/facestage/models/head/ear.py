@@ -22,7 +22,7 @@ _CENTER = np.array([4.5, -5.0])
 # Loops from the back edge inward: scale about the centre, height of the curled and of the flat outline.
 _LOOPS = (
     (0.965, -2.2, -1.2), (1.0, -0.5, 0.0), (0.985, 1.6, 1.0), (0.92, 2.2, 1.3), (0.85, 1.0, 1.3), (0.78, -1.6, 1.2),
-    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -3.0, -2.5), (0.34, -7.5, -7.0), (0.2, -9.0, -9.0),
+    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -2.5, -2.0), (0.34, -6.0, -5.5), (0.2, -7.0, -7.0),
 )  # fmt: skip
 _PROTRUSION_DEGREES = 24.0
 _TILT_DEGREES = 12.0
@@ -32,20 +32,24 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     """Loops of the left ear inside its window border (n, 2); the last loop is to be capped."""
     knots = np.linspace(0, 1, len(_OUTLINE) + 1)
     low, high = window_chart.min(axis=0), window_chart.max(axis=0)
-    angle = _turning(*((window_chart - 0.5 * (low + high)) / (high - low)).T)
+    relative = (window_chart - 0.5 * (low + high)) / (high - low)
+    angle = np.unwrap(np.arctan2(relative[:, 1], relative[:, 0]))
+    angle += 2 * np.pi * np.round((np.pi - angle[0]) / (2 * np.pi))
     fine = np.linspace(0, 1, 2001)
     fine_outline = CubicSpline(knots, np.concatenate([_OUTLINE, _OUTLINE[:1]]), bc_type="periodic")(fine)
     # Loops run straight out from the ear: the same direction on the window, the seam and the outline.
-    phase = np.interp(
-        angle, _turning(*((fine_outline[:-1] - [10.0, 0.0]) / [15.0, 31.0]).T), fine[:-1], period=2 * np.pi
-    )
+    around = np.arctan2(fine_outline[:-1, 1] / 31.0, (fine_outline[:-1, 0] - 10.0) / 15.0)
+    # ... but the window has few vertices above and below, where the outline needs them: meet half-way.
+    even = np.pi + 2 * np.pi * np.arange(len(angle)) / len(angle)
+    phase = np.interp(0.25 * angle + 0.75 * even, around, fine[:-1], period=2 * np.pi)
+    angle = 0.6 * angle + 0.4 * even
 
     def along(values: np.ndarray) -> np.ndarray:
         return CubicSpline(knots, np.concatenate([values, values[:1]]), bc_type="periodic")(phase)
 
     outline = along(_OUTLINE)
     free, curl, tragus = (np.clip(along(values), 0, 1) for values in (_FREE, _CURL, _TRAGUS))
-    attached = np.stack([7.36 + 0.19 * np.cos(angle), 0.5 * (low + high)[1] + 3.0 * np.sin(angle)], axis=-1)
+    attached = np.stack([7.36 + 0.29 * np.cos(angle), 0.5 * (low + high)[1] + 3.0 * np.sin(angle)], axis=-1)
     seam = surface.point(*attached.T)
     origin, back, up, out = _frame(surface)
 
@@ -55,7 +59,7 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     positions, charts = [seam], [attached]
     edge = in_plane(_CENTER + _LOOPS[0][0] * (outline - _CENTER), _LOOPS[0][1] * free)
     # The back of the ear leaves the head steeply, then turns outward.
-    neck = seam + 0.45 * (edge - seam) - 1.5 * free[:, None] * out
+    neck = seam + 0.45 * (edge - seam)
     positions.append(neck)
     charts.append(attached)
     for scale, curled, flat in _LOOPS:
@@ -73,14 +77,9 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     return Patch(np.stack(positions), chart)
 
 
-def _turning(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Angles (m,) that grow along a loop which starts at the left and runs counterclockwise: from pi to 3 pi."""
-    return np.pi + np.mod(np.arctan2(y, x) + np.pi, 2 * np.pi)
-
-
 def _frame(surface: BaseSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Origin (mm) and the backward, upward and outward axes of the plane of the left ear."""
-    origin = surface.point(np.array([7.2]), np.array([9.4]))[0] + [1.0, 0.0, 0.0]
+    origin = surface.point(np.array([7.25]), np.array([9.4]))[0] + [1.0, 0.0, 0.0]
     protrusion, tilt = np.radians(_PROTRUSION_DEGREES), np.radians(_TILT_DEGREES)
     level_back = np.array([np.sin(protrusion), 0.0, -np.cos(protrusion)])
     upright = np.array([0.08, 1.0, 0.0])
