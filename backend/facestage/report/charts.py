@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.result import Result
-from facestage.report.figure import Canvas, Theme
+from facestage.report.figure import LIGHT, Canvas, Theme
 
 WIDTH = 1080
 LARGEST = 12
-_LEFT, _RIGHT = 70, 92
+BAR_LABEL = 50  # pixels beside a bar for its value
+_LEFT, _RIGHT = 70, 130
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,9 @@ PANELS = (
 )  # fmt: skip
 
 
-def draw_trace(path: Path, trace: Sequence[Mapping[str, Any]], theme: Theme) -> None:
+def draw_trace(path: Path, trace: Sequence[Mapping[str, Any]]) -> None:
     """Each error of the trace against seconds on a logarithmic axis, the stages as shaded bands."""
+    theme = LIGHT
     shown = [panel for panel in PANELS if any(np.isfinite(_column(trace, name)).any() for name, _ in panel.columns)]
     if not shown:
         canvas = Canvas(WIDTH, 120, theme)
@@ -49,10 +51,12 @@ def draw_trace(path: Path, trace: Sequence[Mapping[str, Any]], theme: Theme) -> 
     seconds = _positive(_column(trace, "seconds"))
     bands = stage_bands([str(row.get("stage", "")) for row in trace], seconds)
     slanted = not _labels_fit(bands)
-    top, height, gap = (104 if slanted else 40), 170, 50
-    canvas = Canvas(WIDTH, top + len(shown) * (height + gap) + 26, theme)
+    names, height, gap = (76 if slanted else 18), 170, 56
+    canvas = Canvas(WIDTH, names + len(shown) * (height + gap) + 36, theme)
     for number, panel in enumerate(shown):
-        axes = canvas.axes(_LEFT, top + number * (height + gap) + 24, WIDTH - _LEFT - _RIGHT, height)
+        top = 38 + names + number * (height + gap)
+        canvas.text(_LEFT, top - 12 - (names if number == 0 else 0), panel.heading, 11, weight="bold")
+        axes = canvas.axes(_LEFT, top, WIDTH - _LEFT - _RIGHT, height)
         _draw_panel(axes, panel, trace, seconds, theme)
         _draw_bands(axes, bands, theme)
         if number == 0:
@@ -112,7 +116,6 @@ def _draw_panel(axes: Any, panel: Panel, trace: Sequence[Mapping[str, Any]], sec
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y", color=theme.grid, lw=1, zorder=0)
     axes.set_axisbelow(True)
-    axes.text(0, 1.04, panel.heading, transform=axes.transAxes, color=theme.text, fontsize=11, weight="bold")
     _label_ends(axes, panel, ends)
 
 
@@ -149,13 +152,14 @@ def _label_bands(axes: Any, bands: list[tuple[str, float, float]], slanted: bool
     for name, start, end in bands:
         axes.annotate(
             name.replace("_", " "), (float(np.sqrt(start * end)), 1.0), xycoords=("data", "axes fraction"),
-            xytext=(0, 24), textcoords="offset points", color=theme.muted, fontsize=10,
+            xytext=(0, 5), textcoords="offset points", color=theme.muted, fontsize=10,
             ha="left" if slanted else "center", va="bottom", rotation=28 if slanted else 0, rotation_mode="anchor",
         )  # fmt: skip
 
 
-def draw_weights(path: Path, result: Result, theme: Theme) -> None:
+def draw_weights(path: Path, result: Result) -> None:
     """The largest identity coefficients and expression weights as horizontal bars."""
+    theme = LIGHT
     columns = (
         ("Identity, standard deviations", largest(result.identity_names, result.identity), theme.series[0]),
         ("Expression, weight", largest(result.expression_names, result.expression), theme.series[1]),
@@ -184,12 +188,15 @@ def largest(names: Sequence[str], weights: np.ndarray, count: int = LARGEST) -> 
 
 
 def _draw_bars(axes: Any, bars: list[tuple[str, float]], color: str, theme: Theme) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     values = np.array([value for _, value in bars])
     places = np.arange(len(bars))
     axes.barh(places, values, height=0.62, color=color, lw=0, zorder=2)
     low, high = min(0.0, values.min()), max(0.0, values.max())
-    pad = 0.02 * (high - low)
-    axes.set_xlim(low - (6 * pad if low < 0 else 0), high + (6 * pad if high > 0 else 0))
+    pad = BAR_LABEL * (high - low) / (axes.bbox.width - 2 * BAR_LABEL)
+    axes.set_xlim(low - (pad if low < 0 else 0), high + (pad if high > 0 else 0))
+    axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_ylim(len(bars) - 0.5, -0.5)
     axes.set_yticks(places, [_shortened(name) for name, _ in bars], color=theme.text, fontsize=10)
     axes.axvline(0, color=theme.muted, lw=1, zorder=3)
@@ -197,7 +204,7 @@ def _draw_bars(axes: Any, bars: list[tuple[str, float]], color: str, theme: Them
     axes.set_axisbelow(True)
     for place, value in zip(places, values, strict=True):
         axes.annotate(
-            f"{value:+.2f}" if low < 0 else f"{value:.2f}", (value, place), xytext=(5 if value >= 0 else -5, 0),
+            f"{value:.2f}".replace("-", "−"), (value, place), xytext=(5 if value >= 0 else -5, 0),
             textcoords="offset points", ha="left" if value >= 0 else "right", va="center", color=theme.muted,
             fontsize=9.5, annotation_clip=False,
         )  # fmt: skip

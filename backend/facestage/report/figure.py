@@ -9,6 +9,7 @@ from typing import Any
 from facestage.contract.storage import atomic_file
 
 DPI = 100
+_FAST = {"compress_level": 3}
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Theme:
     series: tuple[str, str, str, str]
 
 
+# Charts are drawn on white, which the page inverts where dark is preferred; pictures look best on dark.
 LIGHT = Theme("#ffffff", "#1b1d22", "#6a6f7a", "#e4e6ea", "#f3f4f6", ("#2563a8", "#b4560f", "#0f7a5a", "#8a3ea8"))
 DARK = Theme("#17191e", "#eceef2", "#9aa0ac", "#2c3038", "#1f2228", ("#6fb1f5", "#f0a35e", "#5cc9a4", "#c792e8"))
 
@@ -71,13 +73,13 @@ class Canvas:
         bar.outline.set_visible(False)
         bar.ax.minorticks_off()
         bar.ax.tick_params(colors=self.theme.muted, labelsize=10, length=0)
-        bar.ax.set_xticklabels([f"{tick:g}" for tick in ticks])
+        bar.ax.set_xticklabels([f"{tick:g}".replace("-", "−") for tick in ticks])
         return bar
 
     def save(self, path: Path) -> None:
         """Write the figure as a PNG."""
         with atomic_file(path) as temporary:
-            self.figure.savefig(temporary, format="png", dpi=DPI, facecolor=self.theme.background)
+            self.figure.savefig(temporary, format="png", dpi=DPI, facecolor=self.theme.background, pil_kwargs=_FAST)
 
 
 def nice_limit(value: float, least: float) -> float:

@@ -12,9 +12,10 @@ from facestage.report.figure import DARK, Canvas
 from facestage.report.report_data import ReportData
 
 WIDTH, HEIGHT = 800, 400
-SPHERE, SPHERE_PIXELS = 190, 96
+SPHERE = 172
+MATTE_PIXELS, MIRROR_PIXELS = 64, 344
 LABELLED = 14
-_INTEGRATION_WIDTH = 64  # pixels of the map that the matte sphere integrates over
+_INTEGRATION_WIDTH = 48  # pixels of the map that the matte sphere integrates over
 
 
 def draw_light_probe(path: Path, data: ReportData) -> None:
@@ -29,7 +30,7 @@ def draw_light_probe(path: Path, data: ReportData) -> None:
     _mark_lights(axes, data.result.stage)
     axes.set_xlim(0, 1)
     axes.set_ylim(1, 0)
-    for u, name in ((0.25, "photo's right"), (0.5, "camera"), (0.75, "photo's left")):
+    for u, name in ((0.25, "photo’s right"), (0.5, "camera"), (0.75, "photo’s left")):
         canvas.text(20 + u * WIDTH, HEIGHT + 66, name, 10, DARK.muted, ha="center")
     canvas.text(20, HEIGHT + 66, "behind", 10, DARK.muted)
     canvas.text(20 + WIDTH, HEIGHT + 66, "behind", 10, DARK.muted, ha="right")
@@ -74,15 +75,15 @@ def matte_sphere(probe: np.ndarray, to_stage: np.ndarray) -> np.ndarray:
     incoming = latlong_directions(height, width).reshape(-1, 3).astype(np.float32)
     solid_angle = np.sin(np.pi * (np.arange(height) + 0.5) / height) * (2 * np.pi / width) * (np.pi / height)
     power = (small * solid_angle[:, None, None]).reshape(-1, 3).astype(np.float32)
-    normals, alpha = _sphere_normals()
+    normals, alpha = _sphere_normals(MATTE_PIXELS)
     cosine = np.maximum(normals.reshape(-1, 3) @ (to_stage.astype(np.float32).T @ incoming.T), 0.0)
-    radiance = (cosine @ power).reshape(SPHERE_PIXELS, SPHERE_PIXELS, 3) / np.pi
+    radiance = (cosine @ power).reshape(normals.shape) / np.pi
     return np.concatenate([radiance, alpha[..., None]], axis=-1)
 
 
 def mirror_sphere(probe: np.ndarray, to_stage: np.ndarray) -> np.ndarray:
     """(p, p, 4) linear RGBA of a mirror ball; arguments as for :func:`matte_sphere`."""
-    normals, alpha = _sphere_normals()
+    normals, alpha = _sphere_normals(MIRROR_PIXELS)
     reflected = 2.0 * normals[..., 2:] * normals - np.array([0.0, 0.0, 1.0], np.float32)
     place = latlong(reflected @ to_stage.T)
     height, width = probe.shape[:2]
@@ -91,15 +92,15 @@ def mirror_sphere(probe: np.ndarray, to_stage: np.ndarray) -> np.ndarray:
     return np.concatenate([probe[row, column], alpha[..., None]], axis=-1)
 
 
-def _sphere_normals() -> tuple[np.ndarray, np.ndarray]:
-    """Camera-frame normals (p, p, 3) float32 of a sphere that fills the picture, and its antialiased outline."""
-    axis = (2.0 * (np.arange(SPHERE_PIXELS, dtype=np.float32) + 0.5) / SPHERE_PIXELS) - 1.0
+def _sphere_normals(pixels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Camera-frame normals (pixels, pixels, 3) float32 of a sphere that fills the picture, and its smooth outline."""
+    axis = (2.0 * (np.arange(pixels, dtype=np.float32) + 0.5) / pixels) - 1.0
     x, y = np.meshgrid(axis, -axis)
     radius = np.hypot(x, y)
     inside = np.maximum(radius, 1.0)
     x, y = x / inside, y / inside
     z = np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0))
-    alpha = np.clip((1.0 - radius) * SPHERE_PIXELS / 2 + 0.5, 0.0, 1.0)
+    alpha = np.clip((1.0 - radius) * pixels / 2 + 0.5, 0.0, 1.0)
     return np.stack([x, y, z], axis=-1), alpha
 
 
@@ -129,9 +130,10 @@ def _mark_lights(axes: object, stage: LightStage) -> None:
     scatter(*place[off].T, s=22, marker="x", color="white", alpha=0.35, lw=1)
     scatter(*place[~off].T, s=30, facecolors="none", edgecolors="white", alpha=0.75, lw=1)
     for index in [index for index in np.argsort(-power, kind="stable")[:LABELLED] if not off[index]]:
+        rise = 5 if place[index][1] > 0.06 else -14
         axes.annotate(  # type: ignore[attr-defined]
-            str(index + 1), place[index], xytext=(7, 5), textcoords="offset points", color="white", fontsize=10,
-            weight="bold", path_effects=_outline(),
+            str(index + 1), place[index], xytext=(7, rise), textcoords="offset points", color="white",
+            fontsize=10, weight="bold", path_effects=_outline(),
         )  # fmt: skip
 
 

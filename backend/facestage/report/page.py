@@ -23,16 +23,16 @@ EMBED_LIMIT = 250_000
 FACE_WIDTH = 560  # CSS pixels of the slider at most
 
 
-def build_page(folder: Path, data: ReportData, charts: dict[str, tuple[bytes, bytes]]) -> str:
-    """The page. Pictures are read from ``folder``; ``charts`` holds (light, dark) PNG bytes by name."""
+def build_page(folder: Path, data: ReportData) -> str:
+    """The page, with the pictures that :func:`writer.write_report` drew into ``folder``."""
     parts = [
         _header(data),
         _section("Photo and fit", _photo_and_fit(folder)),
         _relit(folder, data),
         _section("Textures", _textures(folder, data)),
         _section("Light", _light(folder, data)),
-        _section("Error against run time", _chart("trace", charts, "Errors against seconds, stage by stage")),
-        _section("Shape and expression", _chart("weights", charts, "The largest identity and expression weights")),
+        _section("Error against run time", _chart(folder / "trace.png", "Errors against seconds, stage by stage")),
+        _section("Shape and expression", _chart(folder / "weights.png", "The largest identity and expression weights")),
         _section("Numbers", _numbers(data)),
         _section("Left out", _left_out(data)),
         _section("Repeat this fit", _repeat(data)),
@@ -83,13 +83,14 @@ def _key_figures(data: ReportData) -> list[Row]:
     errors |= data.result.errors
     rows = [Row("Run time", tables.number(tables.total_seconds(data.result.timings), 3), "s")]
     wanted = (
-        ("psnr", "PSNR, higher is better"), ("photo_rms", "Photo residual, RMS"),
+        ("psnr", "PSNR, higher is better"), ("photo_rms", "Photo residual, RMS, linear"),
         ("rigid_mm", "From truth, rigid alignment"), ("similarity_mm", "From truth, similarity alignment"),
     )  # fmt: skip
     for key, label in wanted:
         value = errors.get(key, errors.get("psnr_db") if key == "psnr" else None)
         if isinstance(value, int | float | np.number) and np.isfinite(value):
-            rows.append(Row(label, tables.number(float(value), 3), tables.ERRORS[key][1]))
+            unit = tables.ERRORS[key][1].replace("linear", "")
+            rows.append(Row(label, tables.number(float(value), 3), unit))
     distances = landmark_distances(data)
     if distances.size:
         rows.append(Row("Landmarks, median distance", tables.number(float(np.median(distances)), 3), "px"))
@@ -99,8 +100,8 @@ def _key_figures(data: ReportData) -> list[Row]:
 def _photo_and_fit(folder: Path) -> str:
     slider = (
         f'<figure class="dark"><div class="compare" style="max-width:{FACE_WIDTH}px">'
-        f'{_image(folder / "face_photo.png", "The photo")}'
-        f'{_image(folder / "face.png", "The fit in the photo", "over")}{COMPARE_INPUT}<i></i>'
+        f"{_image(folder / 'face_photo.png', 'The photo')}"
+        f"{_image(folder / 'face.png', 'The fit in the photo', 'over')}{COMPARE_INPUT}<i></i>"
         '<b class="photo">Photo</b><b class="fit">Fit</b></div>'
         "<figcaption>Drag to compare the photo with the fit.</figcaption></figure>"
     )
@@ -111,6 +112,7 @@ def _photo_and_fit(folder: Path) -> str:
     comparison = _figure(
         folder / "comparison.png", "Photo, fit and their difference",
         "Dimmed parts of the photo were not fitted. Blue: the fit is too dark. Red: it is too bright.",
+        wide=True,
     )  # fmt: skip
     return f'{comparison}<div class="columns">{slider}{landmarks}</div>'
 
@@ -118,9 +120,7 @@ def _photo_and_fit(folder: Path) -> str:
 def _relit(folder: Path, data: ReportData) -> str:
     if not data.relit:
         return ""
-    figures = [
-        _figure(folder / relit_file(name), f"The face relit: {name}", tables.words(name)) for name in data.relit
-    ]
+    figures = [_figure(folder / relit_file(name), f"The face relit: {name}", tables.words(name)) for name in data.relit]
     return _section("Relit", f'<div class="columns">{"".join(figures)}</div>')
 
 
@@ -142,11 +142,13 @@ def _light(folder: Path, data: ReportData) -> str:
         folder / "light_probe.png", "The fitted light as a lat-long map, with matte and mirror spheres",
         "Numbers are those of the table: the strongest lights. Rings are lights that are on, crosses are off. "
         "The spheres stand in for the face, seen from the camera.",
+        wide=True,
     )  # fmt: skip
     rows = "".join(_light_row(row) for row in tables.light_rows(data.result.stage))
     table = (
         '<table><thead><tr><th>Light</th><th>From the camera’s direction</th><th class="n">Red</th>'
-        '<th class="n">Green</th><th class="n">Blue</th><th></th><th class="n">Share of power</th><th>State</th></tr></thead>'
+        '<th class="n">Green</th><th class="n">Blue</th><th></th>'
+        '<th class="n">Share of power</th><th>State</th></tr></thead>'
         f"<tbody>{rows}</tbody></table>"
     )
     count = len(data.result.stage)
@@ -159,7 +161,7 @@ def _light_row(row: tables.LightRow) -> str:
     radiance = "".join(f'<td class="n">{escape(value)}</td>' for value in row.radiance)
     style = ' class="off"' if row.state == "off" else ""
     return (
-        f"<tr{style}><td>{row.number}</td><td>{escape(row.place)}</td>{radiance}"
+        f'<tr{style}><td>{row.number}</td><td class="place">{escape(row.place)}</td>{radiance}'
         f'<td><span class="swatch" style="background:{row.swatch}"></span></td>'
         f'<td class="n">{100 * row.share:.1f} %</td><td>{escape(row.state)}</td></tr>'
     )
@@ -222,8 +224,10 @@ def _repeat(data: ReportData) -> str:
     )
 
 
-def _figure(path: Path, alt: str, caption: str) -> str:
-    return f'<figure class="dark">{_image(path, alt)}<figcaption>{escape(caption)}</figcaption></figure>'
+def _figure(path: Path, alt: str, caption: str, wide: bool = False) -> str:
+    """A picture with its caption; a wide one scrolls on a narrow screen instead of becoming unreadable."""
+    picture = f'<div class="wide">{_image(path, alt)}</div>' if wide else _image(path, alt)
+    return f'<figure class="dark">{picture}<figcaption>{escape(caption)}</figcaption></figure>'
 
 
 def _image(path: Path, alt: str, style: str = "") -> str:
@@ -231,10 +235,5 @@ def _image(path: Path, alt: str, style: str = "") -> str:
     return f'<img{name} src="{data_uri(path.read_bytes())}" alt="{escape(alt)}">'
 
 
-def _chart(name: str, charts: dict[str, tuple[bytes, bytes]], alt: str) -> str:
-    light, dark = (data_uri(content) for content in charts[name])
-    return (
-        f'<figure class="chart"><picture><source media="(prefers-color-scheme: dark)" srcset="{dark}">'
-        f'<img src="{light}" alt="{escape(alt)}"></picture></figure>'
-    )
-
+def _chart(path: Path, alt: str) -> str:
+    return f'<figure class="chart wide">{_image(path, alt)}</figure>'

@@ -18,9 +18,11 @@ h3{font-size:15px;margin:0 0 8px}
 margin-right:10px;white-space:nowrap}
 .converged{color:var(--good)}.budget_spent{color:var(--fair)}.stopped{color:var(--bad)}
 .tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:26px 0 0;padding:0}
-.tiles div{background:var(--card);border:1px solid var(--line);border-radius:10px;padding:12px 16px}
+.tiles div{display:flex;flex-direction:column;justify-content:space-between;
+background:var(--card);border:1px solid var(--line);border-radius:10px;padding:12px 14px}
 .tiles dt{color:var(--muted);font-size:13px;line-height:1.35}
-.tiles dd{margin:2px 0 0;font-size:24px;font-weight:600;letter-spacing:-.02em;font-variant-numeric:tabular-nums}
+.tiles dd{white-space:nowrap;margin:2px 0 0;font-size:24px;font-weight:600;letter-spacing:-.02em;
+font-variant-numeric:tabular-nums}
 .tiles dd span{font-size:14px;font-weight:400;color:var(--muted);letter-spacing:0}
 figure{margin:0 0 18px;background:var(--card);border:1px solid var(--line);border-radius:12px;overflow:hidden}
 figure.dark{background:#17191e}
@@ -29,12 +31,15 @@ figcaption{padding:10px 16px;color:var(--muted);font-size:14px;background:var(--
 .columns{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,320px),1fr));gap:18px;align-items:start}
 .columns figure{margin:0}
 .chart{padding:8px}
+@media(prefers-color-scheme:dark){.chart img{filter:invert(1) hue-rotate(180deg);mix-blend-mode:screen}}
+.wide{overflow-x:auto}.wide img{min-width:680px}
 .compare{position:relative;--at:50%;margin:auto;background:#17191e}
 .compare img{display:block;width:100%;height:auto}
 .compare .over{position:absolute;inset:0;clip-path:inset(0 0 0 var(--at))}
 .compare i{position:absolute;top:0;bottom:0;left:var(--at);width:2px;margin-left:-1px;background:#fff;
 box-shadow:0 0 6px #0009;pointer-events:none}
-.compare i:after{content:"\\2039\\2002\\203a";color:#333;font:600 18px/28px system-ui;text-align:center;position:absolute;top:50%;left:50%;width:30px;height:30px;transform:translate(-50%,-50%);
+.compare i:after{content:"\\2039\\2002\\203a";color:#333;font:600 18px/28px system-ui;text-align:center;
+position:absolute;top:50%;left:50%;width:30px;height:30px;transform:translate(-50%,-50%);
 border-radius:50%;background:#fff;box-shadow:0 1px 5px #0008}
 .compare b{position:absolute;bottom:10px;padding:1px 9px;border-radius:6px;background:#000a;color:#fff;font-size:13px;
 font-weight:600;pointer-events:none}
@@ -50,6 +55,7 @@ td,th{padding:6px 14px 6px 0;border-bottom:1px solid var(--line);vertical-align:
 td:last-child,th:last-child{padding-right:0}
 tr:last-child td{border-bottom:0}
 .n{text-align:right;white-space:nowrap}
+.place{white-space:nowrap}
 .unit{color:var(--muted)}
 .bar{width:26%;min-width:56px}
 .bar span{display:block;height:8px;margin-top:8px;border-radius:3px;background:var(--accent);min-width:1px}

@@ -15,7 +15,9 @@ from facestage.report.report_data import ReportData
 PANEL_WIDTH, PANEL_HEIGHT = 480, 640
 MARGIN, GAP = 20, 14
 UNFITTED_DIM = 0.25  # brightness of the photo where nothing was fitted
-CROP_MARGIN = 0.12
+CROP_MARGIN = 0.12  # of the face's longer side
+COMPARISON_MARGIN = 0.4
+PHOTO_FILTER = "bicubic"
 GIVEN_COLOR, FITTED_COLOR = "#5ad1ff", "#ffb454"
 
 
@@ -32,7 +34,7 @@ class View:
     def of(cls, data: ReportData) -> View:
         """Shrink and expose what ``data`` holds; pixels that are not finite count as not fitted."""
         factor = exposure(data.photo)
-        usable = data.coverage & np.isfinite(data.photo).all(-1) & np.isfinite(data.render).all(-1)
+        usable = data.coverage & _finite_pixels(data.photo) & _finite_pixels(data.render)
         return cls(
             factor * shrink(data.photo), factor * shrink(data.render), shrink(usable) > 0.5,
             shrink_factor(data.photo.shape),
@@ -48,7 +50,7 @@ class View:
         signed = luminance(np.clip(self.render, 0, 1)) - luminance(np.clip(self.photo, 0, 1))
         return np.ma.masked_array(signed, mask=~self.coverage)
 
-    def crop(self, points: np.ndarray | None = None) -> tuple[slice, slice]:
+    def crop(self, points: np.ndarray | None = None, margin: float = CROP_MARGIN) -> tuple[slice, slice]:
         """Rows and columns around the fitted face and ``points`` (m, 2), with a margin; all if neither is there."""
         height, width = self.coverage.shape
         rows, columns = np.nonzero(self.coverage)
@@ -59,11 +61,17 @@ class View:
         if not len(spots):
             return slice(0, height), slice(0, width)
         low, high = spots.min(0), spots.max(0) + 1
-        margin = CROP_MARGIN * float((high - low).max())
+        border = margin * float((high - low).max())
         limit = np.array([width, height])
-        low = np.clip(np.floor(low - margin), 0, limit - 1).astype(int)
-        high = np.maximum(np.clip(np.ceil(high + margin), 0, limit).astype(int), low + 1)
+        low = np.clip(np.floor(low - border), 0, limit - 1).astype(int)
+        high = np.maximum(np.clip(np.ceil(high + border), 0, limit).astype(int), low + 1)
         return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _finite_pixels(linear: np.ndarray) -> np.ndarray:
+    """(h, w) bool, true where no channel is NaN or infinite; several times faster than ``isfinite().all(-1)``."""
+    finite = np.isfinite(linear)
+    return finite[..., 0] & finite[..., 1] & finite[..., 2]
 
 
 def save_linear(path: Path, linear: np.ndarray) -> None:
@@ -81,19 +89,20 @@ def draw_faces(folder: Path, view: View) -> None:
 
 def draw_comparison(path: Path, view: View) -> None:
     """Photo, fit and their difference; the color bar says how much too bright or dark the fit is."""
-    height, width = view.photo.shape[:2]
+    crop = view.crop(margin=COMPARISON_MARGIN)
+    height, width = view.photo[crop].shape[:2]
     factor = min(PANEL_WIDTH / width, PANEL_HEIGHT / height)
     panel_height = max(height * factor, 24.0)
     panel_width = max(width * factor, 170.0)
     canvas = Canvas(2 * MARGIN + 3 * panel_width + 2 * GAP, 44 + panel_height + 78, DARK)
     dimmed = np.where(view.coverage[..., None], view.render, UNFITTED_DIM * view.photo)
-    difference = view.difference()
+    difference = view.difference()[crop]
     limit = difference_limit(difference)
     left = [MARGIN + column * (panel_width + GAP) for column in range(3)]
-    pictures = (("Photo", view.photo), ("Fit", dimmed))
+    pictures = (("Photo", view.photo[crop]), ("Fit", dimmed[crop]))
     for x, (title, picture) in zip(left, pictures, strict=False):
         canvas.text(x, 28, title, 12, weight="bold")
-        canvas.picture(x, 44, panel_width, panel_height, to_srgb8(picture))
+        canvas.picture(x, 44, panel_width, panel_height, to_srgb8(picture), interpolation=PHOTO_FILTER)
     canvas.text(left[2], 28, "Difference", 12, weight="bold")
     axes, artist = canvas.picture(
         left[2], 44, panel_width, panel_height, difference, cmap=_difference_map(), vmin=-limit, vmax=limit
@@ -119,9 +128,7 @@ def _difference_map() -> object:
     from matplotlib.colors import LinearSegmentedColormap
 
     colors = ["#9fd8ff", "#3d8fe0", "#1c4a80", "#23252b", "#8a3326", "#e8693f", "#ffd9a8"]
-    result = LinearSegmentedColormap.from_list("difference", colors, N=255)
-    result.set_bad("#0e0f12")
-    return result
+    return LinearSegmentedColormap.from_list("difference", colors, N=255)
 
 
 def draw_landmarks(path: Path, view: View, data: ReportData) -> None:
@@ -136,13 +143,15 @@ def draw_landmarks(path: Path, view: View, data: ReportData) -> None:
     panel_width, panel_height = max(width * factor, 420.0), max(height * factor, 60.0)
     canvas = Canvas(panel_width, panel_height + 44, DARK)
     extent = (columns.start, columns.stop, rows.stop, rows.start)
-    axes, _ = canvas.picture(0, 0, panel_width, panel_height, picture, extent=extent, alpha=0.8)
-    size = 34.0 if len(given) < 120 else 9.0
+    axes, _ = canvas.picture(
+        0, 0, panel_width, panel_height, picture, extent=extent, alpha=0.8, interpolation=PHOTO_FILTER
+    )
+    size = 70.0 if len(given) < 120 else 16.0
     for chosen, opacity in ((hidden, 0.35), (seen, 1.0)):
         pairs = np.stack([given[chosen], fitted[chosen]], axis=1)
         axes.plot(pairs[..., 0].T, pairs[..., 1].T, color="white", lw=1.0, alpha=0.8 * opacity)
-        axes.scatter(*given[chosen].T, s=size, facecolors="none", edgecolors=GIVEN_COLOR, lw=1.4, alpha=opacity)
-        axes.scatter(*fitted[chosen].T, s=0.32 * size, color=FITTED_COLOR, alpha=opacity, lw=0)
+        axes.scatter(*given[chosen].T, s=size, facecolors="none", edgecolors=GIVEN_COLOR, lw=1.6, alpha=opacity)
+        axes.scatter(*fitted[chosen].T, s=0.25 * size, color=FITTED_COLOR, alpha=opacity, lw=0)
     axes.set_xlim(columns.start, columns.stop)
     axes.set_ylim(rows.stop, rows.start)
     _landmark_legend(canvas, panel_height + 27, landmark_distances(data))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from facestage.contract.storage import atomic_file
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
-from facestage.report.figure import DARK, LIGHT, Theme
 from facestage.report.light_picture import draw_light_probe
 from facestage.report.page import build_page, relit_file
 from facestage.report.pictures import (
+    COMPARISON_MARGIN,
     View,
     draw_albedo,
     draw_comparison,
@@ -43,19 +41,10 @@ def write_report(folder: Path, data: ReportData) -> None:
     draw_light_probe(folder / "light_probe.png", data)
     factor = exposure(data.photo)
     for name, picture in data.relit.items():
-        save_linear(folder / relit_file(name), factor * shrink(picture))
-    charts = {
-        "trace": _both_themes(folder / "trace.png", lambda path, theme: draw_trace(path, data.trace, theme)),
-        "weights": _both_themes(folder / "weights.png", lambda path, theme: draw_weights(path, data.result, theme)),
-    }
+        small = factor * shrink(picture)
+        same = small.shape == view.photo.shape
+        save_linear(folder / relit_file(name), small[view.crop(margin=COMPARISON_MARGIN)] if same else small)
+    draw_trace(folder / "trace.png", data.trace)
+    draw_weights(folder / "weights.png", data.result)
     with atomic_file(folder / PAGE) as temporary:
-        temporary.write_text(build_page(folder, data, charts), encoding="utf-8")
-
-
-def _both_themes(path: Path, draw: Callable[[Path, Theme], None]) -> tuple[bytes, bytes]:
-    """PNG bytes of a chart for a light and for a dark page; the light one stays at ``path``."""
-    draw(path, LIGHT)
-    with tempfile.TemporaryDirectory() as folder:
-        dark = Path(folder) / path.name
-        draw(dark, DARK)
-        return path.read_bytes(), dark.read_bytes()
+        temporary.write_text(build_page(folder, data), encoding="utf-8")
