@@ -67,6 +67,7 @@ def ensure_camera(scene: bpy.types.Scene, collection: bpy.types.Collection) -> b
 def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> bpy.types.Image:
     """Show the photo behind the camera's view and take over its size. Raises InputError when it is no image."""
     image = load_image(path)
+    image.alpha_mode = "NONE"  # alpha only masks the fit; the user sees the whole photo
     set_resolution(scene, *image.size)
     data = camera.data
     data.show_background_images = True

@@ -19,6 +19,9 @@ from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
+from facestage.contract.storage import read_json
+
+from .texture import inside_polygon
 
 if TYPE_CHECKING:
     import bpy
@@ -26,9 +29,10 @@ if TYPE_CHECKING:
     from .render import Crop
 
 LANDMARKS = Path(__file__).parent / "data" / "astronaut_landmarks.json"
+SKIN = Path(__file__).parent / "data" / "astronaut_skin.json"
 SEED = 7
 BUDGET_SECONDS = 75.0  # for each fit, so that the demo ends within its four minutes on any machine
-SAMPLES = 48
+SAMPLES = 32
 ERRORS = (
     ("rigid_mm", "shape, after rigid alignment", "mm"),
     ("similarity_mm", "shape, after similarity alignment", "mm"),
@@ -72,7 +76,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     out.mkdir(parents=True, exist_ok=True)
     photo = out / "astronaut.png"
     scene = pipeline.empty_scene()
-    render.save_png(photo, skimage.data.astronaut() / 255.0)
+    render.save_png(photo, _with_skin_mask(skimage.data.astronaut() / 255.0))
     order = pipeline.Order(image=photo, out=out / "astronaut", landmarks=LANDMARKS, budget=budget)
     result = pipeline.fit_photo(scene, order, find_backend(), pipeline.progress_printer())
     crop = head_crop(Landmarks.read(LANDMARKS), result.camera)
@@ -139,7 +143,7 @@ def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) 
     return float(-10 * np.log10(max(1e-12, float((difference**2).mean()))))
 
 
-def head_crop(landmarks: Landmarks, camera: Camera, side_px: float = 440.0) -> Crop:
+def head_crop(landmarks: Landmarks, camera: Camera, side_px: float = 340.0) -> Crop:
     """A square around the head of which the landmarks are the face, to be shown about ``side_px`` wide."""
     from .render import Crop
 
@@ -165,6 +169,13 @@ def _pictures(scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, f
     sheet = folder / "contact_sheet.png"
     contact_sheet(pictures, sheet)
     return sheet
+
+
+def _with_skin_mask(pixels: np.ndarray) -> np.ndarray:
+    """(h, w, 4) the photo with an alpha channel that leaves out the hair, which no face model explains."""
+    polygon = np.array(read_json(SKIN, "outline of the skin")["polygon"])
+    alpha = inside_polygon(polygon, pixels.shape[1], pixels.shape[0])
+    return np.concatenate([pixels, alpha[..., None]], axis=2)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from . import process
 from .backend import fit_command, model_command
 from .camera import ensure_camera, load_image, show_photo, write_camera
 from .process import BackendProcess
+from .render import quiet
 from .rig import build_rig
 from .scene_read import read_job
 from .stage import build_stage, default_stage, facestage_collection
@@ -136,7 +137,8 @@ def save_blend(path: Path) -> None:
         if image.source == "FILE" and not image.packed_file and image.size[0]:
             image.pack()
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
+        with quiet():
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
     except RuntimeError as error:
         raise InputError(f"Cannot write '{path}'; choose an output folder that you may write to.") from error
 

@@ -81,7 +81,7 @@ def render_linear(
     with (
         tempfile.TemporaryDirectory() as folder,
         _temporarily([*values, (scene.render, "filepath", f"{folder}/render.exr")]),
-        _quiet(),
+        quiet(),
     ):
         bpy.ops.render.render(write_still=True, scene=scene.name)
         return read_pixels(Path(folder) / "render.exr")
@@ -99,7 +99,7 @@ def read_pixels(path: Path) -> np.ndarray:
 
 
 def save_png(path: Path, pixels: np.ndarray) -> None:
-    """Write sRGB-encoded pixels (h, w, 3) in 0..1 as an 8-bit PNG."""
+    """Write sRGB-encoded pixels (h, w, 3), or with straight alpha (h, w, 4), in 0..1 as an 8-bit PNG."""
     _save(path, pixels, "PNG", is_float=False)
 
 
@@ -121,10 +121,11 @@ def linear(encoded: np.ndarray) -> np.ndarray:
 
 def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool) -> None:
     height, width = pixels.shape[:2]
-    image = bpy.data.images.new("Facestage picture", width, height, alpha=False, float_buffer=is_float, is_data=True)
+    alpha = pixels.shape[2] == 4
+    image = bpy.data.images.new("Facestage picture", width, height, alpha=alpha, float_buffer=is_float, is_data=True)
     try:
         rgba = np.ones((height, width, 4), np.float32)
-        rgba[..., :3] = pixels[::-1, :, :3]
+        rgba[..., : pixels.shape[2]] = pixels[::-1]
         image.pixels.foreach_set(rgba.ravel())
         image.filepath_raw, image.file_format = str(path), file_format
         image.save()
@@ -133,7 +134,7 @@ def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool) -> N
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Without a window Blender prints a line for every picture; keep them out of the command line's output."""
     if not bpy.app.background:
         yield

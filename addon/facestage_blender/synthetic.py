@@ -70,7 +70,7 @@ def random_person(model: FaceModel, seed: int) -> Person:
 
 
 def render_person(
-    scene: bpy.types.Scene, model: FaceModel, person: Person, folder: Path, samples: int = 256, seed: int = 0
+    scene: bpy.types.Scene, model: FaceModel, person: Person, folder: Path, samples: int = 128, seed: int = 0
 ) -> None:
     """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json and truth.npz."""
     try:

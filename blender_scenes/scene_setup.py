@@ -1,0 +1,33 @@
+"""What the scripts of this folder share: finding the project's packages, and the face model."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+for package, folder in (("facestage_blender", "addon"), ("facestage", "backend")):
+    if importlib.util.find_spec(package) is None:  # inside Blender, which does not see the project's environment
+        sys.path.append(str(ROOT / folder))
+
+# After the path is set.
+from facestage.contract.face_model import FaceModel  # noqa: E402
+from facestage_blender import pipeline  # noqa: E402
+from facestage_blender.backend import find_backend, model_command  # noqa: E402
+from facestage_blender.batch import own_arguments  # noqa: E402
+
+
+def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The options meant for the script, inside Blender or out."""
+    return parser.parse_args(own_arguments())
+
+
+def face_model(spec: str = "default") -> FaceModel:
+    """A face model, exported by the backend."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        pipeline.run_backend(model_command(find_backend(), spec, file), lambda _event: None)
+        return FaceModel.load(file)
