@@ -51,7 +51,7 @@ class Camera:
             raise InputError(
                 f"The {what} lacks {error}; expected the keys width, height, focal_px, principal_px."
             ) from error
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"The {what} has a value that is not a number ({error}).") from error
 
     @classmethod

@@ -63,14 +63,30 @@ class FaceModel:
             array = getattr(self, attribute)
             if array.shape != shape:
                 raise InputError(f"Face model '{self.name}': {attribute} has shape {array.shape}, expected {shape}.")
+            if not np.issubdtype(array.dtype, np.number):
+                raise InputError(f"Face model '{self.name}': {attribute} holds {array.dtype} values, expected numbers.")
             if not np.isfinite(array).all():
                 raise InputError(f"Face model '{self.name}': {attribute} holds NaN or infinity.")
         for attribute, limit in (("polygons", n), ("polygon_uvs", u)):
             array = getattr(self, attribute)
             if array.size and (array.max() >= limit or array[:, :3].min() < 0 or array.min() < -1):
                 raise InputError(f"Face model '{self.name}': {attribute} refers to a point outside 0..{limit - 1}.")
+        # The fit works on the logarithm of the albedo.
+        if n and not (self.albedo_mean.min() > 0 and self.albedo_mean.max() < 1):
+            raise InputError(
+                f"Face model '{self.name}': albedo_mean runs from {self.albedo_mean.min():.3g} to "
+                f"{self.albedo_mean.max():.3g}, expected values between 0 and 1, both excluded."
+            )
+        for scheme, table in self.landmarks.items():
+            if table.ndim != 2 or table.shape[1] != 6 or not _within(table[:, :3], n):
+                raise InputError(f"Face model '{self.name}': landmarks '{scheme}' refer to a point outside 0..{n - 1}.")
+        for region, indices in self.regions.items():
+            if not _within(indices, n):
+                raise InputError(f"Face model '{self.name}': region '{region}' refers to a point outside 0..{n - 1}.")
         if self.expression_prior not in ("box", "gaussian"):
-            raise InputError(f"Face model '{self.name}': expression_prior is '{self.expression_prior}', not box or gaussian.")
+            raise InputError(
+                f"Face model '{self.name}': expression_prior is '{self.expression_prior}', not box or gaussian."
+            )
 
     @cached_property
     def triangles(self) -> np.ndarray:
@@ -130,9 +146,16 @@ class FaceModel:
         missing = [name for name in (*_ARRAYS, "meta") if name not in arrays]
         if missing:
             raise InputError(f"The face model '{path}' lacks {', '.join(missing)}; convert it again.")
-        meta = json.loads(str(arrays["meta"]))
-        if meta.get("schema") != SCHEMA_VERSION:
-            raise InputError(f"The face model '{path}' has schema {meta.get('schema')}, expected {SCHEMA_VERSION}.")
+        try:
+            meta = json.loads(str(arrays["meta"]))
+            schema = meta.get("schema")
+        except (ValueError, AttributeError) as error:
+            raise InputError(f"The face model '{path}' has damaged meta data ({error}); convert it again.") from error
+        if schema != SCHEMA_VERSION:
+            raise InputError(f"The face model '{path}' has schema {schema}, expected {SCHEMA_VERSION}.")
+        absent = [key for key in _META if key not in meta]
+        if absent:
+            raise InputError(f"The face model '{path}' lacks {', '.join(absent)} in its meta data; convert it again.")
         return cls(
             name=meta["name"], license=meta["license"], source=meta["source"],
             identity_names=tuple(meta["identity_names"]), expression_names=tuple(meta["expression_names"]),
@@ -147,6 +170,13 @@ _ARRAYS = (
     "vertices", "polygons", "polygon_uvs", "polygon_part", "uvs",
     "identity_basis", "expression_basis", "albedo_mean", "albedo_basis",
 )  # fmt: skip
+
+
+_META = ("name", "license", "source", "identity_names", "expression_names", "expression_prior", "face_tile")
+
+
+def _within(indices: np.ndarray, count: int) -> bool:
+    return not indices.size or bool(indices.min() >= 0 and indices.max() < count)
 
 
 def _split(polygons: np.ndarray) -> np.ndarray:

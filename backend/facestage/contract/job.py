@@ -20,6 +20,7 @@ SCHEMA_VERSION = 1
 PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness", "lights", "focal")
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
+SEED_MAX = 10**9
 _LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")
 
 
@@ -72,6 +73,9 @@ class Job:
             raise InputError(f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}.")
         if self.budget_seconds is not None and not (math.isfinite(self.budget_seconds) and self.budget_seconds > 0):
             raise InputError(f"The budget is {self.budget_seconds} seconds; expected a number greater than 0.")
+
+        if not 0 <= self.seed <= SEED_MAX:
+            raise InputError(f"The seed is {self.seed}; expected a whole number of 0 to {SEED_MAX}.")
 
     def save(self, folder: Path) -> None:
         """Write job.json, job.npz and a copy of the image as a folder, whole or not at all."""
@@ -141,6 +145,12 @@ def _rigid(matrix: np.ndarray | None) -> np.ndarray | None:
     """The 4x4 matrix, checked to be a rotation and a translation."""
     if matrix is None:
         return None
-    if matrix.shape != (4, 4) or not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4):
+    if (
+        matrix.shape != (4, 4)
+        or not np.issubdtype(matrix.dtype, np.number)
+        or not np.isfinite(matrix).all()
+        or not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4)
+        or np.linalg.det(matrix[:3, :3]) < 0
+    ):
         raise InputError("camera_to_stage is not a rigid 4x4 transform (rotation and translation, no scale).")
     return matrix

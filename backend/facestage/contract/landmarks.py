@@ -26,7 +26,7 @@ class Landmarks:
     def from_json(cls, data: dict[str, Any], what: str = "landmarks") -> Landmarks:
         """The landmarks of a decoded landmarks.json. Raises InputError for a wrong count or value."""
         scheme = data.get("scheme")
-        if scheme not in SCHEME_SIZES:
+        if not isinstance(scheme, str) or scheme not in SCHEME_SIZES:
             raise InputError(f"The {what} has scheme '{scheme}'; expected one of {', '.join(SCHEME_SIZES)}.")
         count = SCHEME_SIZES[scheme]
         try:
@@ -36,8 +36,9 @@ class Landmarks:
             raise InputError(f"The {what} lacks 'points'; expected a list of [x, y] pixels.") from error
         except (TypeError, ValueError) as error:
             raise InputError(f"The {what} holds points that are not [x, y] numbers ({error}).") from error
-        if points.ndim != 2 or points.shape[1:] != (2,) or len(points) != count:
-            raise InputError(f"The {what} holds {len(points)} points; scheme {scheme} has {count} points of [x, y].")
+        if points.shape != (count, 2):
+            found = len(points) if points.ndim else "no list of"
+            raise InputError(f"The {what} holds {found} points; scheme {scheme} has {count} points of [x, y].")
         if visible.shape != (count,):
             raise InputError(f"The {what} has {visible.size} visibility flags; expected {count}.")
         if not np.isfinite(points[visible]).all():
@@ -69,4 +70,6 @@ class Landmarks:
                 f"{centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and at this size?"
             )
         if np.ptp(points, axis=0).max() < 4.0:
-            raise InputError("The landmarks span less than 4 pixels; a face that small cannot be fitted, use a larger photo.")
+            raise InputError(
+                "The landmarks span less than 4 pixels; a face that small cannot be fitted, use a larger photo."
+            )

@@ -32,11 +32,20 @@ class LightStage:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        shapes = {"position": (n, 3), "direction": (n, 3), "axis_x": (n, 3), "side": (n,), "radiance": (n, 3), "state": (n,)}
+        shapes = {
+            "position": (n, 3),
+            "direction": (n, 3),
+            "axis_x": (n, 3),
+            "side": (n,),
+            "radiance": (n, 3),
+            "state": (n,),
+        }
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape:
                 raise InputError(f"The light stage's {name} has shape {array.shape}, expected {shape}.")
+            if not np.issubdtype(array.dtype, np.number):
+                raise InputError(f"The light stage's {name} holds {array.dtype} values, expected numbers.")
             if not np.isfinite(array).all():
                 raise InputError(f"The light stage's {name} holds NaN or infinity.")
         if n < 1:

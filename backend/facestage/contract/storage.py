@@ -8,6 +8,7 @@ import os
 import shutil
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,8 +50,13 @@ def replace_folder(source: Path, target: Path) -> None:
     if target.exists():
         retired = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
         os.replace(target, retired / "old")
-        os.replace(source, target)
-        shutil.rmtree(retired, ignore_errors=True)
+        try:
+            os.replace(source, target)
+        except OSError:
+            os.replace(retired / "old", target)
+            raise
+        finally:
+            shutil.rmtree(retired, ignore_errors=True)
     else:
         os.replace(source, target)
 
@@ -59,6 +65,8 @@ def replace_folder(source: Path, target: Path) -> None:
 def atomic_file(target: Path) -> Iterator[Path]:
     """Yield a temporary path with ``target``'s suffix that is renamed to ``target`` on success."""
     target = Path(target)
+    if target.is_dir():
+        raise InputError(f"Cannot write '{target}': it is a folder; choose the name of a file.")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=".facestage-", suffix=target.suffix, dir=target.parent)
@@ -133,11 +141,13 @@ def read_arrays(path: Path, what: str) -> dict[str, np.ndarray]:
     """All arrays of an .npz, loaded with ``allow_pickle=False`` so that nothing can execute."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as stream:
+            data = np.load(stream, allow_pickle=False)
             if not isinstance(data, np.lib.npyio.NpzFile):
                 raise InputError(f"The {what} '{path}' holds a single array, expected an .npz of named arrays.")
-            return {name: data[name] for name in data.files}
+            with data:
+                return {name: data[name] for name in data.files}
     except FileNotFoundError as error:
         raise InputError(f"The {what} '{path}' does not exist; check the path.") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise InputError(f"The {what} '{path}' is not a readable .npz of plain arrays ({error}).") from error
