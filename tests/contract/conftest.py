@@ -1,0 +1,66 @@
+"""Example objects of the contract."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.job import Job, Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import FROZEN, OFF, fibonacci_stage
+from facestage.contract.result import CONVERGED, Result
+
+
+def rigid(seed: int) -> np.ndarray:
+    """A random rigid 4x4 transform."""
+    random = np.random.default_rng(seed)
+    rotation, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation * np.sign(np.linalg.det(rotation))
+    matrix[:3, 3] = random.normal(size=3)
+    return matrix
+
+
+@pytest.fixture
+def landmarks() -> Landmarks:
+    random = np.random.default_rng(1)
+    visible = random.random(68) > 0.2
+    return Landmarks("ibug68", random.uniform(10, 90, (68, 2)), visible)
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "Some Photo.PNG"
+    path.write_bytes(b"not decoded by the contract")
+    return path
+
+
+@pytest.fixture
+def job(photo: Path, landmarks: Landmarks) -> Job:
+    stage = fibonacci_stage(5, radiance=2.5)
+    stage = replace(stage, state=np.array([0, FROZEN, OFF, 0, 0])).with_radiance(stage.radiance)
+    return Job(
+        image=photo, model="npz:face.npz", landmarks=landmarks, camera=Camera(96, 80, 123.25, (47.5, 41.0)),
+        stage=stage, camera_to_stage=rigid(3), light_color="uniform", freeze=("pose", "roughness"),
+        weights=Weights(photo=0.5, light=2.0), initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
+        budget_seconds=12.5, seed=7, device="cpu", truth=Path("/elsewhere/truth.npz"),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def result() -> Result:
+    random = np.random.default_rng(2)
+    return Result(
+        status=CONVERGED, advice="Converged.", model="default", camera=Camera(96, 80, 123.25, (47.5, 41.0)),
+        camera_to_stage=rigid(4), model_to_camera=rigid(5), identity=random.normal(size=3),
+        expression=random.random(2), albedo=random.normal(size=4), specular=random.random((8, 8)), roughness=0.37,
+        stage=fibonacci_stage(3, radiance=0.1), vertices=random.normal(size=(9, 3)).astype(np.float32),
+        triangles=random.integers(0, 9, (5, 3)).astype(np.int32), identity_names=("wide", "tall", "long"),
+        expression_names=("jawOpen", "smile"), energy={"photo": 1.5, "landmarks": np.float64(0.5)},
+        errors={"psnr": 31.0}, timings={"render": 0.25}, left_out=[{"what": "2 lights", "why": "off", "saved": "time"}],
+        versions={"numpy": "1"}, seed=3, arrays={"condition": np.float64(17.0)},
+    )  # fmt: skip

@@ -1,0 +1,190 @@
+"""Jobs: folder round trip, and messages for what is wrong."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from facestage.contract.errors import InputError
+from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS, Job, Weights
+from facestage.contract.storage import read_arrays, write_arrays
+
+
+def assert_same(first: Any, second: Any, what: str = "") -> None:
+    """Compare field by field, arrays included."""
+    if hasattr(first, "__dataclass_fields__"):
+        for item in fields(first):
+            assert_same(getattr(first, item.name), getattr(second, item.name), f"{what}.{item.name}")
+    elif isinstance(first, dict):
+        assert set(first) == set(second), what
+        for name in first:
+            assert_same(first[name], second[name], f"{what}[{name}]")
+    elif isinstance(first, np.ndarray):
+        np.testing.assert_array_equal(first, second, err_msg=what)
+    else:
+        assert first == second, what
+
+
+def test_round_trip_keeps_everything_and_copies_the_image(tmp_path: Path, job: Job):
+    job.save(tmp_path / "job")
+    loaded = Job.load(tmp_path / "job")
+    assert loaded.image.parent == tmp_path / "job"
+    assert loaded.image.read_bytes() == job.image.read_bytes()
+    assert_same(replace(loaded, image=job.image), job)
+    job.image.unlink()
+    assert loaded.image.is_file(), "the job folder stands alone"
+
+
+def test_a_minimal_job_keeps_its_defaults(tmp_path: Path, photo: Path):
+    Job(photo).save(tmp_path / "job")
+    assert_same(replace(Job.load(tmp_path / "job"), image=photo), Job(photo))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@given(
+    st.sampled_from(LIGHT_COLORS), st.sampled_from(DEVICES), st.sets(st.sampled_from(PARAMETERS)),
+    st.none() | st.floats(1e-3, 1e6), st.integers(0, 2**20), st.floats(0, 1e6),
+)  # fmt: skip
+def test_options_round_trip(
+    photo: Path, color: str, device: str, freeze: set[str], budget: float | None, seed: int, weight: float
+):
+    original = Job(
+        photo, light_color=color, device=device, freeze=tuple(freeze), budget_seconds=budget, seed=seed,
+        weights=Weights(photo=weight),
+    )  # fmt: skip
+    original.save(photo.parent / "job")
+    assert_same(replace(Job.load(photo.parent / "job"), image=photo), original)
+
+
+def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, job: Job):
+    job.write_into(tmp_path, copy_image=False)
+    assert Job.load(tmp_path).image == job.image
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"light_color": "rainbow"}, ["light_color", "rainbow", "multi, uniform"]),
+        ({"device": "tpu"}, ["device", "tpu", "auto, cpu, cuda"]),
+        ({"freeze": ("nose",)}, ["nose", "identity, expression"]),
+        ({"budget_seconds": 0.0}, ["budget", "0.0", "greater than 0"]),
+        ({"budget_seconds": -3.0}, ["budget", "-3.0", "greater than 0"]),
+        ({"budget_seconds": float("nan")}, ["budget", "nan", "greater than 0"]),
+        ({"seed": -1}, ["seed", "-1", "0 to"]),
+        ({"seed": 2**40}, ["seed", str(2**40), "0 to"]),
+    ],
+)
+def test_wrong_options_are_named(photo: Path, change: dict, words: list[str]):
+    with pytest.raises(InputError) as caught:
+        Job(photo, **change)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_wrong_weights_are_named(value: float):
+    with pytest.raises(InputError, match=rf"weight 'landmarks' is {value}; expected"):
+        Weights(landmarks=value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": 99}, "schema 99, expected 1"),
+        ({"schema": None}, "schema None, expected 1"),
+        ({"light_color": 3}, "light_color is '3'"),
+        ({"freeze": 5}, "missing or wrong value"),
+        ({"weights": {"beauty": 1}}, "beauty"),
+        ({"weights": {"photo": "much"}}, "missing or wrong value"),
+        ({"weights": []}, "missing or wrong value"),
+        ({"budget_seconds": "long"}, "missing or wrong value"),
+        ({"seed": "x"}, "missing or wrong value"),
+        ({"camera": {"width": 3}}, "camera lacks"),
+        ({"camera": [1]}, "(missing or wrong value|camera)"),
+        ({"landmarks": {"scheme": "ibug68", "points": [[1, 2]]}}, "1 points"),
+        ({"landmarks": [1]}, "missing or wrong value"),
+    ],
+)
+def test_a_damaged_job_file_is_refused(tmp_path: Path, job: Job, change: dict, words: str):
+    job.save(tmp_path / "job")
+    path = tmp_path / "job" / "job.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=words):
+        Job.load(tmp_path / "job")
+
+
+def test_a_job_without_an_image_is_refused(tmp_path: Path, job: Job):
+    job.save(tmp_path / "job")
+    path = tmp_path / "job" / "job.json"
+    data = json.loads(path.read_text())
+    del data["image"]
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match="image"):
+        Job.load(tmp_path / "job")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"camera_to_stage": np.diag([2.0, 2, 2, 1])}, "not a rigid"),
+        ({"camera_to_stage": np.diag([1.0, 1, -1, 1])}, "not a rigid"),
+        ({"camera_to_stage": np.eye(3)}, "not a rigid"),
+        ({"camera_to_stage": np.full((4, 4), np.nan)}, "not a rigid"),
+        ({"camera_to_stage": np.array("text")}, "not a rigid"),
+        ({"stage/side": np.zeros(5)}, "side"),
+        ({"stage/radiance": np.full((5, 3), np.nan)}, "NaN"),
+        ({"stage/position": np.full((5, 3), "left")}, "position"),
+    ],
+)
+def test_damaged_arrays_are_refused(tmp_path: Path, job: Job, change: dict, words: str):
+    job.save(tmp_path / "job")
+    path = tmp_path / "job" / "job.npz"
+    write_arrays(path, read_arrays(path, "arrays") | change)
+    with pytest.raises(InputError, match=words):
+        Job.load(tmp_path / "job")
+
+
+def test_a_translation_that_is_no_number_is_refused(tmp_path: Path, job: Job):
+    job.save(tmp_path / "job")
+    path = tmp_path / "job" / "job.npz"
+    matrix = np.eye(4)
+    matrix[0, 3] = np.nan
+    write_arrays(path, read_arrays(path, "arrays") | {"camera_to_stage": matrix})
+    with pytest.raises(InputError, match="not a rigid"):
+        Job.load(tmp_path / "job")
+
+
+def test_half_a_stage_is_refused(tmp_path: Path, job: Job):
+    job.save(tmp_path / "job")
+    path = tmp_path / "job" / "job.npz"
+    arrays = read_arrays(path, "arrays")
+    del arrays["stage/axis_x"]
+    write_arrays(path, arrays)
+    with pytest.raises(InputError, match="lacks the stage's axis_x"):
+        Job.load(tmp_path / "job")
+
+
+def test_missing_files_are_named(tmp_path: Path, job: Job):
+    with pytest.raises(InputError, match=r"job folder '.*nothing' does not exist"):
+        Job.load(tmp_path / "nothing")
+    job.save(tmp_path / "job")
+    (tmp_path / "job" / "job.npz").unlink()
+    with pytest.raises(InputError, match=r"job\.npz' does not exist"):
+        Job.load(tmp_path / "job")
+    (tmp_path / "job" / "job.json").unlink()
+    with pytest.raises(InputError, match=r"job\.json' does not exist"):
+        Job.load(tmp_path / "job")
+
+
+def test_saving_without_the_photo_leaves_nothing(tmp_path: Path, job: Job):
+    job.image.unlink()
+    with pytest.raises((InputError, FileNotFoundError)):
+        job.save(tmp_path / "job")
+    assert not any(tmp_path.iterdir())
