@@ -76,7 +76,7 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
             column, row = surface.pixels.astype(int).T
             cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
             weights = np.clip((cosine - 0.15) / 0.3, 0, 1)[:, None] * ~clipped[row, column]
-            weights = weights * problem.skin[row, column, None]
+            weights = weights * problem.paintable[row, column, None]
             logs = logs + detail_texture(atlas, logs, image, forward.uvs(surface), color[row, column], weights)
     return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32)
 
@@ -85,8 +85,12 @@ def _errors(
     problem: Problem, fitted: Fitted, texture: np.ndarray, picture: Picture, truth: Truth | None
 ) -> dict[str, float]:
     state, photo = fitted.state, problem.photograph
-    seen = picture.fitted & photo.mask & (problem.skin > 0.5)
-    errors: dict[str, float | None] = {"psnr": psnr(picture.color, photo.color, seen)}
+    seen = picture.fitted & photo.mask
+    errors: dict[str, float | None] = {
+        "psnr": psnr(picture.color, photo.color, seen),
+        # Without what the color model took for hair, cloth or glasses.
+        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5)),
+    }
     vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
     points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
@@ -155,7 +159,7 @@ def _specular_texture(problem: Problem, state: State) -> np.ndarray:
 
 
 def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
-    value = finished.errors["psnr"]
+    value = finished.errors["psnr_skin"]
     pixels = finished.errors["landmark_px"]
     if not fitted.in_time:
         return (
@@ -197,7 +201,7 @@ def _report_data(
     points = np.einsum("mi,mix->mx", weights, result.vertices[vertices])
     return ReportData(
         result=result, photo=problem.photograph.color, render=finished.picture.color,
-        coverage=finished.picture.fitted & problem.photograph.mask & (problem.skin > 0.5), albedo=finished.texture, specular=specular,
+        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.texture, specular=specular,
         texture_coverage=None, light_probe=probe, relit={}, landmarks=problem.landmarks.points,
         projected=state.camera.project(points), visible=problem.landmarks.visible, trace=fitted.trace,
         title=problem.job.image.stem,

@@ -18,7 +18,7 @@ from facestage.contract.storage import finite
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters
-from facestage.fit.skin_mask import skin_weight
+from facestage.fit.skin_mask import hull_pixels, skin_weight
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
@@ -60,6 +60,11 @@ class Problem:
     def skin(self) -> np.ndarray:
         """(h, w) 0..1, which pixels have the color of the face's own skin."""
         return skin_weight(self.photograph.color, self.landmarks)
+
+    @cached_property
+    def paintable(self) -> np.ndarray:
+        """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
+        return np.where(hull_pixels(self.skin.shape, self.landmarks), 1.0, self.skin)
 
     @cached_property
     def face_size_px(self) -> float:

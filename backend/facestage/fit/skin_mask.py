@@ -8,40 +8,44 @@ from facestage.contract.landmarks import Landmarks
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
 DARK_SHARE = 0.1
-# Least spread of log chromaticity on a face (light of two colors, cheeks against forehead) and the
-# distances at which a pixel counts in full and no longer.
-SPREAD_MIN, FULL, NONE = 0.12, 3.0, 6.0
-# Convex hull of brows, nose and chin in each scheme; eyes and mouth are handled by the mesh.
+# Least spread of (log red/green, log blue/green, log luminance) on a face: light of two colors, cheeks
+# against forehead, shading. A face half in shadow widens its own luminance spread.
+SPREAD_MIN = (0.12, 0.12, 0.28)
+# Distances, in spreads, at which a pixel counts in full and no longer.
+FULL, NONE = 2.0, 3.5
+# Jaw and nose: a hull of cheeks and chin, without brows and forehead. Eyes and mouth are the mesh's matter.
 SAMPLE_POINTS = {"ibug68": list(range(2, 15)) + list(range(27, 36))}
 
 
 def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    """(h, w) float32 in 0..1 of ``photo`` (h, w, 3) linear: 1 where its chromaticity is the face's own.
+    """(h, w) float32 in 0..1 of ``photo`` (h, w, 3) linear: 1 where its color is the face's own.
 
-    Brightness is not looked at, so that shadows and highlights stay; hair, cloth and background of
-    another hue go. Robust: median and quartile spread, so a beard or glasses do not define the skin.
+    Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
+    stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
     """
-    inside = _hull_pixels(photo.shape[:2], landmarks)
+    inside = hull_pixels(photo.shape[:2], landmarks, SAMPLE_POINTS.get(landmarks.scheme))
     if inside.sum() < 20:
         return np.ones(photo.shape[:2], np.float32)
     dark = max(DARK_SHARE * float(photo[inside].mean()), 1e-6)
     logs = np.log(np.maximum(photo, 0) + dark)
-    chroma = np.stack([logs[..., 0] - logs[..., 1], logs[..., 2] - logs[..., 1]], axis=-1)
-    samples = chroma[inside]
+    features = np.stack([logs[..., 0] - logs[..., 1], logs[..., 2] - logs[..., 1], logs.mean(-1)], axis=-1)
+    samples = features[inside]
     centre = np.median(samples, axis=0)
     quartiles = np.percentile(samples, [25, 75], axis=0)
     spread = np.maximum(0.741 * (quartiles[1] - quartiles[0]), SPREAD_MIN)
-    distance = np.sqrt((((chroma - centre) / spread) ** 2).sum(-1))
+    offset = (features - centre) / spread
+    offset[..., 2] = np.minimum(offset[..., 2], 0.0)
+    distance = np.sqrt((offset**2).sum(-1))
     return np.clip((NONE - distance) / (NONE - FULL), 0, 1).astype(np.float32)
 
 
-def _hull_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
-    """(h, w) bool, inside the convex hull of the scheme's sample points."""
+def hull_pixels(shape: tuple[int, int], landmarks: Landmarks, points: list[int] | None = None) -> np.ndarray:
+    """(h, w) bool, inside the convex hull of ``points`` of the scheme (all when None)."""
     from skimage.morphology import convex_hull_image
 
-    index = SAMPLE_POINTS.get(landmarks.scheme, list(range(len(landmarks.points))))
-    points = landmarks.points[index][np.isfinite(landmarks.points[index]).all(1)]
-    column, row = np.round(points - 0.5).astype(int).T
+    chosen = landmarks.points if points is None else landmarks.points[points]
+    chosen = chosen[np.isfinite(chosen).all(1)]
+    column, row = np.round(chosen - 0.5).astype(int).T
     seeds = np.zeros(shape, bool)
     seeds[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = True
     if min(np.ptp(row), np.ptp(column)) < 2:
