@@ -85,9 +85,9 @@ def test_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
 
 def test_data_folder_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FACESTAGE_DATA", str(tmp_path))
-    assert "no others" in doctor.data_finding().found
+    assert "not found here" in doctor.data_finding().found
     (tmp_path / "ict-facekit.tar.xz").write_bytes(b"")
-    assert "ict-facekit.tar.xz" in doctor.data_finding().found
+    assert f"--model ict:{tmp_path / 'ict-facekit.tar.xz'}" in doctor.data_finding().found
 
 
 def test_setup_and_doctor_name_the_same_system_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
