@@ -70,14 +70,20 @@ def random_person(model: FaceModel, seed: int) -> Person:
 
 
 def render_person(
-    scene: bpy.types.Scene, model: FaceModel, person: Person, folder: Path, samples: int = 128, seed: int = 0
+    scene: bpy.types.Scene,
+    model: FaceModel,
+    person: Person,
+    folder: Path,
+    samples: int = 128,
+    seed: int = 0,
+    size: int = SIZE,
 ) -> None:
     """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json and truth.npz."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"Cannot write the folder '{folder}': {error.strerror}; choose another.") from error
-    camera = Camera.default(SIZE, SIZE, FOCAL_PX)
+    camera = Camera.default(size, size, FOCAL_PX * size / SIZE)
     camera_to_stage = np.eye(4)
     camera_to_stage[:3, 3] = -person.model_to_camera[:3, 3]
     empty = build_stage(scene, person.stage)

@@ -1,0 +1,84 @@
+"""The real backend behind the add-on: a small synthetic photo, the whole way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.face_model import FaceModel
+from facestage.contract.result import Result
+from facestage_blender.backend import find_backend, fit_command, model_command, partial_folder
+
+pytestmark = pytest.mark.slow
+SIZE = 96
+
+
+@pytest.fixture(scope="module")
+def backend() -> list[str]:
+    try:
+        return find_backend()
+    except BackendUnavailableError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def case(scene, backend: list[str], tmp_path: Path) -> Path:
+    """A small photo of the default model's person number 7."""
+    from facestage_blender import pipeline
+    from facestage_blender.synthetic import random_person, render_person
+
+    pipeline.run_backend(model_command(backend, "default", tmp_path / "model.npz"), lambda _event: None)
+    model = FaceModel.load(tmp_path / "model.npz")
+    render_person(scene, model, random_person(model, 7), tmp_path / "case", samples=32, seed=7, size=SIZE)
+    return tmp_path / "case"
+
+
+def test_fit_is_written_back_as_the_fit_saw_it(case: Path, backend: list[str], tmp_path: Path) -> None:
+    from facestage_blender import demo, pipeline, render
+
+    order = pipeline.Order(
+        image=case / "photo.png", out=tmp_path / "out", landmarks=case / "landmarks.json",
+        camera=case / "camera.json", truth=case / "truth.npz", budget=40.0,
+    )  # fmt: skip
+    scene = pipeline.empty_scene()
+    stages: list[str] = []
+    result = pipeline.fit_photo(scene, order, backend, lambda event: stages.append(event.stage))
+    match = demo.agreement(scene, result, render.Crop((0, 0, SIZE, SIZE)), samples=64)
+    print(f"Cycles against the fit's renderer: {match:.1f} dB, at least 32; errors {result.errors}")
+    assert match >= 32.0
+    assert len(set(stages)) > 2
+    assert result.errors["psnr"] > 25.0
+    assert result.errors["similarity_mm"] < 4.0
+
+
+def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -> None:
+    from facestage_blender import pipeline
+    from facestage_blender.process import BackendProcess
+    from facestage_blender.scene_read import read_job
+
+    order = pipeline.Order(
+        image=case / "photo.png", out=tmp_path / "out", landmarks=case / "landmarks.json", camera=case / "camera.json"
+    )
+    scene = pipeline.empty_scene()
+    pipeline.prepare_scene(scene, order, backend, lambda _event: None)
+    job, out = tmp_path / "out" / "job", tmp_path / "out" / "result"
+    read_job(scene).save(job)
+    child = BackendProcess(fit_command(backend, job, out))
+    deadline = time.monotonic() + 120
+    while not any(event.stage == "geometry" for event in child.poll()):
+        assert child.outcome() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.kill(child.pid, signal.SIGKILL)
+    assert "killed" in child.wait().message
+    assert not out.exists()
+    assert partial_folder(out).is_dir()
+    assert BackendProcess(fit_command(backend, job, out, resume=True)).wait().ok
+    assert np.isfinite(Result.load(out).vertices).all()
+    assert not partial_folder(out).exists()

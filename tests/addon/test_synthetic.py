@@ -1,0 +1,111 @@
+"""The synthetic photo agrees with its truth, and is the same every time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.face_model import FaceModel
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.storage import read_arrays
+
+SIZE = 64
+
+
+@pytest.fixture
+def case(scene, head: FaceModel, tmp_path: Path) -> Path:
+    from facestage_blender.synthetic import random_person, render_person
+
+    render_person(scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE)
+    return tmp_path / "case"
+
+
+def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
+    from facestage_blender.render import read_pixels
+
+    truth = read_arrays(case / "truth.npz", "truth")
+    camera = Camera.read(case / "camera.json")
+    photo = read_pixels(case / "photo.exr")[..., :3]
+    pixels = np.floor(camera.project(truth["vertices"])).astype(int)
+    inside = ((pixels >= 0) & (pixels < SIZE)).all(axis=1)
+    shown = np.zeros((SIZE, SIZE), bool)
+    shown[pixels[inside, 1], pixels[inside, 0]] = True
+    assert truth["mask"][shown].mean() > 0.85  # but for pixels that the silhouette cuts
+    assert photo[truth["mask"]].mean() > 2 * photo[~truth["mask"]].mean()
+    assert 0.5 < np.percentile(photo[truth["mask"]], 99) < 1.0
+    encoded = read_pixels(case / "photo.png")[..., :3]
+    from facestage_blender.render import srgb
+
+    np.testing.assert_allclose(encoded, srgb(photo), atol=0.6 / 255)
+
+
+def test_landmarks_have_a_pixel_of_noise_and_true_visibility(case: Path, head: FaceModel) -> None:
+    truth = read_arrays(case / "truth.npz", "truth")
+    landmarks = Landmarks.read(case / "landmarks.json")
+    corners, weights = head.landmark_vertices("ibug68")
+    exact = Camera.read(case / "camera.json").project(np.einsum("mi,mix->mx", weights, truth["vertices"][corners]))
+    noise = landmarks.points - exact
+    assert 0.7 < noise.std() < 1.3
+    assert landmarks.visible.all()  # the egg's landmarks surround its nose
+
+
+def test_lights_of_the_truth_face_the_head(case: Path) -> None:
+    truth = read_arrays(case / "truth.npz", "truth")
+    centre = truth["model_to_camera"][:3, 3]
+    towards = centre - truth["light_position"]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    np.testing.assert_allclose(towards, truth["light_direction"], atol=1e-6)
+    assert (truth["light_radiance"] > 0).any(axis=1).sum() == 5
+    np.testing.assert_allclose(truth["light_corners"].mean(axis=1), truth["light_position"], atol=1e-9)
+
+
+def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
+    from facestage_blender import pipeline
+    from facestage_blender.render import read_pixels
+    from facestage_blender.synthetic import random_person, render_person
+
+    scene = pipeline.empty_scene()
+    render_person(scene, head, random_person(head, 3), tmp_path / "again", samples=8, seed=3, size=SIZE)
+    np.testing.assert_array_equal(read_pixels(case / "photo.exr"), read_pixels(tmp_path / "again" / "photo.exr"))
+    assert (case / "landmarks.json").read_text() == (tmp_path / "again" / "landmarks.json").read_text()
+    other = random_person(head, 4)
+    assert not np.allclose(other.identity, random_person(head, 3).identity)
+
+
+def test_polygon_covers_its_pixels() -> None:
+    from facestage_blender.texture import inside_polygon
+
+    inside = inside_polygon(np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]), 8, 6)
+    assert inside.sum() == 12
+    assert inside[1:4, 1:5].all()
+
+
+def test_crop_is_a_square_inside_the_picture() -> None:
+    from facestage_blender import demo
+
+    crop = demo.head_crop(Landmarks.read(demo.LANDMARKS), Camera.default(512, 512))
+    left, top, right, bottom = crop.box
+    assert right - left == bottom - top
+    assert left >= 0
+    assert top >= 0
+    assert right <= 512
+    assert bottom <= 512
+    points = Landmarks.read(demo.LANDMARKS).points
+    assert (points > [left, top]).all()
+    assert (points < [right, bottom]).all()
+
+
+def test_contact_sheet_shows_every_picture(tmp_path: Path) -> None:
+    import cv2
+
+    from facestage_blender.contact_sheet import contact_sheet
+
+    colors = np.eye(3)
+    pictures = {f"picture {k}": np.full((20, 20 + 30 * (k == 2), 3), colors[k]) for k in range(3)}
+    contact_sheet(pictures, tmp_path / "sheet.png")
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))[..., ::-1] / 255.0
+    for color in colors:
+        assert (np.abs(sheet - color).max(axis=2) < 0.05).mean() > 0.05
