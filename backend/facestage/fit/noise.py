@@ -15,8 +15,8 @@ import numpy as np
 FLOOR_SHARE = 0.15
 SIGMA_MIN = 0.005
 CAUCHY_SCALE = 2.5  # standard deviations
-# Three channels of skin say little more than one; they share pigment, shape and shadow.
-CHANNEL_CORRELATION = 2.0
+# Three channels of skin say no more than one about what the model misses: shape, shadow, occlusion.
+CHANNEL_CORRELATION = 3.0
 AREA_MIN, AREA_SHARE_MAX = 4.0, 0.02
 BLOCK = 16  # pixels; misfits of shading and albedo are about this large
 

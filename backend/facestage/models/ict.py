@@ -62,14 +62,18 @@ def load_ict(path: Path) -> FaceModel:
     ignored = {"generic_neutral_mesh.obj", *identity_files}
     expression_files = sorted(name for name in names if name not in ignored)
     if not identity_files or not expression_files:
-        raise InputError(f"'{path}' has no identity*.obj or no expression shapes; fetch ICT-FaceKit again from {SOURCE}.")
+        raise InputError(
+            f"'{path}' has no identity*.obj or no expression shapes; fetch ICT-FaceKit again from {SOURCE}."
+        )
     landmarks = np.array(json.loads(read("vertex_indices.json"))["idx_to_landmark_verts"])
 
     centimetre = 0.01
     centre = neutral[:NARROW_FACE].mean(0)
 
     def basis(files: Iterable[str]) -> np.ndarray:
-        return np.stack([(_parse_vertices(read(name), name) - neutral) * centimetre for name in files]).astype(np.float32)
+        return np.stack([(_parse_vertices(read(name), name) - neutral) * centimetre for name in files]).astype(
+            np.float32
+        )
 
     vertices = ((neutral - centre) * centimetre).astype(np.float32)
     part, uvs = _parts_and_atlas(texture, polygon_uvs)
@@ -103,7 +107,9 @@ def _open(path: Path) -> tuple[list[str], Reader]:
     try:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
-                contents = {Path(n).name: archive.read(n) for n in archive.namelist() if "FaceXModel/" in n and n[-1] != "/"}
+                contents = {
+                    Path(n).name: archive.read(n) for n in archive.namelist() if "FaceXModel/" in n and n[-1] != "/"
+                }
         else:
             with tarfile.open(path) as archive:
                 for member in archive:
@@ -111,7 +117,9 @@ def _open(path: Path) -> tuple[list[str], Reader]:
                     if stream is not None:
                         contents[Path(member.name).name] = stream.read()
     except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
-        raise InputError(f"The ICT-FaceKit archive '{path}' cannot be read ({error}); fetch it again from {SOURCE}.") from error
+        raise InputError(
+            f"The ICT-FaceKit archive '{path}' cannot be read ({error}); fetch it again from {SOURCE}."
+        ) from error
     return _checked(path, contents.keys()), contents.__getitem__
 
 

@@ -64,6 +64,9 @@ class RayTracer:
 
     def first_hits(self, origin: np.ndarray, directions: np.ndarray) -> Hits:
         """First triangle along unit ``directions`` (P, 3) from ``origin`` (3,) or (P, 3)."""
+        if len(directions) == 0:
+            # A trace of no ray at all aborts the process inside Dr.Jit.
+            return Hits(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
         ray = mi.Ray3f(mi.Point3f(_vector(np.broadcast_to(origin, directions.shape))), _vector(directions))
         hit = self._scene.ray_intersect_preliminary(ray)
         valid = hit.is_valid()
@@ -125,10 +128,11 @@ class RayTracer:
         dr.eval(*total)
 
         def scalar(value: mi.Float) -> np.ndarray:
-            return np.array(value).reshape(count, lights)
+            # A sum that was left out is a single zero.
+            return np.broadcast_to(np.array(value), count * lights).reshape(count, lights)
 
         def vector(value: mi.Vector3f) -> np.ndarray:
-            return np.stack([np.array(value.x), np.array(value.y), np.array(value.z)], 1).reshape(count, lights, 3)
+            return np.stack([scalar(value.x), scalar(value.y), scalar(value.z)], axis=2)
 
         if not derivatives:
             return LightTerms(scalar(total[0]), scalar(total[1]))

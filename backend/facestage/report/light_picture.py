@@ -19,18 +19,18 @@ _INTEGRATION_WIDTH = 48  # pixels of the map that the matte sphere integrates ov
 
 
 def draw_light_probe(path: Path, data: ReportData) -> None:
-    """The map as seen from the face, the camera's direction in the middle, brightest light white."""
-    probe = np.roll(clean(data.light_probe), round((0.5 - data.probe_forward) * data.light_probe.shape[1]), axis=1)
+    """The map with the camera's direction in the middle and right as in the photo, its brightest light white."""
+    probe = clean(data.light_probe if data.probe_x_right else data.light_probe[:, ::-1])
     canvas = Canvas(WIDTH + SPHERE + 76, HEIGHT + 92, DARK)
     shown = shrink(probe)
     shown = shown / max(float(shown.max()), 1e-12)
-    canvas.text(20, 28, "Light around the face, seen from the face", 12, weight="bold")
+    canvas.text(20, 28, "Light around the face", 12, weight="bold")
     axes, _ = canvas.picture(20, 44, WIDTH, HEIGHT, to_srgb8(shown), extent=(0, 1, 1, 0), aspect="auto")
     _draw_grid(axes)
     _mark_lights(axes, data.result.stage)
     axes.set_xlim(0, 1)
     axes.set_ylim(1, 0)
-    for u, name in ((0.25, "photo’s right"), (0.5, "camera"), (0.75, "photo’s left")):
+    for u, name in ((0.25, "left"), (0.5, "camera"), (0.75, "right")):
         canvas.text(20 + u * WIDTH, HEIGHT + 66, name, 10, DARK.muted, ha="center")
     canvas.text(20, HEIGHT + 66, "behind", 10, DARK.muted)
     canvas.text(20 + WIDTH, HEIGHT + 66, "behind", 10, DARK.muted, ha="right")
@@ -48,11 +48,11 @@ def draw_light_probe(path: Path, data: ReportData) -> None:
 def latlong(direction: np.ndarray) -> np.ndarray:
     """(n, 2) place (u right, v down, 0..1) of stage-frame directions (n, 3) on a map with +Z in its middle.
 
-    Seen from inside: to the right of +Z comes -X. Mitsuba's layout of an environment map.
+    Right of +Z comes +X, so that a light at the photo's right is right on the map.
     """
     x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
     length = np.maximum(np.sqrt(x**2 + y**2 + z**2), 1e-12)
-    u = 0.5 + np.arctan2(-x, z) / (2 * np.pi)
+    u = 0.5 + np.arctan2(x, z) / (2 * np.pi)
     v = np.arccos(np.clip(y / length, -1, 1)) / np.pi
     return np.stack([u, v], axis=-1)
 
@@ -61,7 +61,7 @@ def latlong_directions(height: int, width: int) -> np.ndarray:
     """(height, width, 3) unit directions of the pixel centres of such a map; the inverse of :func:`latlong`."""
     azimuth = 2 * np.pi * ((np.arange(width) + 0.5) / width - 0.5)
     polar = np.pi * (np.arange(height)[:, None] + 0.5) / height
-    x, y, z = -np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)
+    x, y, z = np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)
     return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
 

@@ -79,15 +79,16 @@ def _header(data: ReportData) -> str:
 
 
 def _key_figures(data: ReportData) -> list[Row]:
-    errors = dict(data.trace[-1]) if data.trace else {}
-    errors |= data.result.errors
+    # The last step's numbers stand in only where the finished picture was not measured: it has more detail.
+    errors = data.result.errors or (data.trace[-1] if data.trace else {})
     rows = [Row("Run time", tables.number(tables.total_seconds(data.result.timings), 3), "s")]
     wanted = (
-        ("psnr", "PSNR, higher is better"), ("photo_rms", "Photo residual, RMS, linear"),
-        ("rigid_mm", "From truth, rigid alignment"), ("similarity_mm", "From truth, similarity alignment"),
+        ("psnr", "PSNR, higher is better"), ("psnr_skin", "PSNR on the skin"),
+        ("photo_rms", "Photo residual, RMS, linear"), ("rigid_mm", "From truth, rigid alignment"),
+        ("similarity_mm", "From truth, similarity alignment"),
     )  # fmt: skip
     for key, label in wanted:
-        value = errors.get(key, errors.get("psnr_db") if key == "psnr" else None)
+        value = errors.get(key)
         if isinstance(value, int | float | np.number) and np.isfinite(value):
             unit = tables.ERRORS[key][1].replace("linear", "")
             rows.append(Row(label, tables.number(float(value), 3), unit))
@@ -111,7 +112,8 @@ def _photo_and_fit(folder: Path) -> str:
     )  # fmt: skip
     comparison = _figure(
         folder / "comparison.png", "Photo, fit and their difference",
-        "Dimmed parts of the photo were not fitted. Blue: the fit is too dark. Red: it is too bright.",
+        "Dimmed: the photo where nothing was rendered. The difference covers the pixels that count in the fit; "
+        "blue means that the fit is too dark, red that it is too bright.",
         wide=True,
     )  # fmt: skip
     return f'{comparison}<div class="columns">{slider}{landmarks}</div>'
@@ -141,7 +143,7 @@ def _light(folder: Path, data: ReportData) -> str:
     picture = _figure(
         folder / "light_probe.png", "The fitted light as a lat-long map, with matte and mirror spheres",
         "Numbers are those of the table: the strongest lights. Rings are lights that are on, crosses are off. "
-        "The spheres stand in for the face, seen from the camera.",
+        "Left and right as in the photo; the spheres stand in for the face.",
         wide=True,
     )  # fmt: skip
     rows = "".join(_light_row(row) for row in tables.light_rows(data.result.stage))

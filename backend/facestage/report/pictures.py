@@ -14,7 +14,7 @@ from facestage.report.report_data import ReportData
 
 PANEL_WIDTH, PANEL_HEIGHT = 480, 640
 MARGIN, GAP = 20, 14
-UNFITTED_DIM = 0.25  # brightness of the photo where nothing was fitted
+UNRENDERED_DIM = 0.25  # brightness of the photo where nothing was rendered
 CROP_MARGIN = 0.12  # of the face's longer side
 COMPARISON_MARGIN = 0.4
 PHOTO_FILTER = "bicubic"
@@ -40,10 +40,10 @@ class View:
             shrink_factor(data.photo.shape),
         )  # fmt: skip
 
-    @property
-    def composite(self) -> np.ndarray:
-        """(h, w, 3) the fit where the face was fitted, the photo elsewhere."""
-        return np.where(self.coverage[..., None], self.render, self.photo)
+    def composite(self, dim: float = 1.0) -> np.ndarray:
+        """(h, w, 3) the render wherever it shows something, elsewhere the photo times ``dim``."""
+        rendered = self.coverage | (self.render.max(axis=-1) > 0)
+        return np.where(rendered[..., None], self.render, dim * self.photo)
 
     def difference(self) -> np.ndarray:
         """(h, w) masked: luminance of the fit minus the photo's, both clipped to what a screen shows."""
@@ -83,7 +83,7 @@ def save_linear(path: Path, linear: np.ndarray) -> None:
 def draw_faces(folder: Path, view: View) -> None:
     """face.png, the fit in its place in the photo, and face_photo.png, the same crop of the photo."""
     crop = view.crop()
-    save_linear(folder / "face.png", view.composite[crop])
+    save_linear(folder / "face.png", view.composite()[crop])
     save_linear(folder / "face_photo.png", view.photo[crop])
 
 
@@ -95,7 +95,7 @@ def draw_comparison(path: Path, view: View) -> None:
     panel_height = max(height * factor, 24.0)
     panel_width = max(width * factor, 170.0)
     canvas = Canvas(2 * MARGIN + 3 * panel_width + 2 * GAP, 44 + panel_height + 78, DARK)
-    dimmed = np.where(view.coverage[..., None], view.render, UNFITTED_DIM * view.photo)
+    dimmed = view.composite(UNRENDERED_DIM)
     difference = view.difference()[crop]
     limit = difference_limit(difference)
     left = [MARGIN + column * (panel_width + GAP) for column in range(3)]

@@ -31,15 +31,15 @@ class ReportData:
     coverage: np.ndarray  # (h, w) bool, true where the face was fitted
     albedo: np.ndarray  # (S, S, 3) linear, row 0 at v = 1
     specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
-    light_probe: np.ndarray  # (H, W, 3) lat-long seen from inside, +Y of the stage frame at the top
+    light_probe: np.ndarray  # (H, W, 3) lat-long, stage frame: +Y at the top, +Z (the camera) in the middle
     landmarks: np.ndarray  # (m, 2) pixels, as given
     projected: np.ndarray  # (m, 2) pixels, as fitted
     visible: np.ndarray  # (m,) bool
     texture_coverage: np.ndarray | None = None  # (S, S) bool, true for texels that the photo shows
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
     trace: Sequence[Mapping[str, Any]] = ()
-    # Where +Z of the stage (towards the camera) lies across the probe: 0.5 is Mitsuba's, 0.25 Blender's layout.
-    probe_forward: float = 0.5
+    # Whether +X (the photo's right) is right of the probe's middle; false for a map as seen from inside the sphere.
+    probe_x_right: bool = True
     repeat_command: str = REPEAT_COMMAND
 
     def __post_init__(self) -> None:

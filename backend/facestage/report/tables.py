@@ -19,18 +19,21 @@ NOTHING = "–"
 ERRORS = {
     "photo_rms": ("Photo residual, RMS", "linear"),
     "psnr": ("Peak signal-to-noise ratio", "dB"),
-    "psnr_db": ("Peak signal-to-noise ratio", "dB"),
+    "psnr_skin": ("Peak signal-to-noise ratio on the skin", "dB"),
     "rigid_mm": ("Vertices after rigid alignment, mean", "mm"),
     "similarity_mm": ("Vertices after similarity alignment, mean", "mm"),
-    "albedo_rmse": ("Albedo, RMS, best scale factored out", "linear"),
+    "landmark_stage_similarity_mm": ("The same after the landmark stage alone", "mm"),
+    "landmark_px": ("Landmarks, median distance", "px"),
+    "albedo": ("Albedo, RMS, best scale factored out", "linear"),
+    "light": ("Irradiance, relative, best scale factored out", ""),
     "condition": ("Condition number of the last step", ""),
 }
 SUFFIX_UNITS = {"mm": "mm", "px": "px", "db": "dB", "deg": "°", "degrees": "°", "percent": "%", "seconds": "s"}
 TRUTH_WORDS = ("rigid", "similarity", "truth", "albedo", "light", "specular", "vertex", "vertices", "roughness")
 ENERGIES = {
     "photo": "Photo", "landmarks": "Landmarks", "identity": "Prior on identity", "expression": "Prior on expression",
-    "albedo": "Prior on albedo", "specular": "Smoothness of specular", "light": "Light color",
-    "lights": "Light color",
+    "albedo": "Prior on albedo", "roughness": "Prior on roughness", "focal": "Prior on focal length",
+    "specular_level": "Prior on specular", "specular_smooth": "Smoothness of specular", "light": "Light color",
 }  # fmt: skip
 
 

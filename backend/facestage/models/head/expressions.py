@@ -90,10 +90,9 @@ def _jaw_shapes(masks: Masks) -> dict[str, np.ndarray]:
     middle = 0.35 * gap[n // 4]  # the lower lip at the midline moves furthest; the upper one comes to meet it
     bell = np.clip(1 - (points[:, 0] / 34.0) ** 2, 0.0, 1.0)[:, None]
     close = lips[:, None] * (-opened + bell * middle)
-    half_open = _jaw_turn(masks, 8.0)
     return {
         "jawOpen": opened, "jawForward": forward, "jawLeft": left, "jawRight": right, "mouthClose": close,
-        "tongueOut": _tongue_out(masks), "AU26_jaw_drop": half_open + _muscles(masks, BOTH["AU25_lips_part"], None),
+        "tongueOut": _tongue_out(masks), "jaw_back": jaw * np.array([0.0, 0.8, -3.5]),
     }  # fmt: skip
 
 
@@ -131,14 +130,14 @@ def _eye_shapes(masks: Masks, side: str) -> dict[str, np.ndarray]:
     follow_up = lids.close_lids(masks, side, -0.22, 0.10)
     return {
         "eyeBlink": lids.close_lids(masks, side, 1.0, 1.0),
-        "eyeSquint": lids.close_lids(masks, side, 0.22, 0.85),
+        "eyeSquint": lids.close_lids(masks, side, 0.36, 0.8),
         "eyeWide": lids.close_lids(masks, side, -0.34, -0.12),
         "eyeLookDown": lids.look(masks, side, 0, -25) + follow_down,
         "eyeLookUp": lids.look(masks, side, 0, 22) + follow_up,
         "eyeLookIn": lids.look(masks, side, inward * 28, 0),
         "eyeLookOut": lids.look(masks, side, -inward * 28, 0),
-        "AU5_upper_lid_raiser": lids.close_lids(masks, side, -0.28, 0.0),
-        "AU7_lid_tightener": lids.close_lids(masks, side, 0.40, 0.45),
+        "AU46_wink": lids.close_lids(masks, side, 0.8, 1.0),
+        "AU7_lower_lid_raiser": lids.close_lids(masks, side, 0.0, 0.9),
         "lower_lid_lower": lids.close_lids(masks, side, 0.0, -0.45),
     }
 

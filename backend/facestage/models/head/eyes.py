@@ -12,7 +12,7 @@ from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features,
 INNER_CORNER = np.array([17.2, -2.2])
 OUTER_CORNER = np.array([46.2, 0.6])
 LID_THICKNESS = 1.2
-_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.89)  # between the window (0) and the lid margin (1)
+_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
 
 IRIS_RADIUS, PUPIL_RADIUS = 5.9, 2.0
 _POLAR_DEGREES = (3.2, 6.4, 9.2, 10.2, 13, 17, 21, 25, 27.4, 28.6, 30.5, 34, 40, 48, 58, 70, 85, 100, 120, 145)
@@ -33,8 +33,8 @@ def lid_curve(count: int) -> np.ndarray:
     along = np.arange(half + 1) / half
     along = 0.45 * along + 0.55 * (0.5 - 0.5 * np.cos(np.pi * along))
     chord = INNER_CORNER + along[:, None] * (OUTER_CORNER - INNER_CORNER)
-    lower = chord - np.stack([np.zeros(half + 1), 4.5 * np.sin(np.pi * along**1.15) ** 0.85], axis=-1)
-    upper = chord + np.stack([np.zeros(half + 1), 5.9 * np.sin(np.pi * along**0.84) ** 0.8], axis=-1)
+    lower = chord - np.stack([np.zeros(half + 1), 4.5 * np.sin(np.pi * along**1.12) ** 0.95], axis=-1)
+    upper = chord + np.stack([np.zeros(half + 1), 5.9 * np.sin(np.pi * along**0.86) ** 0.92], axis=-1)
     return np.concatenate([lower[:-1], upper[:0:-1]])
 
 
@@ -45,9 +45,12 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     margin_chart = surface.chart_at(margin_xy)
     upper = np.zeros(n)
     upper[n // 2 + 1 :] = np.sin(np.pi * np.arange(1, n - n // 2) / (n // 2))
+    steps = np.minimum(np.arange(n), np.abs(np.arange(n) - n // 2))
+    corner = np.exp(-((np.minimum(steps, n - np.arange(n)) / 2.2) ** 2))
     positions, charts = [], []
     for t in (*_LOOPS, 1.0):
-        chart = window_chart + t * (margin_chart - window_chart)
+        # Loops keep clear of the corners, where the margin turns sharply.
+        chart = window_chart + (t - t * (1 - t) * corner)[:, None] * (margin_chart - window_chart)
         point = add_features(surface.point(*chart.T))
         # The fold of the upper lid: a shallow furrow parallel to the margin.
         fold = np.exp(-(((t - 0.68) / 0.1) ** 2)) * upper
@@ -56,12 +59,13 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
         point = point - 1.5 * fold[:, None] * relative / np.linalg.norm(relative, axis=1, keepdims=True)
         positions.append(point)
         charts.append(chart)
-    center = margin_chart.mean(axis=0)
-    for shrink, radius, spread in ((0.3, 0.2, -0.35), (0.65, -1.5, 2.0)):
+    # In the chart the loops behind the margin draw together towards the line between the corners.
+    chord = margin_chart[n // 2] - margin_chart[0]
+    center = margin_chart[0] + 0.5 * chord
+    along = ((margin_chart - center) @ chord)[:, None] * chord / (chord @ chord)
+    for shrink, radius, spread in ((0.25, 0.2, -0.35), (0.5, -1.5, 2.0)):
         positions.append(_behind_margin(positions[len(_LOOPS)], radius, spread))
-        middle = 0.5 * (margin_chart + margin_chart[(n - np.arange(n)) % n])
-        # Along the opening too, or the loops would meet in one point at the corners.
-        charts.append((margin_chart + shrink * (middle - margin_chart) - center) * (1 - 0.08 * shrink) + center)
+        charts.append(center + 0.84**shrink * along + (1 - shrink) * (margin_chart - center - along))
     return Patch(np.stack(positions), np.stack(charts))
 
 

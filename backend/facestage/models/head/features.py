@@ -43,7 +43,7 @@ def add_features(points: np.ndarray) -> np.ndarray:
     result = inflate(local, np.array([11.4, -46.3, 93.5]), np.array([6.6, 6.6, 11.0]), 0.5)
     for center, radius, move in _BUMPS:
         weight = np.exp(-(((local[:, 0] - center[0]) / radius[0]) ** 2) - ((local[:, 1] - center[1]) / radius[1]) ** 2)
-        result = result + (front * weight)[:, None] * _at_midline(np.array(move), center[0])
+        result = result + (front * weight)[:, None] * _faded(np.array(move), local[:, 0])
     for start, end, width, move in _FURROWS:
         distance, along = _to_segment(local[:, :2], np.array(start), np.array(end))
         weight = np.exp(-((distance / width) ** 2)) * np.sin(np.pi * (0.08 + 0.84 * along))
@@ -77,9 +77,9 @@ def _neck_muscle(local: np.ndarray) -> np.ndarray:
     return local + 2.2 * weight[:, None] * axis
 
 
-def _at_midline(move: np.ndarray, x: float) -> np.ndarray:
-    """A bump on the midline must not tear the two halves apart."""
-    return move * [0.0, 1.0, 1.0] if x == 0 else move
+def _faded(move: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(m, 3) a move whose outward part vanishes on the midline, so that it does not tear the two halves apart."""
+    return np.stack([move[0] * np.tanh(x / 3.0), np.full(len(x), move[1]), np.full(len(x), move[2])], axis=-1)
 
 
 def _to_segment(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

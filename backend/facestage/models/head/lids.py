@@ -24,11 +24,20 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     upper_edge, lower_edge = np.where(is_upper, elevation, opposite), np.where(is_upper, opposite, elevation)
     meeting = lower_edge + 0.22 * (upper_edge - lower_edge)
     turn = np.where(is_upper, upper, lower) * (meeting - elevation)
+    # Both edges end on the same points, so that nothing gapes.
+    margin = masks.points[loops[margin_ring]] - center
+    reach = np.hypot(margin[:, 1], margin[:, 2])
+    # Shut lids arch a little more, or half-way along the straight path of a shape key they would cut into the eye.
+    reach = np.maximum(np.maximum(reach, reach[_opposite(n)]), EYE_RADIUS + 2.0)
+    x = 0.5 * (margin[:, 0] + margin[_opposite(n), 0])
+    met = center + np.stack([x, reach * np.sin(meeting), reach * np.cos(meeting)], axis=-1)
+    share = np.clip(np.where(is_upper, upper, lower), 0.0, 1.0)[:, None]
+    rest = share * (met - rotate_about(margin + center, center, 0, -(meeting - elevation)))
     # Skin further from the margin follows less: the fold of the lid takes up the rest.
     follow = np.concatenate([[0.0], 1.15 * np.array(eyes._LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1) ** 1.3
     for ring, row in enumerate(loops):
         here = masks.points[row]
-        moved = rotate_about(here, center, 0, -follow[ring] * turn)
+        moved = rotate_about(here, center, 0, -follow[ring] * turn) + follow[ring] * rest
         if ring <= margin_ring:
             moved = lifted(moved, here, center)
         result[row] = moved - here

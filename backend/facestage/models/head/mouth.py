@@ -57,7 +57,6 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
         positions.append(add_features(surface.point(*chart.T)))
         charts.append(chart)
     fade = np.sqrt(np.clip(1 - np.abs(x / MOUTH_HALF_WIDTH) ** 3, 0, 1))
-    middle_chart = surface.chart_at(np.stack([x, middle_y], axis=-1))
     for (share, bulge_upper), (_, bulge_lower) in zip(_UPPER_PROFILE, _LOWER_PROFILE, strict=True):
         y = border_y + share * (middle_y - border_y)
         # Inner loops are a little shorter: at the corners they follow each other instead of meeting in one point.
@@ -67,17 +66,23 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
         if share == 1.0:
             point[:, 1] += 0.03 * sign
         positions.append(point)
-        charts.append((border_chart + 0.72 * share * (middle_chart - border_chart)) * [1 - 0.03 * share, 1])
+        charts.append(_shrunk(border_chart, share))
     line = positions[-1]
     opening = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 2, 0.0, 1.0))
     for k, (back, away, out) in enumerate(_INNER):
-        positions.append(line + np.stack([np.sign(x) * out, away * opening, np.full(n, -back)], axis=-1))
-        charts.append((border_chart + (0.78 + 0.06 * k) * (middle_chart - border_chart)) * [0.96 - 0.01 * k, 1])
+        positions.append(line + np.stack([np.tanh(x / 4.0) * out, away * opening, np.full(n, -back)], axis=-1))
+        charts.append(_shrunk(border_chart, 1.1 + 0.1 * k))
     bag = [
         line + np.stack([out * x / MOUTH_HALF_WIDTH, away * opening, np.full(n, -back)], axis=-1)
         for back, away, out in _BAG
     ]
     return Patch(np.stack(positions), np.stack(charts)), np.stack(bag)
+
+
+def _shrunk(border: np.ndarray, share: float) -> np.ndarray:
+    """The border of the lips in the chart, drawn together so that following loops nest; share 1 is the meeting line."""
+    center = np.array([0.0, border[0, 1]])
+    return center + (border - center) * [1 - 0.08 * share, 1 - 0.72 * share]
 
 
 def teeth_strip(upper: bool) -> np.ndarray:
