@@ -180,7 +180,9 @@ def _accumulate(
             gloss += w * lobe.value
         if dr.hint(derivatives, mode="scalar"):
             # Moving the point by dt along its view ray: dX = -v dt.
-            w_t = dr.select(visible, area * dr.square(inverse) * inverse * (-dr.dot(emit, v) - 3 * cosine * dr.dot(light, v)), 0)
+            w_t = dr.select(
+                visible, area * dr.square(inverse) * inverse * (-dr.dot(emit, v) - 3 * cosine * dr.dot(light, v)), 0
+            )
             light_t = (v - light * dr.dot(light, v)) * inverse
             nl_t = dr.dot(n, light_t)
             diffuse_n += w * light
