@@ -21,12 +21,12 @@ class Theme:
     muted: str
     grid: str
     band: str
-    series: tuple[str, str, str, str]
+    series: tuple[str, str]
 
 
 # Charts are drawn on white, which the page inverts where dark is preferred; pictures look best on dark.
-LIGHT = Theme("#ffffff", "#1b1d22", "#6a6f7a", "#e4e6ea", "#f3f4f6", ("#2563a8", "#b4560f", "#0f7a5a", "#8a3ea8"))
-DARK = Theme("#17191e", "#eceef2", "#9aa0ac", "#2c3038", "#1f2228", ("#6fb1f5", "#f0a35e", "#5cc9a4", "#c792e8"))
+LIGHT = Theme("#ffffff", "#1b1d22", "#6a6f7a", "#e4e6ea", "#f3f4f6", ("#2563a8", "#b4560f"))
+DARK = Theme("#17191e", "#eceef2", "#9aa0ac", "#2c3038", "#1f2228", ("#6fb1f5", "#f0a35e"))
 
 
 class Canvas:

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from backend.report.example import report_data
+from facestage.contract.errors import InputError
+from facestage.report.figure import nice_limit
+from facestage.report.pictures import View, difference_limit, draw_albedo, draw_faces, landmark_distances
+
+
+def test_identical_images_differ_by_nothing() -> None:
+    data = report_data()
+    difference = View.of(report_data(render=data.photo)).difference()
+    assert difference.count() == data.coverage.sum()
+    assert np.abs(difference.compressed()).max() == 0.0
+    assert difference_limit(difference) == 0.01
+
+
+def test_the_difference_is_signed_and_covers_only_fitted_finite_pixels() -> None:
+    data = report_data()
+    photo = data.photo.copy()
+    row, column = np.argwhere(data.coverage)[0]
+    photo[row, column, 1] = np.nan
+    difference = View.of(report_data(photo=photo, render=np.zeros_like(photo))).difference()
+    assert difference.mask[row, column]
+    assert difference.count() == data.coverage.sum() - 1
+    assert difference.max() < 0.0
+
+
+def test_the_fit_replaces_the_photo_where_it_was_rendered(tmp_path: Path) -> None:
+    render = np.zeros((48, 40, 3))
+    coverage = np.zeros((48, 40), bool)
+    coverage[20:30, 15:25] = True
+    render[coverage] = 0.5
+    view = View.of(report_data(render=render, coverage=coverage))
+    draw_faces(tmp_path, view)
+    rows, columns = view.crop()
+    with Image.open(tmp_path / "face.png") as image:
+        face = np.asarray(image)
+    with Image.open(tmp_path / "face_photo.png") as image:
+        photo = np.asarray(image)
+    inside = coverage[rows, columns]
+    assert face.shape == photo.shape == (*inside.shape, 3)
+    assert inside.sum() == 100 and not inside.all()
+    assert (face[inside] == 188).all()
+    np.testing.assert_array_equal(face[~inside], photo[~inside])
+
+
+def test_texels_that_the_photo_does_not_show_are_faded(tmp_path: Path) -> None:
+    coverage = np.zeros((16, 16), bool)
+    coverage[:8] = True
+    draw_albedo(tmp_path / "albedo.png", report_data(albedo=np.full((16, 16, 3), 0.5), texture_coverage=coverage))
+    with Image.open(tmp_path / "albedo.png") as image:
+        pixels = np.asarray(image)
+    assert (pixels[:8] == 188).all()
+    assert (pixels[8:] == 108).all()  # sRGB of 0.15
+
+
+def test_landmark_distances_are_of_visible_finite_points() -> None:
+    data = report_data()
+    assert data.projected.dtype == float
+    data.projected[1] = np.nan
+    distances = landmark_distances(data)
+    assert len(distances) == data.visible.sum() - 1
+    np.testing.assert_allclose(distances, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "limit"), [(0.0, 0.01), (0.01, 0.01), (0.011, 0.02), (0.03, 0.05), (0.7, 1.0), (3, 5)]
+)
+def test_limits_are_round_numbers(value: float, limit: float) -> None:
+    assert nice_limit(value, 0.01) == pytest.approx(limit)
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    with pytest.raises(InputError, match=r"coverage has shape \(3, 3\), expected \(48, 40\)"):
+        report_data(coverage=np.ones((3, 3), bool))
