@@ -97,7 +97,7 @@ class ForwardModel:
         centred[:3, 3] = -state.translation
         return self._tracer.light_terms(
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-            stage.transformed(centred), state.roughness, samples, seed, derivatives,
+            stage.transformed(centred), state.roughness, samples, seed, derivatives, keys=_pixel_keys(surface.pixels),
         )  # fmt: skip
 
     def shade(
@@ -131,6 +131,12 @@ class ForwardModel:
         """(P, 2) texture coordinates."""
         corners = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle]]
         return np.einsum("pi,pix->px", surface.weights, corners)
+
+
+def _pixel_keys(pixels: np.ndarray) -> np.ndarray:
+    """(P,) a number for each pixel, the same whichever other pixels see the face."""
+    x, y = pixels.astype(np.int64).T
+    return (y << 16) + x
 
 
 def pixel_rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from facestage.render.brdf import specular_lobe, view_cosine
 # Shadow rays start this far off the surface (metres): facets of a smooth-shaded mesh must not shadow
 # themselves, and nothing on a face that casts a shadow is thinner.
 SHADOW_OFFSET = 2e-4
+LIGHT_SALT = 0x9E3779B1
 
 
 @dataclass(frozen=True)
@@ -89,12 +90,15 @@ class RayTracer:
         derivatives: bool = False,
         specular: bool = True,
         shadows: bool = True,
+        keys: np.ndarray | None = None,
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
         ``normals`` (P, 3) are the shading normals, ``facing`` (P, 3) the geometric ones on the viewer's
         side, ``views`` (P, 3) unit vectors towards the camera. ``samples`` per light, stratified by a
-        rank-1 lattice with a per-point shift that depends on ``seed`` alone (common random numbers).
+        rank-1 lattice with a shift per point and light that depends on ``seed`` and the point's key alone.
+        ``keys`` (P,) int, by default 0, 1, 2, ...: give what names a point across calls, such as its pixel,
+        so that it keeps its random numbers when other points come or go (common random numbers).
         """
         count, lights = len(points), len(stage)
         if count == 0:
@@ -116,8 +120,11 @@ class RayTracer:
         axis_x = gather(stage.axis_x * stage.side[:, None], light_index)
         axis_y = gather(stage.axis_y * stage.side[:, None], light_index)
         area_each = dr.gather(mi.Float, mi.Float((stage.side**2 / samples).astype(np.float32)), light_index)
-        shift_x = _hash_to_unit(lane, mi.UInt32(seed * 2 + 1))
-        shift_y = _hash_to_unit(lane, mi.UInt32(seed * 2 + 2))
+        names = np.arange(count) if keys is None else keys
+        key = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(names, np.uint32)), point_index)
+        # Opaque: another seed must not compile another kernel. The factor keeps the lights' numbers apart.
+        salt = light_index * mi.UInt32(LIGHT_SALT) + dr.opaque(mi.UInt32, 2 * seed)
+        shift_x, shift_y = _hash_to_unit(key, salt + 1), _hash_to_unit(key, salt + 2)
         rough = dr.opaque(mi.Float, float(roughness))
         nv = view_cosine(n, v)
 
@@ -202,9 +209,9 @@ def _vector(array: np.ndarray) -> mi.Vector3f:
     return mi.Vector3f(mi.Float(columns[0]), mi.Float(columns[1]), mi.Float(columns[2]))
 
 
-def _hash_to_unit(lane: mi.UInt32, seed: mi.UInt32) -> mi.Float:
-    """A number in [0, 1) per lane that depends on nothing but the lane and the seed (TEA hash)."""
-    return mi.sample_tea_float32(lane, seed, 4)
+def _hash_to_unit(key: mi.UInt32, salt: mi.UInt32) -> mi.Float:
+    """A number in [0, 1) per lane that depends on nothing but its key and salt (TEA hash)."""
+    return mi.sample_tea_float32(key, salt, 4)
 
 
 def _empty(lights: int, derivatives: bool) -> LightTerms:
