@@ -11,10 +11,10 @@ from reference.intersect import occluded
 MIN_VIEW_COSINE = 1e-3  # the model ends at grazing view
 
 
-def tea(lane: np.ndarray, seed: int, rounds: int = 4) -> np.ndarray:
+def tea(key: np.ndarray, salt: np.ndarray, rounds: int = 4) -> np.ndarray:
     """Numbers in [0, 1) by the Tiny Encryption Algorithm (Zafar et al. 2010), 23 bits as a float32 keeps."""
     mask = 0xFFFFFFFF
-    first, second, total = lane.astype(np.uint64), np.full(lane.shape, seed & mask, np.uint64), 0
+    first, second, total = key & mask, salt & mask, 0
     for _ in range(rounds):
         total = (total + 0x9E3779B9) & mask
         mixed = ((second << 4) + 0xA341316C) ^ (second + total) ^ ((second >> 5) + 0xC8013EA4)
@@ -25,10 +25,11 @@ def tea(lane: np.ndarray, seed: int, rounds: int = 4) -> np.ndarray:
 
 
 def lattice(points: int, lights: int, samples: int, seed: int) -> np.ndarray:
-    """(points, lights, samples, 2) positions in the unit square: Roberts' R2 sequence, shifted per lane."""
-    lane = np.arange(points * lights, dtype=np.uint64).reshape(points, lights, 1)
+    """(points, lights, samples, 2) positions in the unit square: Roberts' R2 sequence, shifted per point and light."""
+    key = np.broadcast_to(np.arange(points, dtype=np.uint64)[:, None, None], (points, lights, 1))
+    salt = np.arange(lights, dtype=np.uint64)[:, None] * 0x9E3779B1 + 2 * seed
     step = np.arange(samples) * np.array([[0.7548776662466927], [0.5698402909980532]])
-    shift = [tea(lane, seed * 2 + axis) for axis in (1, 2)]
+    shift = [tea(key, salt + axis) for axis in (1, 2)]
     return np.stack([(step[axis] + shift[axis]) % 1.0 for axis in (0, 1)], axis=-1)
 
 

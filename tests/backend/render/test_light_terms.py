@@ -167,3 +167,16 @@ def test_far_from_the_origin_nothing_but_rounding_changes(tracer_of, scene):
         ROUGHNESS, 4, seed=1, shadows=False,
     )  # fmt: skip
     assert relative(far.diffuse, near.diffuse).max() < 1e-3
+
+
+def test_a_point_keeps_its_samples_when_others_go(tracer_of, scene):
+    mesh, seen = scene
+    stage = fibonacci_stage(4, radius=0.6, side=0.3)
+    tracer = tracer_of(mesh)
+    rows = (seen.points, seen.normals, seen.facing, seen.views)
+    keys = np.arange(len(seen.points)) * 65536 + 17
+    every = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, keys=keys)
+    some = slice(3, None, 2)
+    fewer = tracer.light_terms(*(array[some] for array in rows), stage, ROUGHNESS, 2, seed=5, keys=keys[some])
+    np.testing.assert_allclose(fewer.diffuse, every.diffuse[some], rtol=1e-6)
+    np.testing.assert_allclose(fewer.specular, every.specular[some], rtol=1e-4, atol=1e-7)

@@ -1,0 +1,142 @@
+"""The photometric Jacobian against central finite differences, parameter by parameter."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from facestage.fit.parameters import BLOCKS, Layout, State
+from facestage.fit.photometric import jacobian_blocks
+from facestage.fit.shading import Image
+from reference.synthetic_scene import Scene
+
+SAMPLES, SEED = 4, 6
+# Steps that move the image by about a tenth of a pixel, or change the color by about a per cent.
+STEPS = {
+    "pose": np.array([1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3]), "focal": 2e-3, "identity": 0.05, "expression": 0.02,
+    "lights": 0.2, "albedo": 0.02, "roughness": 4e-3, "specular": 0.1,
+}  # fmt: skip
+BOUND = 0.02
+
+
+def picture(scene: Scene, state: State, pixels: np.ndarray) -> Image:
+    surface = scene.forward.surface(state, pixels)
+    assert len(surface.pixels) == len(pixels), "choose pixels inside the face"
+    terms = scene.forward.light_terms(state, surface, scene.stage, SAMPLES, SEED, derivatives=True)
+    return scene.forward.shade(state, surface, terms)
+
+
+def interior(scene: Scene) -> np.ndarray:
+    """(P, 2) pixels well inside the face, seen at 70 degrees from the normal or less."""
+    y, x = np.mgrid[: scene.state.camera.height, : scene.state.camera.width]
+    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
+    cosine = -(surface.normals * surface.rays).sum(1)
+    chosen = surface.pixels[cosine > 0.35]
+    around = [scene.forward.surface(scene.state, chosen + shift) for shift in ([2, 0], [-2, 0], [0, 2], [0, -2])]
+    inside = {tuple(pixel) for pixel in chosen}
+    for surface, shift in zip(around, ([2, 0], [-2, 0], [0, 2], [0, -2]), strict=True):
+        inside &= {tuple(pixel) for pixel in surface.pixels - shift}
+    return np.array(sorted(inside))
+
+
+@pytest.fixture
+def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Visibility is held fixed by the derivative: leave it out of the difference too."""
+    for each in (scene, uniform_scene):
+        tracer = each.forward._tracer
+        monkeypatch.setattr(tracer, "light_terms", functools.partial(tracer.light_terms, shadows=False))
+
+
+def dense_jacobian(scene: Scene, image: Image, layout: Layout, blocks: tuple[str, ...]) -> np.ndarray:
+    """(3 P, size), zero outside ``blocks``."""
+    result = np.zeros((image.color.size, layout.size))
+    start = layout.slices["specular"].start
+    for block in jacobian_blocks(scene.forward, scene.state, image, layout, layout.mask(blocks)):
+        result[block.rows, :start] = block.dense
+        result[block.rows, start:] = block.specular.toarray()
+    return result
+
+
+def columns(scene: Scene, block: str) -> Iterator[tuple[str, float, float]]:
+    """Name, error and share of compared pixels of each parameter in a block."""
+    layout, pixels = Layout(scene.state), interior(scene)
+    image = picture(scene, scene.state, pixels)
+    jacobian = dense_jacobian(scene, image, layout, (block,))
+    where = layout.slices[block]
+    steps = np.broadcast_to(STEPS[block], where.stop - where.start)
+    for offset, step in enumerate(steps):
+        increment = np.zeros(layout.size)
+        increment[where.start + offset] = step
+        plus = picture(scene, layout.apply(scene.state, increment), pixels)
+        minus = picture(scene, layout.apply(scene.state, -increment), pixels)
+        same = (plus.surface.triangle == image.surface.triangle) & (minus.surface.triangle == image.surface.triangle)
+        wanted = (plus.color - minus.color)[same] / (2 * step)
+        found = jacobian[:, where.start + offset].reshape(-1, 3)[same]
+        size = np.sqrt((wanted**2).mean())
+        error = float(np.percentile(np.abs(found - wanted), 95) / size) if size > 0 else float(np.abs(found).max())
+        yield f"{block}[{offset}]", error, float(same.mean())
+
+
+def check(scene: Scene, block: str, bound: float = BOUND) -> None:
+    worst = 0.0
+    for name, error, share in columns(scene, block):
+        print(
+            f"{name:14s} error {error:.1e} of the derivative's size over {100 * share:.0f} % of the pixels, "
+            f"allowed {bound:.0e}, margin {bound / max(error, 1e-12):.0f}x"
+        )
+        worst = max(worst, error)
+        assert share > 0.6
+    assert worst < bound
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_every_parameter(scene: Scene, unshadowed: None, block: str):
+    # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves both out.
+    check(scene, block, 0.15 if block == "focal" else BOUND)
+
+
+def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):
+    check(uniform_scene, "lights")
+
+
+@pytest.mark.parametrize("block", ["pose", "identity"])
+def test_with_shadows_most_pixels_agree(scene: Scene, block: str):
+    """With shadow rays on, only pixels whose shadow moves may differ: the middle half must still agree."""
+    layout, pixels = Layout(scene.state), interior(scene)
+    image = picture(scene, scene.state, pixels)
+    jacobian = dense_jacobian(scene, image, layout, (block,))
+    column = layout.slices[block].start
+    step = float(np.ravel(STEPS[block])[0])
+    increment = np.zeros(layout.size)
+    increment[column] = step
+    plus, minus = (picture(scene, layout.apply(scene.state, sign * increment), pixels) for sign in (1, -1))
+    wanted = ((plus.color - minus.color) / (2 * step)).ravel()
+    error = np.median(np.abs(jacobian[:, column] - wanted)) / np.sqrt((jacobian[:, column] ** 2).mean())
+    print(f"{block} with shadows: median error {error:.1e}")
+    assert error < BOUND
+
+
+# Identity and expression share one sparse product.
+SHAPE = ("identity", "expression")
+
+
+@pytest.mark.parametrize("blocks", [SHAPE, *((name,) for name in BLOCKS if name not in SHAPE)])
+def test_inactive_blocks_stay_zero(scene: Scene, blocks: tuple[str, ...]):
+    layout, pixels = Layout(scene.state), interior(scene)[::7]
+    image = picture(scene, scene.state, pixels)
+    everything = dense_jacobian(scene, image, layout, BLOCKS)
+    only = dense_jacobian(scene, image, layout, blocks)
+    inside = layout.mask(blocks)
+    np.testing.assert_allclose(only[:, inside], everything[:, inside], rtol=1e-6, atol=1e-9)
+    assert not only[:, ~inside].any()
+
+
+def test_blocks_of_pixels_join_without_a_seam(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    layout, pixels = Layout(scene.state), interior(scene)
+    image = picture(scene, scene.state, pixels)
+    whole = dense_jacobian(scene, image, layout, BLOCKS)
+    monkeypatch.setattr("facestage.fit.photometric.BLOCK_PIXELS", 97)
+    np.testing.assert_allclose(dense_jacobian(scene, image, layout, BLOCKS), whole, rtol=1e-5, atol=1e-7)
