@@ -9,8 +9,8 @@ import numpy as np
 from facestage.models.head.base_surface import BaseSurface
 from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features, smooth_maximum
 
-INNER_CORNER = np.array([17.2, -2.2])
-OUTER_CORNER = np.array([46.2, 0.6])
+INNER_CORNER = np.array([17.0, -2.4])
+OUTER_CORNER = np.array([46.0, 0.2])
 LID_THICKNESS = 1.2
 _LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
 
@@ -31,10 +31,10 @@ def lid_curve(count: int) -> np.ndarray:
     """(count, 2) front view of the left lid margin, counterclockwise from the inner corner along the lower lid."""
     half = count // 2
     along = np.arange(half + 1) / half
-    along = 0.45 * along + 0.55 * (0.5 - 0.5 * np.cos(np.pi * along))
+    along = 0.6 * along + 0.4 * (0.5 - 0.5 * np.cos(np.pi * along))
     chord = INNER_CORNER + along[:, None] * (OUTER_CORNER - INNER_CORNER)
-    lower = chord - np.stack([np.zeros(half + 1), 4.5 * np.sin(np.pi * along**1.12) ** 0.95], axis=-1)
-    upper = chord + np.stack([np.zeros(half + 1), 5.9 * np.sin(np.pi * along**0.86) ** 0.92], axis=-1)
+    lower = chord - np.stack([np.zeros(half + 1), 4.7 * np.sin(np.pi * along**1.1) ** 1.02], axis=-1)
+    upper = chord + np.stack([np.zeros(half + 1), 6.1 * np.sin(np.pi * along**0.88) ** 1.05], axis=-1)
     return np.concatenate([lower[:-1], upper[:0:-1]])
 
 
@@ -50,7 +50,7 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     positions, charts = [], []
     for t in (*_LOOPS, 1.0):
         # Loops keep clear of the corners, where the margin turns sharply.
-        chart = window_chart + (t - t * (1 - t) * corner)[:, None] * (margin_chart - window_chart)
+        chart = window_chart + (t - 0.2 * t * (1 - t) * corner)[:, None] * (margin_chart - window_chart)
         point = add_features(surface.point(*chart.T))
         # The fold of the upper lid: a shallow furrow parallel to the margin.
         fold = np.exp(-(((t - 0.68) / 0.1) ** 2)) * upper

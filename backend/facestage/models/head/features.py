@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-EYE_CENTER = np.array([31.6, 0.0, 65.3])
+EYE_CENTER = np.array([31.4, -0.3, 67.2])
 EYE_RADIUS = 12.2
 
 # Reliefs: centre |x|, y; Gaussian radii; displacement (outward x, y, z).

@@ -57,8 +57,8 @@ class Window:
 
 
 WINDOWS = {
-    "eye_right": Window.around((-4.75, -1.75), (15 + 1 / 3, 18 + 2 / 3)),
-    "eye_left": Window.around((1.75, 4.75), (15 + 1 / 3, 18 + 2 / 3)),
+    "eye_right": Window.around((-4.75, -1.75), (15, 18 + 1 / 3)),
+    "eye_left": Window.around((1.75, 4.75), (15, 18 + 1 / 3)),
     "mouth": Window.around((-3.25, 3.25), (6 + 2 / 3, 10 + 2 / 3)),
     "ear_right": Window.around((-8.0, -7.0), (6, 13 + 1 / 3)),
     "ear_left": Window.around((7.0, 8.0), (6, 13 + 1 / 3)),
@@ -104,9 +104,16 @@ class MeshBuilder:
 
 
 def ring_quads(loops: np.ndarray) -> np.ndarray:
-    """(p, 4) quads between consecutive closed loops of indices (rings, n), outermost first, counterclockwise."""
+    """(p, 4) quads between consecutive closed loops of indices (rings, n), outermost first, counterclockwise.
+
+    Quads are split along their first diagonal; it leads away from the corners of the opening, at 0 and n / 2, on both
+    sides of them, so that the sharp turn of the loops there folds no triangle.
+    """
     outer, inner = loops[:-1], loops[1:]
+    n = loops.shape[1]
     quads = np.stack([outer, np.roll(outer, -1, 1), np.roll(inner, -1, 1), inner], axis=-1)
+    towards_corner = np.arange(n) % (n // 2) >= n // 4
+    quads[:, towards_corner] = np.roll(quads[:, towards_corner], -1, axis=-1)
     return quads.reshape(-1, 4)
 
 
