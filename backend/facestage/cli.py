@@ -70,22 +70,47 @@ def _add_fit(commands: Any) -> None:
         epilog="Example: facestage fit photo.png --landmarks points.json --out result --budget 60. "
         "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
     )
-    fit.add_argument("image", nargs="?", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels")
-    fit.add_argument("--job", type=Path, metavar="DIR", help="a job folder (what the add-on writes) instead of IMAGE and its options")
-    fit.add_argument("--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done")
+    fit.add_argument(
+        "image", nargs="?", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels"
+    )
+    fit.add_argument(
+        "--job", type=Path, metavar="DIR", help="a job folder (what the add-on writes) instead of IMAGE and its options"
+    )
+    fit.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done"
+    )
     fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
-    fit.add_argument("--landmarks", type=Path, metavar="FILE", help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}')
+    fit.add_argument(
+        "--landmarks", type=Path, metavar="FILE", help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}'
+    )
     camera = fit.add_mutually_exclusive_group()
-    camera.add_argument("--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}')
-    camera.add_argument("--focal-px", type=float, metavar="F", help="focal length in pixels; fitted when neither is given")
+    camera.add_argument(
+        "--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}'
+    )
+    camera.add_argument(
+        "--focal-px", type=float, metavar="F", help="focal length in pixels; fitted when neither is given"
+    )
     fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
-    fit.add_argument("--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all")
-    fit.add_argument("--freeze", nargs="+", default=[], metavar="NAME", help="do not fit: identity, expression, pose, albedo, ...")
-    fit.add_argument("--budget", type=float, metavar="SECONDS", help="wall-clock limit from the first step on, pictures included")
+    fit.add_argument(
+        "--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all"
+    )
+    fit.add_argument(
+        "--freeze", nargs="+", default=[], metavar="NAME", help="do not fit: identity, expression, pose, albedo, ..."
+    )
+    fit.add_argument(
+        "--budget", type=float, metavar="SECONDS", help="wall-clock limit from the first step on, pictures included"
+    )
     fit.add_argument("--seed", type=int, metavar="N", help="seed of the light samples (default 0)")
     fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
-    fit.add_argument("--truth", type=Path, metavar="FILE", help="known vertices (.npz): adds errors to trace and result, changes nothing")
-    fit.add_argument("--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out")
+    fit.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="known vertices (.npz): adds errors to trace and result, changes nothing",
+    )
+    fit.add_argument(
+        "--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out"
+    )
     fit.set_defaults(run=_run_fit)
 
 
@@ -103,15 +128,25 @@ def _add_render(commands: Any) -> None:
         epilog="Example: facestage render result --out relit.png --lights lights.json --weights smile.json",
     )
     render.add_argument("result", type=Path, metavar="RESULT", help="a result folder of facestage fit")
-    render.add_argument("--out", type=Path, required=True, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)")
-    render.add_argument("--lights", type=Path, metavar="FILE", help='{"radiance": [[r, g, b], ...]}, one row per light of the stage')
-    render.add_argument("--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}')
-    render.add_argument("--spp", type=int, default=16, metavar="N", help="shadow samples per light and pixel (default 16)")
+    render.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)"
+    )
+    render.add_argument(
+        "--lights", type=Path, metavar="FILE", help='{"radiance": [[r, g, b], ...]}, one row per light of the stage'
+    )
+    render.add_argument(
+        "--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}'
+    )
+    render.add_argument(
+        "--spp", type=int, default=16, metavar="N", help="shadow samples per light and pixel (default 16)"
+    )
     render.set_defaults(run=_run_render)
 
 
 def _add_model(commands: Any) -> None:
-    model = commands.add_parser("model", help="write a face model in Facestage's own form (what the add-on builds rigs from)")
+    model = commands.add_parser(
+        "model", help="write a face model in Facestage's own form (what the add-on builds rigs from)"
+    )
     model.add_argument("model", metavar="MODEL", help=MODELS)
     model.add_argument("--out", type=Path, required=True, metavar="FILE", help=".npz to write")
     model.set_defaults(run=_run_model)

@@ -55,7 +55,9 @@ def read_photograph(path: Path) -> Photograph:
         raise InputError(f"The photo '{path}' is empty (0 bytes); export it again.")
     photograph = _read_exr(path) if path.suffix.lower() == ".exr" else _read_display(path)
     if max(photograph.size) > MAX_SIDE:
-        raise InputError(f"The photo '{path}' is {photograph.size[0]} x {photograph.size[1]} pixels; at most {MAX_SIDE} a side.")
+        raise InputError(
+            f"The photo '{path}' is {photograph.size[0]} x {photograph.size[1]} pixels; at most {MAX_SIDE} a side."
+        )
     if not photograph.mask.any():
         raise InputError(f"The photo '{path}' has no usable pixel: all are transparent, NaN or infinite.")
     return photograph
@@ -70,7 +72,9 @@ def _read_display(path: Path) -> Photograph:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as image:
                 if max(image.size) > MAX_SIDE:
-                    raise InputError(f"The photo '{path}' is {image.size[0]} x {image.size[1]} pixels; at most {MAX_SIDE} a side.")
+                    raise InputError(
+                        f"The photo '{path}' is {image.size[0]} x {image.size[1]} pixels; at most {MAX_SIDE} a side."
+                    )
                 upright = ImageOps.exif_transpose(image)
                 alpha = np.asarray(upright.convert("RGBA"))[..., 3] if _has_alpha(upright) else None
                 values = _to_unit_rgb(upright)
@@ -124,7 +128,12 @@ def write_exr(path: Path, image: np.ndarray) -> None:
     data = np.ascontiguousarray(image, np.float32)
     data = data[..., ::-1] if data.ndim == 3 else data
     with atomic_file(path) as temporary:
-        options = [cv2.IMWRITE_EXR_TYPE, cv2.IMWRITE_EXR_TYPE_HALF, cv2.IMWRITE_EXR_COMPRESSION, cv2.IMWRITE_EXR_COMPRESSION_ZIP]
+        options = [
+            cv2.IMWRITE_EXR_TYPE,
+            cv2.IMWRITE_EXR_TYPE_HALF,
+            cv2.IMWRITE_EXR_COMPRESSION,
+            cv2.IMWRITE_EXR_COMPRESSION_ZIP,
+        ]
         if not cv2.imwrite(str(temporary), np.ascontiguousarray(np.clip(data, 0, 65000)), options):
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
 

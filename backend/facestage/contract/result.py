@@ -72,10 +72,10 @@ class Result:
             "left_out": self.left_out, "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
-        arrays = {
+        arrays: dict[str, np.ndarray] = {
             "vertices": self.vertices.astype(np.float32), "triangles": self.triangles.astype(np.int32),
             "identity": self.identity, "expression": self.expression, "albedo": self.albedo,
-            "specular": self.specular, "roughness": np.float64(self.roughness),
+            "specular": self.specular, "roughness": np.array(self.roughness),
             "model_to_camera": self.model_to_camera, "camera_to_stage": self.camera_to_stage,
         }  # fmt: skip
         arrays |= {f"stage/{name}": getattr(self.stage, name) for name in _LIGHT_ARRAYS}

@@ -192,7 +192,9 @@ class FitRun:
         scaled = replace(state, camera=state.camera.scaled(factor))
         box = problem.geometry.model.expression_prior == "box"
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
-        priors = Priors(layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale)
+        priors = Priors(
+            layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale
+        )
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,

@@ -27,8 +27,7 @@ def scaled_orthographic_pose(
     image = np.stack([pixels[:, 0] - centre2[0], -(pixels[:, 1] - centre2[1])], axis=1) * weights[:, None]
     # A little ridge: coplanar points leave the third column open.
     rows = np.linalg.solve(a.T @ a + 1e-6 * np.trace(a.T @ a) * np.eye(3), a.T @ image).T
-    scale = 0.5 * (np.linalg.norm(rows[0]) + np.linalg.norm(rows[1]))
-    scale = max(float(scale), 1e-6)
+    scale = max(0.5 * float(np.linalg.norm(rows[0]) + np.linalg.norm(rows[1])), 1e-6)
     u, _, vt = np.linalg.svd(rows / scale, full_matrices=False)
     two = u @ vt
     rotation = np.vstack([two, np.cross(two[0], two[1])])

@@ -23,7 +23,7 @@ from facestage.fit.metrics import psnr
 from facestage.fit.parameters import State
 from facestage.fit.plan import left_out
 from facestage.fit.problem import Problem
-from facestage.fit.rendering import Picture, light_probe, render_picture
+from facestage.fit.rendering import Picture, Textures, light_probe, render_picture
 from facestage.fit.shading import ForwardModel, sample_bilinear
 from facestage.fit.texture import Atlas, detail_texture
 from facestage.fit.truth import Truth
@@ -42,43 +42,73 @@ class Finished:
     """Everything a result folder shows."""
 
     state: State
-    texture: np.ndarray  # (S, S, 3) albedo
+    textures: Textures
+    texture_coverage: np.ndarray  # (S, S) bool: texels that the photo shows
     picture: Picture
     errors: dict[str, float]
     timings: dict[str, float]
+    trace: list[dict[str, Any]]
 
 
 def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None) -> Finished:
-    """Add the albedo detail and render the fitted face at the photo's size."""
+    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too."""
     started = time.monotonic()
-    texture = _albedo_texture(problem, forward, fitted)
+    albedo, coverage = _albedo_texture(problem, forward, fitted)
+    textures = Textures(albedo, _specular_texture(problem, fitted.state))
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
-    picture = render_picture(forward, fitted.state, fitted.stage, texture, problem.job.seed)
+    picture = render_picture(
+        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage)
+    )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
-    errors = _errors(problem, fitted, texture, picture, truth)
-    return Finished(fitted.state, texture, picture, errors, timings)
+    errors = _errors(problem, fitted, albedo, picture, truth)
+    last: dict[str, Any] = {
+        "seconds": fitted.seconds + sum(timings.values()), "stage": "albedo detail", "iteration": 1,
+        "energy": fitted.energy, "psnr": errors["psnr"], "photo_rms": _rms(problem, picture),
+    }  # fmt: skip
+    last |= {name: errors[name] for name in ("rigid_mm", "similarity_mm") if name in errors}
+    return Finished(fitted.state, textures, coverage, picture, errors, timings, [*fitted.trace, last])
 
 
-def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> np.ndarray:
+def _rms(problem: Problem, picture: Picture) -> float | None:
+    seen = picture.fitted & problem.photograph.mask
+    if not seen.any():
+        return None
+    return float(np.sqrt(((picture.color - problem.photograph.color)[seen] ** 2).mean()))
+
+
+def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
+    """Radiance (N, 3) with only the lights on one side of the face, as bright together as all were."""
+    side = problem.lit_stage.position[:, 0]
+    total = stage.radiance.sum()
+    result = {}
+    for name, lit in (("left", side < 0), ("right", side > 0)):
+        if lit.any() and total > 0:
+            result[f"from the {name}"] = np.where(lit[:, None], total / (3.0 * lit.sum()), 0.0) * np.ones(3)
+    return result
+
+
+def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
+    """(S, S, 3) albedo and (S, S) bool, which texels the photo shows."""
     size = TEXTURE_MIN
     while size < min(TEXELS_PER_FACE_PX * problem.face_size_px, TEXTURE_MAX):
         size *= 2
     atlas = Atlas.build(problem.geometry, size)
     logs = atlas.bake(forward.log_albedo(fitted.state))
-    if "albedo" not in problem.job.freeze:
-        color, usable, clipped = problem.photograph.color, problem.photograph.mask, problem.photograph.clipped
-        y, x = np.nonzero(usable)
-        surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
-        if len(surface.pixels):
-            terms = forward.light_terms(fitted.state, surface, fitted.stage, DETAIL_SAMPLES, problem.job.seed)
-            image = forward.shade(fitted.state, surface, terms)
-            column, row = surface.pixels.astype(int).T
-            cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-            weights = np.clip((cosine - 0.15) / 0.3, 0, 1)[:, None] * ~clipped[row, column]
-            weights = weights * problem.paintable[row, column, None]
-            logs = logs + detail_texture(atlas, logs, image, forward.uvs(surface), color[row, column], weights)
-    return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32)
+    coverage = np.zeros((size, size), bool)
+    y, x = np.nonzero(problem.photograph.mask)
+    surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
+    if "albedo" not in problem.job.freeze and len(surface.pixels):
+        terms = forward.light_terms(fitted.state, surface, fitted.stage, DETAIL_SAMPLES, problem.job.seed)
+        image = forward.shade(fitted.state, surface, terms)
+        column, row = surface.pixels.astype(int).T
+        cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
+        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * problem.paintable[row, column]
+        weights = weights[:, None] * ~problem.photograph.clipped[row, column]
+        photo = problem.photograph.color[row, column]
+        detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights)
+        logs = logs + detail
+    return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32), coverage
 
 
 def _errors(
@@ -108,13 +138,12 @@ def _errors(
 
 
 def write_result(
-    folder: Path, problem: Problem, forward: ForwardModel, fitted: Fitted, finished: Finished, timings: dict[str, float]
+    folder: Path, problem: Problem, fitted: Fitted, finished: Finished, timings: dict[str, float]
 ) -> Result:
     """Write every file of the result into an existing folder."""
     model, state = problem.geometry.model, finished.state
     stage = _whole_stage(problem, fitted.stage)
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
-    specular = _specular_texture(problem, state)
     result = Result(
         status=CONVERGED if fitted.in_time else BUDGET_SPENT, advice=_advice(problem, fitted, finished),
         model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
@@ -124,18 +153,18 @@ def write_result(
         identity_names=model.identity_names, expression_names=model.expression_names,
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), versions=_versions(), seed=problem.job.seed,
-        arrays={"condition": np.float64(fitted.condition)}, folder=folder,
+        arrays={"condition": np.array(fitted.condition)}, folder=folder,
     )  # fmt: skip
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)
-    write_exr(folder / "albedo.exr", finished.texture)
-    write_exr(folder / "specular.exr", specular)
+    write_exr(folder / "albedo.exr", finished.textures.albedo)
+    write_exr(folder / "specular.exr", finished.textures.specular)
     write_exr(folder / "render.exr", finished.picture.color)
     probe = light_probe(stage)
     write_exr(folder / "light_probe.exr", probe)
-    lines = [json.dumps(finite(row)) for row in fitted.trace]
+    lines = [json.dumps(finite(row)) for row in finished.trace]
     (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
-    write_report(folder, _report_data(problem, forward, fitted, finished, result, specular, probe))
+    write_report(folder, _report_data(problem, fitted, finished, result, probe))
     return result
 
 
@@ -192,17 +221,14 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _report_data(
-    problem: Problem, forward: ForwardModel, fitted: Fitted, finished: Finished, result: Result,
-    specular: np.ndarray, probe: np.ndarray,
-) -> Any:  # fmt: skip
+def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: Result, probe: np.ndarray) -> ReportData:
     model, state = problem.geometry.model, finished.state
     vertices, weights = model.landmark_vertices(problem.landmarks.scheme)
     points = np.einsum("mi,mix->mx", weights, result.vertices[vertices])
     return ReportData(
         result=result, photo=problem.photograph.color, render=finished.picture.color,
-        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.texture, specular=specular,
-        texture_coverage=None, light_probe=probe, relit={}, landmarks=problem.landmarks.points,
-        projected=state.camera.project(points), visible=problem.landmarks.visible, trace=fitted.trace,
-        title=problem.job.image.stem,
+        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.textures.albedo,
+        specular=finished.textures.specular, texture_coverage=finished.texture_coverage, light_probe=probe,
+        relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=state.camera.project(points),
+        visible=problem.landmarks.visible, trace=finished.trace, title=problem.job.image.stem,
     )  # fmt: skip

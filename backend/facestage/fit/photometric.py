@@ -57,7 +57,7 @@ class _Differential:
         part = slice(start, end)
         count = end - start
         dense = np.zeros((count * CHANNELS, layout.slices["specular"].start), np.float32)
-        by_depth, by_normal, slide = self._surface_derivatives(part)
+        by_normal, slide = self._surface_derivatives(part)
         if active["pose"]:
             dense[:, layout.slices["pose"]] = self._pose(part, by_normal, slide)
         if active["focal"]:
@@ -72,20 +72,22 @@ class _Differential:
             dense[:, layout.slices["albedo"]] = self._albedo(part)
         if active["roughness"]:
             by_roughness = image.terms.specular_by_roughness[part] @ image.radiance
-            dense[:, layout.slices["roughness"]] = (
-                brdf.K_SPECULAR * image.c_spec[part, None] * by_roughness
-            ).reshape(-1, 1)
+            dense[:, layout.slices["roughness"]] = (brdf.K_SPECULAR * image.c_spec[part, None] * by_roughness).reshape(
+                -1, 1
+            )
         return JacobianBlock(slice(start * CHANNELS, end * CHANNELS), dense, self._specular(part))
 
-    def _surface_derivatives(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """d color by depth (B, 3), by the interpolated normal (B, 3, 3) and by surface motion (B, 3, 3).
+    def _surface_derivatives(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        """d color by the interpolated normal (B, 3, 3) and by surface motion (B, 3, 3).
 
         The motion term already contains what sliding across the triangle changes.
         """
         image, surface, terms = self.image, self.image.surface, self.image.terms
         albedo, radiance = image.albedo[part] * (brdf.K_DIFFUSE / np.pi), image.radiance
         c_spec = brdf.K_SPECULAR * image.c_spec[part, None]
-        by_depth = albedo * (terms.diffuse_by_depth[part] @ radiance) + c_spec * (terms.specular_by_depth[part] @ radiance)
+        by_depth = albedo * (terms.diffuse_by_depth[part] @ radiance) + c_spec * (
+            terms.specular_by_depth[part] @ radiance
+        )
         diffuse_n = np.einsum("pjx,jc->pcx", terms.diffuse_by_normal[part], radiance, optimize=True)
         specular_n = np.einsum("pjx,jc->pcx", terms.specular_by_normal[part], radiance, optimize=True)
         by_unit = albedo[..., None] * diffuse_n + c_spec[..., None] * specular_n
@@ -110,7 +112,7 @@ class _Differential:
             change += brdf.K_SPECULAR * image.specular[part] * spec_change[:, None]
             by_edge.append(change)
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
-        return by_depth, by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
+        return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
 
     def _pose(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
         """(3 B, 6): rotation about the model's origin, then translation. a.(w x b) = w.(b x a)."""

@@ -64,7 +64,7 @@ class Problem:
     @cached_property
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
-        return np.where(hull_pixels(self.skin.shape, self.landmarks), 1.0, self.skin)
+        return np.where(hull_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
 
     @cached_property
     def face_size_px(self) -> float:
@@ -150,6 +150,8 @@ def read_problem(job: Job) -> Problem:
     ):
         value = job.initial.get(name)
         if value is not None and (value.shape != (size,) or not np.isfinite(value).all()):
-            raise InputError(f"The starting {name} has shape {value.shape}; model '{model.name}' takes ({size},) finite numbers.")
+            raise InputError(
+                f"The starting {name} has shape {value.shape}; model '{model.name}' takes ({size},) finite numbers."
+            )
     fit_focal = job.camera is None and "focal" not in job.freeze
     return Problem(job, photograph, camera, job.landmarks, FaceGeometry(model), stage, fit_focal)

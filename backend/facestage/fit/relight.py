@@ -14,7 +14,7 @@ from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
-from facestage.fit.rendering import Picture, render_picture
+from facestage.fit.rendering import Picture, Textures, render_picture
 from facestage.fit.shading import ForwardModel
 from facestage.image_io import linear_to_srgb, read_exr, write_exr
 from facestage.models.registry import load_model
@@ -55,7 +55,7 @@ def render(result: Result, samples: int) -> Picture:
     """The result's face under its stage, at the photo's size."""
     assert result.folder is not None
     start_renderer("auto")
-    texture = read_exr(result.folder / "albedo.exr")
+    textures = Textures(read_exr(result.folder / "albedo.exr"), read_exr(result.folder / "specular.exr")[..., 0])
     geometry = FaceGeometry(load_model(result.model))
     lit = result.stage.radiance.max(axis=1) > 0
     if not lit.any():
@@ -67,7 +67,7 @@ def render(result: Result, samples: int) -> Picture:
         matrix[:3, :3], matrix[:3, 3], result.camera, result.identity, result.expression, np.zeros(0),
         result.albedo, result.roughness, result.specular,
     )  # fmt: skip
-    return render_picture(forward, state, stage, texture, result.seed, samples)
+    return render_picture(forward, state, stage, textures, result.seed, samples)
 
 
 def _radiance(data: dict[str, Any], count: int) -> np.ndarray:
@@ -78,7 +78,9 @@ def _radiance(data: dict[str, Any], count: int) -> np.ndarray:
     except (TypeError, ValueError) as error:
         raise InputError(f"The light file's radiance is not a list of [r, g, b] numbers ({error}).") from error
     if radiance.shape != (count, 3) or not np.isfinite(radiance).all() or (radiance < 0).any():
-        raise InputError(f"The light file's radiance has shape {radiance.shape}; expected ({count}, 3) finite numbers of 0 or more.")
+        raise InputError(
+            f"The light file's radiance has shape {radiance.shape}; expected ({count}, 3) finite numbers of 0 or more."
+        )
     return radiance
 
 
@@ -86,7 +88,9 @@ def _weights(data: dict[str, Any], kind: str, names: tuple[str, ...], current: n
     result = current.copy()
     for name, value in data.get(kind, {}).items():
         if name not in names:
-            raise InputError(f"The weight file names the {kind} '{name}'; this face model has: {', '.join(names[:8])}, ...")
+            raise InputError(
+                f"The weight file names the {kind} '{name}'; this face model has: {', '.join(names[:8])}, ..."
+            )
         if not isinstance(value, int | float) or not np.isfinite(value):
             raise InputError(f"The weight of {kind} '{name}' is {value!r}; expected a number.")
         result[names.index(name)] = value

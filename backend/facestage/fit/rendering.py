@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +18,21 @@ PROBE_HEIGHT = 128
 
 
 @dataclass(frozen=True)
+class Textures:
+    """The maps of the atlas, row 0 at v = 1."""
+
+    albedo: np.ndarray  # (S, S, 3)
+    specular: np.ndarray  # (s, s) c_spec
+
+
+@dataclass(frozen=True)
 class Picture:
     """A rendered photo-sized image."""
 
     color: np.ndarray  # (h, w, 3) float32 linear, 0 where nothing is hit
     coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
     fitted: np.ndarray  # (h, w) bool: skin of the face all over the pixel
+    relit: dict[str, np.ndarray]  # (h, w, 3) float32 by name: the same face under other radiance
 
 
 def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
@@ -39,16 +49,24 @@ def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
 
 
 def render_picture(
-    forward: ForwardModel, state: State, stage: LightStage, texture: np.ndarray, seed: int = 0, samples: int | None = None
+    forward: ForwardModel,
+    state: State,
+    stage: LightStage,
+    textures: Textures,
+    seed: int = 0,
+    samples: int | None = None,
+    relight: Mapping[str, np.ndarray] | None = None,
 ) -> Picture:
-    """Render every part of the head with the albedo ``texture`` (S, S, 3) and direct light of ``stage``.
+    """Render every part of the head with its textures and the direct light of ``stage``.
 
     ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light and
-    sub-pixel; by default what RAY_BUDGET allows.
+    sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name, which cost
+    no further rays because the image is linear in the lights.
     """
     height, width = state.camera.height, state.camera.width
-    color, coverage = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
-    fitted = np.zeros((height, width), np.float32)
+    radiances = {"": stage.radiance} | dict(relight or {})
+    colors = {name: np.zeros((height, width, 3), np.float32) for name in radiances}
+    coverage, fitted = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     pixels = face_pixels(forward, state)
     if len(pixels):
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
@@ -60,40 +78,37 @@ def render_picture(
             for start in range(0, len(surface.pixels), BLOCK_POINTS):
                 block = _slice(surface, start, start + BLOCK_POINTS)
                 x, y = block.pixels.astype(int).T
-                color[y, x] += _color(forward, state, stage, block, texture, each, seed + sub) / grid**2
+                terms = forward.light_terms(state, block, stage, each, seed + sub)
+                uvs = forward.uvs(block)
+                albedo, c_spec = sample_bilinear(textures.albedo, uvs), sample_bilinear(textures.specular, uvs)
+                for name, radiance in radiances.items():
+                    colors[name][y, x] += forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
-    return Picture(color, coverage, fitted > 1 - 1e-3)
-
-
-def _color(
-    forward: ForwardModel, state: State, stage: LightStage, surface: Surface, texture: np.ndarray, samples: int, seed: int
-) -> np.ndarray:
-    terms = forward.light_terms(state, surface, stage, samples, seed)
-    albedo = sample_bilinear(texture, forward.uvs(surface))
-    return forward.shade(state, surface, terms, albedo, stage.radiance).color
+    return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors)
 
 
 def _slice(surface: Surface, start: int, end: int) -> Surface:
     """Some of a surface's pixels; what belongs to the whole mesh is kept."""
     whole = {"vertices", "model_vertices", "normal_scale"}
-    return replace(
-        surface, **{name: value[start:end] for name, value in vars(surface).items() if name not in whole}
-    )
+    return replace(surface, **{name: value[start:end] for name, value in vars(surface).items() if name not in whole})
 
 
 def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
     """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the middle, +Y up.
 
-    Each texel averages four directions, so that a light's edge is not a stair.
+    To the right of +Z lies -X, as one sees it from inside and as environment maps have it. Each texel averages
+    four directions, so that a light's edge is not a stair.
     """
     result = np.zeros((height, 2 * height, 3))
     for sub in range(4):
         row = (np.arange(height) + 0.25 + 0.5 * (sub // 2)) / height
         column = (np.arange(2 * height) + 0.25 + 0.5 * (sub % 2)) / (2 * height)
-        elevation, azimuth = np.pi * (0.5 - row)[:, None], 2 * np.pi * (column - 0.5)[None, :]
+        elevation, azimuth = np.pi * (0.5 - row)[:, None], 2 * np.pi * (0.5 - column)[None, :]
         towards = np.stack(
-            np.broadcast_arrays(np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)),
+            np.broadcast_arrays(
+                np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
+            ),
             axis=-1,
         )
         nearest = np.full(towards.shape[:2], np.inf)

@@ -50,11 +50,15 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
     run = FitRun(problem, forward, partial, truth, listener)
     checkpoint = Checkpoint.load(partial) if resume else None
     fitted = run.run(deadline, checkpoint)
-    emit(Event(PROGRESS, "pictures", 0, None, time.monotonic() - began, None, 0.92, message="Drawing textures and pictures"))
+    emit(
+        Event(
+            PROGRESS, "pictures", 0, None, time.monotonic() - began, None, 0.92, message="Drawing textures and pictures"
+        )
+    )
     finished = finish(problem, forward, fitted, truth)
     timings = {"cold_start": cold_start, "optimisation": fitted.seconds}
     with atomic_folder(out) as folder:
-        result = write_result(folder, problem, forward, fitted, finished, timings)
+        result = write_result(folder, problem, fitted, finished, timings)
     result = replace(result, folder=out)
     if fitted.in_time:
         shutil.rmtree(partial, ignore_errors=True)
@@ -72,7 +76,9 @@ def _prepare_partial(out: Path) -> Path:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise InputError(f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that you may write to.") from error
+        raise InputError(
+            f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that you may write to."
+        ) from error
     return partial
 
 
@@ -96,7 +102,11 @@ class _Listener:
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
-        if progress.evaluation is not None and now - self._last_preview > PREVIEW_INTERVAL:
+        if (
+            progress.evaluation is not None
+            and progress.photo is not None
+            and now - self._last_preview > PREVIEW_INTERVAL
+        ):
             self._last_preview = now
             self.preview = str(self.partial / "preview.png")
             photo = progress.photo
@@ -104,7 +114,14 @@ class _Listener:
         left = progress.seconds * (1 - progress.fraction) / max(progress.fraction, 1e-3)
         self.emit(
             Event(
-                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, now - self.began, left,
-                0.9 * progress.fraction, self.preview, f"Fitting: {progress.phase}, step {progress.iteration}",
-            )  # fmt: skip
+                PROGRESS,
+                progress.phase,
+                progress.iteration,
+                progress.photo_rms,
+                now - self.began,
+                left,
+                0.9 * progress.fraction,
+                self.preview,
+                f"Fitting: {progress.phase}, step {progress.iteration}",
+            )
         )

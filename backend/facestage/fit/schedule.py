@@ -16,6 +16,7 @@ from facestage.fit.solver import Damping, bounded_step
 CONVERGED_SHARE = 1e-3
 # Shadows and silhouettes jump between steps; what three dampings cannot lower is as low as it gets.
 MAX_REJECTIONS = 3
+HOPELESS_SHARE = 5e-3
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ class Stage:
                     accepted = True
                     break
                 self.damping.reject()
-                if clock() > deadline:
+                # What is left to gain is less than what visibility jumps by from step to step.
+                if clock() > deadline or proposal.predicted < HOPELESS_SHARE * system.total:
                     return
             if not accepted:
                 return

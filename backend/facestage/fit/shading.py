@@ -107,13 +107,15 @@ class ForwardModel:
         terms: LightTerms,
         albedo: np.ndarray | None = None,
         radiance: np.ndarray | None = None,
+        c_spec: np.ndarray | None = None,
     ) -> Image:
-        """Radiance towards the camera; ``albedo`` (P, 3) and ``radiance`` (N, 3) replace the state's own."""
+        """Radiance towards the camera; ``albedo`` (P, 3), ``radiance`` (N, 3), ``c_spec`` (P,) replace the state's."""
         if radiance is None:
             radiance = self.lights.radiance(state.lights)
         if albedo is None:
             albedo = self.albedo(state, surface)
-        c_spec = sample_bilinear(state.specular, self.uvs(surface))
+        if c_spec is None:
+            c_spec = sample_bilinear(state.specular, self.uvs(surface))
         diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
         color = brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)

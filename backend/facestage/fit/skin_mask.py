@@ -23,7 +23,7 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
     stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
     """
-    inside = hull_pixels(photo.shape[:2], landmarks, SAMPLE_POINTS.get(landmarks.scheme))
+    inside = hull_pixels((photo.shape[0], photo.shape[1]), landmarks, SAMPLE_POINTS.get(landmarks.scheme))
     if inside.sum() < 20:
         return np.ones(photo.shape[:2], np.float32)
     dark = max(DARK_SHARE * float(photo[inside].mean()), 1e-6)

@@ -21,6 +21,7 @@ LOG_DETAIL_MAX = 0.7
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
 CONJUGATE_GRADIENT_STEPS = 200
+COVERED_CONFIDENCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ class Atlas:
 
 def detail_texture(
     atlas: Atlas, log_albedo: np.ndarray, image: Image, uvs: np.ndarray, photo: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
-    """(S, S, 3) log-albedo correction that explains what the basis left of the photo.
+) -> tuple[np.ndarray, np.ndarray]:
+    """(S, S, 3) log-albedo correction that explains what the basis left of the photo, and (S, S) bool coverage.
 
     ``log_albedo`` (S, S, 3) is the basis' texture; ``uvs`` (P, 2), ``photo`` (P, 3) and confidence
     ``weights`` (P, 3) belong to the pixels of ``image``. A smooth, shrunken least-squares fit: where the
@@ -95,12 +96,16 @@ def detail_texture(
         jacobi = sp.diags(1.0 / system.diagonal())
         solution, _ = cg(system, weighted.T @ target[:, channel], rtol=1e-4, maxiter=CONJUGATE_GRADIENT_STEPS, M=jacobi)
         result[texels, channel] = solution
-    return result.reshape(atlas.size, atlas.size, 3)
+    seen = np.zeros(atlas.size**2, bool)
+    seen[texels] = np.asarray(pick.T @ confidence.mean(1)).ravel() > COVERED_CONFIDENCE / density
+    return result.reshape(atlas.size, atlas.size, 3), seen.reshape(atlas.size, atlas.size)
 
 
 def _sparse_rows(index: np.ndarray, weight: np.ndarray, columns: int) -> sp.csr_matrix:
     count, width = index.shape
-    return sp.csr_matrix((weight.ravel(), index.ravel(), np.arange(0, count * width + 1, width)), shape=(count, columns))
+    return sp.csr_matrix(
+        (weight.ravel(), index.ravel(), np.arange(0, count * width + 1, width)), shape=(count, columns)
+    )
 
 
 def _texel_laplacian(skin: np.ndarray, compact: np.ndarray) -> sp.csr_matrix:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -25,22 +26,26 @@ class Hits:
     barycentric: np.ndarray  # (P, 3) float32
 
 
+def _not_asked() -> np.ndarray:
+    return np.zeros(0, np.float32)
+
+
 @dataclass(frozen=True)
 class LightTerms:
     """Irradiance of P points from N lights at unit radiance; self-shadows included.
 
     ``diffuse`` is the integral of (n.l) over the visible solid angle, ``specular`` that of
     (n.l) D V F. Derivatives keep the visibility fixed; ``*_by_depth`` moves the point along its
-    view ray (away from the camera, per metre).
+    view ray (away from the camera, per metre); they are empty unless asked for.
     """
 
     diffuse: np.ndarray  # (P, N)
     specular: np.ndarray  # (P, N)
-    diffuse_by_normal: np.ndarray | None = None  # (P, N, 3)
-    specular_by_normal: np.ndarray | None = None  # (P, N, 3)
-    diffuse_by_depth: np.ndarray | None = None  # (P, N)
-    specular_by_depth: np.ndarray | None = None  # (P, N)
-    specular_by_roughness: np.ndarray | None = None  # (P, N)
+    diffuse_by_normal: np.ndarray = field(default_factory=_not_asked)  # (P, N, 3)
+    specular_by_normal: np.ndarray = field(default_factory=_not_asked)  # (P, N, 3)
+    diffuse_by_depth: np.ndarray = field(default_factory=_not_asked)  # (P, N)
+    specular_by_depth: np.ndarray = field(default_factory=_not_asked)  # (P, N)
+    specular_by_roughness: np.ndarray = field(default_factory=_not_asked)  # (P, N)
 
 
 class RayTracer:
@@ -90,7 +95,7 @@ class RayTracer:
         derivatives: bool = False,
         specular: bool = True,
         shadows: bool = True,
-        keys: np.ndarray | None = None,
+        keys: np.ndarray = field(default_factory=_not_asked),
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
@@ -151,9 +156,9 @@ class RayTracer:
 
 @dr.syntax
 def _accumulate(
-    scene, samples, x, n, v, nv, origin, centre, emit, axis_x, axis_y,
-    area, shift_x, shift_y, rough, derivatives, specular, shadows,
-):  # fmt: skip
+    scene: Any, samples: Any, x: Any, n: Any, v: Any, nv: Any, origin: Any, centre: Any, emit: Any, axis_x: Any,
+    axis_y: Any, area: Any, shift_x: Any, shift_y: Any, rough: Any, derivatives: bool, specular: bool, shadows: bool,
+) -> Any:  # fmt: skip
     """Sum over a light's samples (symbolic loop): see LightTerms for what each sum is."""
     diffuse, gloss = mi.Float(0), mi.Float(0)
     diffuse_n, gloss_n = mi.Vector3f(0), mi.Vector3f(0)

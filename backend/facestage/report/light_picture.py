@@ -20,7 +20,8 @@ _INTEGRATION_WIDTH = 48  # pixels of the map that the matte sphere integrates ov
 
 def draw_light_probe(path: Path, data: ReportData) -> None:
     """The map with the camera's direction in the middle and right as in the photo, its brightest light white."""
-    probe = clean(data.light_probe if data.probe_x_right else data.light_probe[:, ::-1])
+    # An environment map is seen from inside; the report shows it as the camera sees the face.
+    probe = clean(data.light_probe[:, ::-1])
     canvas = Canvas(WIDTH + SPHERE + 76, HEIGHT + 92, DARK)
     shown = shrink(probe)
     shown = shown / max(float(shown.max()), 1e-12)

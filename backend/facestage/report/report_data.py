@@ -38,8 +38,6 @@ class ReportData:
     texture_coverage: np.ndarray | None = None  # (S, S) bool, true for texels that the photo shows
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
     trace: Sequence[Mapping[str, Any]] = ()
-    # Whether +X (the photo's right) is right of the probe's middle; false for a map as seen from inside the sphere.
-    probe_x_right: bool = True
     repeat_command: str = REPEAT_COMMAND
 
     def __post_init__(self) -> None:

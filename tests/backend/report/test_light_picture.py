@@ -36,7 +36,8 @@ def test_the_marks_lie_on_the_lights_of_the_probe_that_the_fit_writes() -> None:
     for index in range(len(stage)):
         radiance = np.zeros((20, 3))
         radiance[index] = 1.0
-        probe = rendering.light_probe(replace(stage, radiance=radiance))
+        # The file is seen from inside, the report's picture as the camera sees the face.
+        probe = rendering.light_probe(replace(stage, radiance=radiance))[:, ::-1]
         (u, v), (height, width) = latlong(stage.position[index]), probe.shape[:2]
         assert probe[int(v * height), int(u * width)].min() > 0.5, f"light {index + 1} is not at ({u:.3f}, {v:.3f})"
 
