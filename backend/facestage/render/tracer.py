@@ -95,7 +95,7 @@ class RayTracer:
         derivatives: bool = False,
         specular: bool = True,
         shadows: bool = True,
-        keys: np.ndarray = field(default_factory=_not_asked),
+        keys: np.ndarray | None = None,
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 

@@ -109,7 +109,7 @@ def test_no_points_and_no_derivatives(tracer_of):
     stage = fibonacci_stage(3)
     tracer = tracer_of(plane())
     terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0)
-    assert terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal is None
+    assert terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal.size == 0
     terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, derivatives=True)
     assert terms.diffuse_by_normal.shape == (0, 3, 3) and terms.specular_by_roughness.shape == (0, 3)
     hits = tracer.first_hits(np.zeros(3), empty)
