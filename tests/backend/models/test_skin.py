@@ -89,7 +89,7 @@ def test_basis_is_zero_off_the_skin_and_falls_with_frequency():
 def test_basis_survives_a_broken_mesh_and_is_deterministic():
     vertices, triangles = _sphere()
     n = len(vertices)
-    vertices = np.concatenate([vertices, vertices + [4, 0, 0], vertices[:3], [[9.0, 9.0, 9.0]]])
+    vertices = np.concatenate([vertices, vertices + np.array([4.0, 0.0, 0.0]), vertices[:3], [[9.0, 9.0, 9.0]]])
     triangles = np.concatenate([triangles, triangles + n, [[0, 0, 1], [2, 3, 2 * n]], triangles[:5]])
     mask = np.ones(len(vertices), bool)
     _, first = albedo_basis(vertices, triangles, mask, 16)

@@ -6,7 +6,7 @@ import numpy as np
 
 from facestage.models.head import eyes
 from facestage.models.head.features import EYE_RADIUS
-from facestage.models.head.masks import Masks, eye_center, rotate_about
+from facestage.models.head.masks import Masks, eye_center, rotate_about, smoothstep
 
 CLEARANCE = EYE_RADIUS + 0.75 * eyes.LID_THICKNESS
 
@@ -28,8 +28,9 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     margin = masks.points[loops[margin_ring]] - center
     reach = np.hypot(margin[:, 1], margin[:, 2])
     # Shut lids arch a little more, or half-way along the straight path of a shape key they would cut into the eye.
-    reach = np.maximum(np.maximum(reach, reach[_opposite(n)]), EYE_RADIUS + 2.0)
     x = 0.5 * (margin[:, 0] + margin[_opposite(n), 0])
+    arch = np.sqrt(np.maximum((EYE_RADIUS + 2.0) ** 2 - x**2, 0.0)) * smoothstep((upper_edge - lower_edge) / 0.5)
+    reach = np.maximum(np.maximum(reach, reach[_opposite(n)]), arch)
     met = center + np.stack([x, reach * np.sin(meeting), reach * np.cos(meeting)], axis=-1)
     share = np.clip(np.where(is_upper, upper, lower), 0.0, 1.0)[:, None]
     rest = share * (met - rotate_about(margin + center, center, 0, -(meeting - elevation)))
