@@ -53,12 +53,13 @@ class LightParameters:
     def size(self) -> int:
         """Number of light parameters."""
         count = int(self.fitted.sum())
-        return count + CHANNELS if self.uniform else count * CHANNELS
+        # A color that no fitted light has is no parameter.
+        return count + CHANNELS if self.uniform and count else count * CHANNELS
 
     def radiance(self, parameters: np.ndarray) -> np.ndarray:
         """(N, 3) radiance of every light."""
         result = self.fixed_radiance.copy()
-        if self.uniform:
+        if self.uniform and self.size:
             result[self.fitted] = parameters[:-CHANNELS, None] * parameters[-CHANNELS:]
         else:
             result[self.fitted] = parameters.reshape(-1, CHANNELS)
@@ -80,7 +81,7 @@ class LightParameters:
     def from_radiance(self, radiance: np.ndarray) -> np.ndarray:
         """Parameters whose radiance is nearest to (N, 3) ``radiance``."""
         wanted = radiance[self.fitted]
-        if not self.uniform:
+        if not self.uniform or not self.size:
             return wanted.ravel().astype(float)
         total = wanted.sum(0)
         color = total / total.mean() if total.sum() > 0 else np.ones(CHANNELS)
