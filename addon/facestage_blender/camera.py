@@ -69,12 +69,20 @@ def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> 
     image = load_image(path)
     image.alpha_mode = "NONE"  # alpha only masks the fit; the user sees the whole photo
     set_resolution(scene, *image.size)
+    show_as_photos_are(scene)
     data = camera.data
     data.show_background_images = True
     background = next(iter(data.background_images), None) or data.background_images.new()
     background.image, background.alpha, background.frame_method = image, 1.0, "FIT"
     background.display_depth = "BACK"
     return image
+
+
+def show_as_photos_are(scene: bpy.types.Scene) -> None:
+    """Show renders without a tone curve: the fit explains the photo's own values."""
+    view = scene.view_settings
+    view.view_transform = "Standard"
+    view.look, view.exposure, view.gamma = "None", 0.0, 1.0
 
 
 def load_image(path: Path) -> bpy.types.Image:

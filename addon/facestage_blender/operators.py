@@ -53,7 +53,7 @@ class FACESTAGE_OT_build_stage(bpy.types.Operator):
 
 
 class FACESTAGE_OT_choose_photo(bpy.types.Operator, ImportHelper):
-    """Choose the photo. It is shown behind the camera's view, and pictures are rendered at its size"""
+    """Choose the photo. It is shown behind the camera's view; pictures are rendered at its size, without a tone curve"""
 
     bl_idname = "facestage.choose_photo"
     bl_label = "Choose Photo"

@@ -154,6 +154,7 @@ def _set_light(light: bpy.types.Object, stage: LightStage, index: int) -> None:
     data = light.data
     data.type, data.shape, data.size = "AREA", "SQUARE", float(stage.side[index])
     data.spread = math.pi
+    data.cutoff_distance = float(stage.side[index])  # only how long the 3D View draws the light's axis
     for name, value in (("exposure", 0.0), ("normalize", True), ("use_temperature", False)):
         if hasattr(data, name):  # which of these exist depends on the version of Blender
             setattr(data, name, value)

@@ -97,6 +97,7 @@ def test_photo_is_shown_and_sets_the_size(scene, photo) -> None:
     assert (scene.render.resolution_x, scene.render.resolution_y) == (96, 80)
     assert scene.camera.data.background_images[0].image.size[:] == (96, 80)
     assert scene.facestage.photo == str(photo)
+    assert scene.view_settings.view_transform == "Standard"
 
 
 @pytest.mark.parametrize("content", [b"", b"hello, this is no picture"])
