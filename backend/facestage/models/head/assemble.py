@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from facestage.contract.face_model import EYES, MOUTH, SKIN, TEETH
 from facestage.models.head import ear, eyes, mouth, topology
 from facestage.models.head.base_surface import LEVELS, BaseSurface
-from facestage.models.head.features import EYE_CENTER, add_features
+from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features
 from facestage.models.head.topology import LEVEL_LINES, STATION_LINES, WINDOWS, MeshBuilder
 
 SIDES = ("left", "right")
@@ -140,7 +140,7 @@ def _add_eyeball(builder: MeshBuilder, side: str) -> np.ndarray:
     rows, n = points.shape[:2]
     center = EYE_CENTER * [sign, 1, 1]
     ring = builder.add_vertices((points + center).reshape(-1, 3)).reshape(rows, n)
-    poles = builder.add_vertices(center + np.array([[0.0, 0.0, eyes.EYE_RADIUS], [0.0, 0.0, -eyes.EYE_RADIUS]]))
+    poles = builder.add_vertices(center + np.array([[0.0, 0.0, EYE_RADIUS], [0.0, 0.0, -EYE_RADIUS]]))
     middle = np.array([0.06 if side == "left" else 0.17, 0.055])
     angle = 2 * np.pi * np.arange(n) / n
     disc = (0.05 * polar / np.pi)[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)

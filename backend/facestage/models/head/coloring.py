@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.contract.face_model import EYES, MOUTH, TEETH
+from facestage.contract.face_model import MOUTH
 from facestage.models.head import eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh
 from facestage.models.head.masks import Masks, eye_center, smoothstep
@@ -115,6 +115,3 @@ def _paint_part(
     color[mask] = target
     if part == MOUTH:
         color[mesh.tongue] = (0.36, 0.13, 0.12)
-
-
-PARTS_WITHOUT_SKIN = (EYES, MOUTH, TEETH)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -51,7 +52,7 @@ PULLS: dict[str, tuple[Pull, ...]] = {
     "midface_projection": (Pull((12, -42, 95), (30, 26, 40), (0, 0, 2.4)),),
     "cheekbone_prominence": (Pull((46, -20, 70), (17, 14, 24), (1.4, 0, 1.9)),),
     "cheek_fullness": (Pull((44, -56, 62), (20, 22, 30), (2.6, 0, 2.2)),),
-    "submental_fullness": (Pull((10, -126, 52), (36, 16, 28), (0.6, -4.5, 1.5)),),
+    "submental_fullness": (Pull((10, -126, 52), (36, 16, 28), (0.4, -3.2, 1.0)),),
     "temple_fullness": (Pull((60, 22, 45), (16, 24, 24), (2.2, 0, 0.6)),),
     "eye_spacing": (Pull((31, 0, 70), (INF, 20, 30), (_sd("interpupillary_distance") / 2, 0, 0), 24),),
     "eye_height": (Pull((31, 0, 72), (22, 15, 30), (0, 1.7, 0)),),
@@ -87,7 +88,7 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     """Names and displacements (80, n, 3) float64 in mm per standard deviation."""
     fields: dict[str, Field] = dict(_GLOBAL)
     for name, pulls in PULLS.items():
-        fields[name] = lambda p, pulls=pulls: np.sum([_pulled(p, pull) for pull in pulls], axis=0)
+        fields[name] = partial(_all_pulled, pulls)
     # Each field is evaluated on the vertices and in front of both eyes, whose motion the eyes then follow.
     probes = np.concatenate([masks.points, [eye_center(side) + np.array([0.0, 0.0, 6.0]) for side in SIDES]])
     modes = {name: _eyes_rigid(masks, field(probes)) for name, field in fields.items()}
@@ -105,6 +106,10 @@ def _eye_shapes(masks: Masks) -> dict[str, np.ndarray]:
         "eye_tilt": lambda side: lids.tilt(masks, side, 1.6),
     }
     return {name: shape("left") + shape("right") for name, shape in shapes.items()}
+
+
+def _all_pulled(pulls: tuple[Pull, ...], points: np.ndarray) -> np.ndarray:
+    return np.sum([_pulled(points, pull) for pull in pulls], axis=0)
 
 
 def _pulled(points: np.ndarray, pull: Pull) -> np.ndarray:

@@ -38,7 +38,7 @@ def ibug68(mesh: HeadMesh) -> np.ndarray:
 def _eyes(mesh: HeadMesh) -> list[int]:
     ring = len(eyes._LOOPS) + 1
     result = []
-    for side, order in (("right", "outer first"), ("left", "inner first")):
+    for side in ("right", "left"):
         loop = mesh.loops[f"eye_{side}"][ring]
         n = len(loop)
         # Counterclockwise from the left of the picture; the scheme runs over the upper lid first.
@@ -47,7 +47,6 @@ def _eyes(mesh: HeadMesh) -> list[int]:
         upper = [loop[n - third], loop[n // 2 + third]]
         lower = [loop[n // 2 - third], loop[third]]
         result += [corner, *upper, opposite, *lower]
-        assert order
     return [int(v) for v in result]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from facestage.models.head import eyes
@@ -79,7 +81,10 @@ def look(masks: Masks, side: str, yaw: float, pitch: float) -> np.ndarray:
     return result
 
 
-def _slide(masks: Masks, side: str, loops: np.ndarray, follow: np.ndarray, move) -> np.ndarray:
+def _slide(
+    masks: Masks, side: str, loops: np.ndarray, follow: np.ndarray, move: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Front view moves (m, 2) of `along` (-0.5 at the inner, 0.5 at the outer corner), kept on the eyeball."""
     result = np.zeros((masks.count, 3))
     center = eye_center(side)
     span = 0.5 * (eyes.OUTER_CORNER[0] - eyes.INNER_CORNER[0])
