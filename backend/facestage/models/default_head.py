@@ -60,12 +60,12 @@ def build_default_model() -> FaceModel:
 def _regions(mesh: HeadMesh, masks: Masks) -> dict[str, np.ndarray]:
     """Named vertex sets; mm frame of the control net."""
     x, y, z = masks.points.T
-    lip_border = len(mouth._LOOPS) + 1
+    lip_border = len(mouth.OUTER_LOOPS) + 1
     behind_lips = np.zeros(masks.count, bool)
     behind_lips[mesh.loops["mouth"][mouth.LIP_LOOPS + 1 :]] = True
     behind_lids = np.zeros(masks.count, bool)
     for side in SIDES:
-        behind_lids[mesh.loops[f"eye_{side}"][len(eyes._LOOPS) + 2 :]] = True
+        behind_lids[mesh.loops[f"eye_{side}"][len(eyes.LID_LOOPS) + 2 :]] = True
     visible = masks.skin & ~behind_lips & ~behind_lids
     # Chin to brows, and sideways to the outer corners of the eyes.
     narrow = visible & (z > 45) & (np.abs(x) < 50) & (y < 27) & (y > -112 - 0.25 * (84 - z).clip(0))

@@ -80,7 +80,7 @@ def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops:
     degree = np.maximum(np.asarray(links.sum(axis=1)).ravel(), 1.0)
     free = np.zeros(n)
     free[grid[1:-6][grid[1:-6] >= 0]] = 1.0
-    free[loops["mouth"][1 : len(mouth._LOOPS)]] = 1.0
+    free[loops["mouth"][1 : len(mouth.OUTER_LOOPS)]] = 1.0
     for side in SIDES:
         free[loops[f"eye_{side}"][1:3]] = 1.0
         free[loops[f"ear_{side}"][0]] = 0.0

@@ -90,7 +90,7 @@ def _eye_color(relative: np.ndarray) -> np.ndarray:
 def _lip_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     loops = mesh.loops["mouth"]
     weight = np.zeros(masks.count)
-    border = len(mouth._LOOPS) + 1
+    border = len(mouth.OUTER_LOOPS) + 1
     weight[loops[border]] = 0.45
     weight[loops[border + 1 :]] = 0.85
     return weight

@@ -12,7 +12,7 @@ from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features,
 INNER_CORNER = np.array([17.0, -2.4])
 OUTER_CORNER = np.array([46.0, 0.2])
 LID_THICKNESS = 1.2
-_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
+LID_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
 
 IRIS_RADIUS, PUPIL_RADIUS = 5.9, 2.0
 _POLAR_DEGREES = (3.2, 6.4, 9.2, 10.2, 13, 17, 21, 25, 27.4, 28.6, 30.5, 34, 40, 48, 58, 70, 85, 100, 120, 145)
@@ -48,7 +48,7 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     steps = np.minimum(np.arange(n), np.abs(np.arange(n) - n // 2))
     corner = np.exp(-((np.minimum(steps, n - np.arange(n)) / 2.2) ** 2))
     positions, charts = [], []
-    for t in (*_LOOPS, 1.0):
+    for t in (*LID_LOOPS, 1.0):
         # Loops keep clear of the corners, where the margin turns sharply.
         chart = window_chart + (t - 0.2 * t * (1 - t) * corner)[:, None] * (margin_chart - window_chart)
         point = add_features(surface.point(*chart.T))
@@ -64,7 +64,7 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     center = margin_chart[0] + 0.5 * chord
     along = ((margin_chart - center) @ chord)[:, None] * chord / (chord @ chord)
     for shrink, radius, spread in ((0.25, 0.2, -0.35), (0.5, -1.5, 2.0)):
-        positions.append(_behind_margin(positions[len(_LOOPS)], radius, spread))
+        positions.append(_behind_margin(positions[len(LID_LOOPS)], radius, spread))
         charts.append(center + 0.84**shrink * along + (1 - shrink) * (margin_chart - center - along))
     return Patch(np.stack(positions), np.stack(charts))
 

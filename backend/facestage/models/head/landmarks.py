@@ -36,7 +36,7 @@ def ibug68(mesh: HeadMesh) -> np.ndarray:
 
 
 def _eyes(mesh: HeadMesh) -> list[int]:
-    ring = len(eyes._LOOPS) + 1
+    ring = len(eyes.LID_LOOPS) + 1
     result = []
     for side in ("right", "left"):
         loop = mesh.loops[f"eye_{side}"][ring]
@@ -52,7 +52,7 @@ def _eyes(mesh: HeadMesh) -> list[int]:
 
 def _lips(mesh: HeadMesh) -> list[int]:
     loops = mesh.loops["mouth"]
-    outer = loops[len(mouth._LOOPS) + 1]
+    outer = loops[len(mouth.OUTER_LOOPS) + 1]
     inner = loops[mouth.LIP_LOOPS]
     n = outer.shape[0]
     x = mesh.vertices[outer, 0]

@@ -19,7 +19,7 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     loops = masks.mesh.loops[f"eye_{side}"]
     n = loops.shape[1]
     center = eye_center(side)
-    margin_ring = len(eyes._LOOPS) + 1
+    margin_ring = len(eyes.LID_LOOPS) + 1
     elevation = _elevation(masks.points[loops[margin_ring]] - center)
     opposite = elevation[_opposite(n)]
     is_upper = np.arange(n) > n // 2
@@ -37,7 +37,7 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     share = np.clip(np.where(is_upper, upper, lower), 0.0, 1.0)[:, None]
     rest = share * (met - rotate_about(margin + center, center, 0, -(meeting - elevation)))
     # Skin further from the margin follows less: the fold of the lid takes up the rest.
-    follow = np.concatenate([[0.0], 1.15 * np.array(eyes._LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1) ** 1.3
+    follow = np.concatenate([[0.0], 1.15 * np.array(eyes.LID_LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1) ** 1.3
     for ring, row in enumerate(loops):
         here = masks.points[row]
         moved = rotate_about(here, center, 0, -follow[ring] * turn) + follow[ring] * rest
@@ -59,14 +59,14 @@ def widen(masks: Masks, side: str, amount: float) -> np.ndarray:
     """(n, 3) mm: the lid opening lengthened by `amount` mm, sliding over the eyeball."""
     outward = 1.0 if side == "left" else -1.0
     loops = masks.mesh.loops[f"eye_{side}"]
-    follow = np.concatenate([[0.0], eyes._LOOPS, [1.0, 1.0, 1.0]]) ** 1.2
+    follow = np.concatenate([[0.0], eyes.LID_LOOPS, [1.0, 1.0, 1.0]]) ** 1.2
     return _slide(masks, side, loops, follow, lambda along: np.stack([amount * outward * along, 0 * along], axis=-1))
 
 
 def tilt(masks: Masks, side: str, rise: float) -> np.ndarray:
     """(n, 3) mm: the outer corner raised and the inner lowered by half of `rise` mm."""
     loops = masks.mesh.loops[f"eye_{side}"]
-    follow = np.concatenate([[0.0], eyes._LOOPS, [1.0, 1.0, 1.0]])
+    follow = np.concatenate([[0.0], eyes.LID_LOOPS, [1.0, 1.0, 1.0]])
     return _slide(masks, side, loops, follow, lambda along: np.stack([0 * along, rise * along], axis=-1))
 
 

@@ -10,14 +10,14 @@ from facestage.models.head.features import add_features
 
 MOUTH_HALF_WIDTH = 25.2
 MOUTH_CORNER_Y = -73.4
-_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border of the red lip (1)
+OUTER_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border of the red lip (1)
 # Cross-section of a lip from its border to the line where the lips meet: share of the height, forward bulge.
 _UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.7), (0.4, 3.0), (0.72, 3.3), (0.92, 2.6), (1.0, 1.4))
 _LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.6), (0.92, 3.0), (1.0, 1.4))
 # Behind the meeting line: backward, away from the line, sideways.
 _INNER = ((3.0, 0.5, 0.0), (7.0, 3.0, 0.3), (12.0, 7.0, 1.0))
 _BAG = ((20.0, 12.0, 4.0), (32.0, 15.0, 5.0), (44.0, 12.0, 1.0), (52.0, 6.0, -8.0))
-LIP_LOOPS = len(_LOOPS) + len(_UPPER_PROFILE)  # rows of skin loops up to the meeting line
+LIP_LOOPS = len(OUTER_LOOPS) + len(_UPPER_PROFILE)  # rows of skin loops up to the meeting line
 SKIN_LOOPS = LIP_LOOPS + len(_INNER)
 
 TEETH_FRONT_Z = 87.0
@@ -52,7 +52,7 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     border_y = np.where(is_upper, upper_y, lower_y)
     border_chart = surface.chart_at(np.stack([x, border_y], axis=-1))
     positions, charts = [], []
-    for t in _LOOPS:
+    for t in OUTER_LOOPS:
         chart = window_chart + t * (border_chart - window_chart)
         positions.append(add_features(surface.point(*chart.T)))
         charts.append(chart)
