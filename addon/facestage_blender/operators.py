@@ -53,7 +53,7 @@ class FACESTAGE_OT_build_stage(bpy.types.Operator):
 
 
 class FACESTAGE_OT_choose_photo(bpy.types.Operator, ImportHelper):
-    """Choose the photo. It is shown behind the camera's view; pictures are rendered at its size, without a tone curve"""
+    """Choose the photo. It is shown behind the camera's view; renders get its size and no tone curve"""
 
     bl_idname = "facestage.choose_photo"
     bl_label = "Choose Photo"

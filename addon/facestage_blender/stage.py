@@ -38,7 +38,7 @@ def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
     empty = scene.facestage.stage
     if empty is None or empty.name not in scene.objects:
         empty = bpy.data.objects.new(EMPTY, None)
-        empty.empty_display_type, empty.empty_display_size = "ARROWS", 0.1
+        empty.empty_display_type, empty.empty_display_size = "PLAIN_AXES", 0.03
         collection.objects.link(empty)
         scene.facestage.stage = empty
     lights = stage_lights(empty)
