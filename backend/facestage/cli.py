@@ -95,8 +95,9 @@ def _add_fit(commands: Any) -> None:
         "--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all"
     )
     fit.add_argument(
-        "--freeze", nargs="+", default=[], metavar="NAME", help="do not fit: identity, expression, pose, albedo, ..."
-    )
+        "--freeze", nargs="+", action="extend", default=[], metavar="NAME",
+        help="do not fit: identity, expression, pose, albedo, ...",
+    )  # fmt: skip
     fit.add_argument(
         "--budget", type=float, metavar="SECONDS", help="wall-clock limit from the first step on, pictures included"
     )

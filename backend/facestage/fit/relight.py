@@ -35,6 +35,9 @@ def render_result(
     if lights is not None:
         result = replace(result, stage=result.stage.with_radiance(_radiance(lights, len(result.stage))))
     if weights is not None:
+        unknown = sorted(set(weights) - {"identity", "expression"})
+        if unknown:
+            raise InputError(f"The weight file has the key '{unknown[0]}'; expected expression and identity.")
         result = replace(
             result,
             identity=_weights(weights, "identity", result.identity_names, result.identity),
@@ -86,7 +89,10 @@ def _radiance(data: dict[str, Any], count: int) -> np.ndarray:
 
 def _weights(data: dict[str, Any], kind: str, names: tuple[str, ...], current: np.ndarray) -> np.ndarray:
     result = current.copy()
-    for name, value in data.get(kind, {}).items():
+    given = data.get(kind, {})
+    if not isinstance(given, dict):
+        raise InputError(f"The weight file's {kind} is a {type(given).__name__}, expected {{name: weight}}.")
+    for name, value in given.items():
         if name not in names:
             raise InputError(
                 f"The weight file names the {kind} '{name}'; this face model has: {', '.join(names[:8])}, ..."

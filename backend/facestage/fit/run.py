@@ -36,7 +36,7 @@ def partial_folder(out: Path) -> Path:
 
 def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None) -> Result:
     """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written."""
-    out = Path(out)
+    out = Path(out).resolve()
     began = time.monotonic()
     emit(Event(STARTED, message=f"Reading {job.image.name}"))
     problem = read_problem(job)
@@ -69,6 +69,9 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
 def _prepare_partial(out: Path) -> Path:
     if out.exists() and not out.is_dir():
         raise InputError(f"The output '{out}' is a file; expected a folder name.")
+    # The result replaces the folder: never one that holds anything but an earlier result.
+    if out.is_dir() and any(out.iterdir()) and not (out / "result.json").is_file():
+        raise InputError(f"The output folder '{out}' holds files that are not a result; choose a new or empty folder.")
     partial = partial_folder(out)
     try:
         partial.mkdir(parents=True, exist_ok=True)
