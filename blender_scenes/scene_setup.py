@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -14,6 +15,7 @@ for package, folder in (("facestage_blender", "addon"), ("facestage", "backend")
         sys.path.append(str(ROOT / folder))
 
 # After the path is set.
+from facestage.contract.errors import FacestageError  # noqa: E402
 from facestage.contract.face_model import FaceModel  # noqa: E402
 from facestage_blender import pipeline  # noqa: E402
 from facestage_blender.backend import find_backend, model_command  # noqa: E402
@@ -23,6 +25,15 @@ from facestage_blender.batch import own_arguments  # noqa: E402
 def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """The options meant for the script, inside Blender or out."""
     return parser.parse_args(own_arguments())
+
+
+def run(main: Callable[[], None]) -> None:
+    """Run a script's main function; a user's error becomes one sentence and the contract's exit code."""
+    try:
+        main()
+    except FacestageError as error:
+        print(f"facestage: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
 
 
 def face_model(spec: str = "default") -> FaceModel:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from scene_setup import face_model, options_of
+from scene_setup import face_model, options_of, run
 
 from facestage.contract.result import Result
 from facestage_blender import pipeline
@@ -68,4 +68,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

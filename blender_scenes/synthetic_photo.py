@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from scene_setup import face_model, options_of
+from scene_setup import face_model, options_of, run
 
 from facestage_blender import pipeline
 from facestage_blender.synthetic import random_person, render_person
@@ -30,4 +30,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

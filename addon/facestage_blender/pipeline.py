@@ -137,9 +137,10 @@ def save_blend(path: Path) -> None:
         if image.source == "FILE" and not image.packed_file and image.size[0]:
             image.pack()
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with quiet():
             bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
-    except RuntimeError as error:
+    except (OSError, RuntimeError) as error:
         raise InputError(f"Cannot write '{path}'; choose an output folder that you may write to.") from error
 
 
