@@ -11,6 +11,7 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, ON, LightStage, fibonacci_stage
@@ -114,6 +115,25 @@ class Problem:
         return digest.hexdigest()
 
 
+def _check_initial(initial: dict[str, np.ndarray], model: FaceModel) -> None:
+    """Raise InputError for a starting value of a wrong name, shape or kind."""
+    side = len(initial["specular"]) if np.ndim(initial.get("specular")) == 2 else SPECULAR_SIZE
+    shapes = {
+        "identity": (len(model.identity_names),), "expression": (len(model.expression_names),),
+        "albedo": (len(model.albedo_basis),), "specular": (side, side), "roughness": (), "model_to_camera": (4, 4),
+    }  # fmt: skip
+    for name, value in initial.items():
+        if name not in shapes:
+            raise InputError(f"The job has a starting value '{name}'; expected one of {', '.join(shapes)}.")
+        if value.shape != shapes[name] or not np.isfinite(value).all():
+            raise InputError(
+                f"The starting {name} has shape {value.shape}; '{model.name}' takes {shapes[name]} finite numbers."
+            )
+    rotation = initial.get("model_to_camera", np.eye(4))[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        raise InputError("The starting model_to_camera is not a rigid transform (rotation and translation, no scale).")
+
+
 def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     """The lights of ``stage`` where ``keep`` (N,) is true."""
     names = ("position", "direction", "axis_x", "side", "radiance", "state")
@@ -143,15 +163,6 @@ def read_problem(job: Job) -> Problem:
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
     model = load_model(job.model)
     model.landmark_vertices(job.landmarks.scheme)
-    for name, size in (
-        ("identity", len(model.identity_names)),
-        ("expression", len(model.expression_names)),
-        ("albedo", len(model.albedo_basis)),
-    ):
-        value = job.initial.get(name)
-        if value is not None and (value.shape != (size,) or not np.isfinite(value).all()):
-            raise InputError(
-                f"The starting {name} has shape {value.shape}; model '{model.name}' takes ({size},) finite numbers."
-            )
+    _check_initial(job.initial, model)
     fit_focal = job.camera is None and "focal" not in job.freeze
     return Problem(job, photograph, camera, job.landmarks, FaceGeometry(model), stage, fit_focal)
