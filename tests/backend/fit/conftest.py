@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene, synthetic_scene
 
 
@@ -25,3 +26,18 @@ def scene(renderer: str) -> Scene:
 def uniform_scene(renderer: str) -> Scene:
     """All lights share one color."""
     return synthetic_scene(uniform=True)
+
+
+@pytest.fixture(scope="session")
+def case(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """The first scene as files."""
+    return write_case(tmp_path_factory.mktemp("case"), scene)
+
+
+@pytest.fixture
+def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Textures of a size that fits a photo of 96 pixels."""
+    monkeypatch.setattr("facestage.fit.driver.SPECULAR_SIZE", 6)
+    monkeypatch.setattr("facestage.fit.output.TEXTURE_MIN", 64)
+    monkeypatch.setattr("facestage.fit.output.TEXTURE_MAX", 64)
+    monkeypatch.setattr("facestage.fit.output.SPECULAR_TEXTURE", 32)

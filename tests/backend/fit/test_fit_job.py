@@ -1,0 +1,288 @@
+"""A whole fit of a small job: what it writes, what it holds fixed, what it does with time, options and bad input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.events import DONE, STARTED, Event
+from facestage.contract.job import PARAMETERS, Job, Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
+from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
+from facestage.fit import schedule
+from facestage.fit.run import fit_job, partial_folder
+from facestage.image_io import read_exr
+from reference.synthetic_case import Case
+
+pytestmark = pytest.mark.usefixtures("small_maps")
+
+
+@pytest.fixture(autouse=True)
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most two steps in each phase with a photo."""
+    from facestage.fit import driver
+
+    phases = tuple(
+        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in driver.PHASES
+    )
+    monkeypatch.setattr(driver, "PHASES", phases)
+
+
+@pytest.fixture(autouse=True)
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The report has tests of its own."""
+    monkeypatch.setattr("facestage.fit.output.write_report", lambda folder, data: (folder / "report.html").touch())
+
+
+@pytest.fixture
+def job(case: Case) -> Job:
+    return Job(
+        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
+        stage=fibonacci_stage(4), device="cpu", truth=case.truth,
+    )  # fmt: skip
+
+
+def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
+    events: list[Event] = []
+    result = fit_job(job, tmp_path / "out", emit=events.append)
+    out = tmp_path / "out"
+    for name in ("result.json", "result.npz", "job.json", "job.npz", "trace.jsonl", "report.html", *PICTURES):
+        assert (out / name).is_file(), name
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out"], "nothing else stays behind"
+    loaded = Result.load(out)
+    assert loaded.status == CONVERGED and loaded.advice == result.advice
+    np.testing.assert_array_equal(loaded.vertices, result.vertices)
+    assert read_exr(out / "render.exr").shape == (96, 96, 3)
+    probe = read_exr(out / "light_probe.exr")
+    assert probe.shape[1] == 2 * probe.shape[0] and probe.max() > 0
+    assert Job.load(out).landmarks is not None
+    rows = [json.loads(line) for line in (out / "trace.jsonl").read_text().splitlines()]
+    assert rows[0]["stage"] == "pose" and rows[-1]["stage"] == "albedo detail"
+    assert rows[-1]["psnr"] > next(row["psnr"] for row in rows if "psnr" in row)
+    assert all("similarity_mm" in row for row in rows)
+    print(f"psnr {result.errors['psnr']:.1f} dB, {result.errors['similarity_mm']:.2f} mm")
+    assert result.errors["psnr"] > 30
+    assert [events[0].kind, events[-1].kind] == [STARTED, DONE]
+    fractions = [event.fraction for event in events]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
+def test_the_same_job_gives_the_same_answer(job: Job, tmp_path: Path):
+    first, second = (fit_job(job, tmp_path / name) for name in ("a", "b"))
+    np.testing.assert_allclose(first.vertices, second.vertices, atol=1e-9)
+    np.testing.assert_allclose(first.stage.radiance, second.stage.radiance, rtol=1e-9)
+
+
+def test_the_truth_changes_nothing_in_the_fit(job: Job, tmp_path: Path):
+    told, blind = fit_job(job, tmp_path / "a"), fit_job(replace(job, truth=None), tmp_path / "b")
+    np.testing.assert_array_equal(told.vertices, blind.vertices)
+    assert "similarity_mm" in told.errors and "similarity_mm" not in blind.errors
+
+
+def test_off_lights_are_exactly_zero_and_frozen_ones_keep_their_radiance(job: Job, tmp_path: Path):
+    stage = fibonacci_stage(4, radiance=0.25)
+    stage = replace(stage, state=np.array([ON, OFF, FROZEN, ON])).with_radiance(stage.radiance)
+    result = fit_job(replace(job, stage=stage), tmp_path / "out")
+    np.testing.assert_array_equal(result.stage.state, stage.state)
+    np.testing.assert_array_equal(result.stage.radiance[1], 0.0)
+    np.testing.assert_array_equal(result.stage.radiance[2], 0.25)
+    assert (result.stage.radiance[[0, 3]] >= 0).all() and result.stage.radiance[0].max() > 0
+    assert any("lights" in entry["what"] for entry in result.left_out)
+
+
+def test_one_light_color_is_one_chromaticity(job: Job, tmp_path: Path):
+    radiance = fit_job(replace(job, light_color="uniform"), tmp_path / "out").stage.radiance
+    lit = radiance.max(1) > 0
+    share = radiance[lit] / radiance[lit].sum(1, keepdims=True)
+    np.testing.assert_allclose(share, np.broadcast_to(share[0], share.shape), rtol=1e-9)
+
+
+FROZEN_VALUES: dict[str, Callable[[Result], Any]] = {
+    "identity": lambda result: result.identity, "expression": lambda result: result.expression,
+    "albedo": lambda result: result.albedo, "specular": lambda result: result.specular,
+    "roughness": lambda result: result.roughness, "lights": lambda result: result.stage.radiance,
+    "pose": lambda result: result.model_to_camera, "focal": lambda result: result.camera.focal_px,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def memory() -> dict[str, Result]:
+    """The answer without any option, to compare with."""
+    return {}
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_frozen_parameters_do_not_move(job: Job, tmp_path: Path, memory: dict[str, Result], name: str):
+    initial = {
+        "identity": np.array([0.5, 0.0, -0.5, 0.25]), "expression": np.array([0.2, 0.1, 0.3]),
+        "albedo": np.array([0.1, 0.2, 0.0, -0.1, 0.0]), "roughness": np.array(0.33),
+        "specular": np.full((6, 6), 0.6),
+    }  # fmt: skip
+    pose = np.eye(4)
+    pose[:3, 3] = [0.012, -0.008, -0.6]
+    job = replace(
+        job, initial={**initial, "model_to_camera": pose}, stage=fibonacci_stage(4, radiance=3.0), camera=None
+    )
+    if "free" not in memory:
+        memory["free"] = fit_job(job, tmp_path / "free")
+    held = FROZEN_VALUES[name](fit_job(replace(job, freeze=(name,)), tmp_path / "held"))
+    free = FROZEN_VALUES[name](memory["free"])
+    start = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
+    np.testing.assert_allclose(held, start, rtol=1e-12)
+    assert not np.allclose(free, start, rtol=1e-3), f"{name} does move when it is free"
+
+
+def test_everything_frozen_is_a_render(job: Job, tmp_path: Path):
+    result = fit_job(replace(job, freeze=PARAMETERS, stage=fibonacci_stage(4, radiance=3.0)), tmp_path / "out")
+    assert not result.identity.any() and read_exr(tmp_path / "out" / "render.exr").max() > 0
+
+
+def test_frozen_lights_of_one_color(job: Job, tmp_path: Path):
+    stage = fibonacci_stage(4, radiance=2.0)
+    result = fit_job(replace(job, freeze=("lights",), light_color="uniform", stage=stage), tmp_path / "out")
+    np.testing.assert_array_equal(result.stage.radiance, 2.0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 1}, {"weights": Weights(photo=0.01)}, {"weights": Weights(prior=30.0)},
+        {"weights": Weights(landmarks=30)}, {"weights": Weights(light=300.0)},
+        {"light_color": "uniform"}, {"stage": fibonacci_stage(7)}, {"camera": None},
+        {"camera_to_stage": np.diag([-1.0, 1, -1, 1]) + np.outer([0, 0, -0.6, 0], [0, 0, 0, 1])},
+    ],
+    ids=lambda change: next(iter(change)),
+)  # fmt: skip
+def test_every_option_changes_something(job: Job, tmp_path: Path, memory: dict[str, Result], change: dict):
+    if "plain" not in memory:
+        memory["plain"] = fit_job(job, tmp_path / "plain")
+    other = fit_job(replace(job, **change), tmp_path / "other")
+    assert np.abs(other.vertices - memory["plain"].vertices).max() > 1e-8
+
+
+class Clock:
+    """A clock that advances by a second whenever it is read."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 1.0
+        return self.now
+
+
+@pytest.mark.parametrize("budget", [1e-3, 30.0])
+def test_a_spent_budget_ends_early_with_a_result(
+    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, budget: float
+):
+    import time
+
+    clock = Clock()
+    monkeypatch.setattr(time, "monotonic", clock)
+    monkeypatch.setattr(schedule.Stage.run, "__defaults__", (1, clock))
+    result = fit_job(replace(job, budget_seconds=budget), tmp_path / "out")
+    assert result.status == BUDGET_SPENT and "--budget" in result.advice and "--resume" in result.advice
+    assert (partial_folder(tmp_path / "out") / "checkpoint.npz").is_file(), "so that --resume can go on"
+    assert (tmp_path / "out" / "render.exr").is_file()
+    stages = {row["stage"] for row in map(json.loads, (tmp_path / "out" / "trace.jsonl").read_text().splitlines())}
+    assert "joint" not in stages
+
+
+def test_resume_after_a_spent_budget_finishes(job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with monkeypatch.context() as patch:
+        import time
+
+        patch.setattr(time, "monotonic", Clock())
+        fit_job(replace(job, budget_seconds=25.0), tmp_path / "out")
+    resumed = fit_job(job, tmp_path / "out", resume=True)
+    assert resumed.status == CONVERGED
+    whole = fit_job(job, tmp_path / "whole")
+    # The budget stops between phases or after a step, where an unhurried run may take one step more.
+    assert resumed.errors["psnr"] == pytest.approx(whole.errors["psnr"], abs=1.0)
+    assert not partial_folder(tmp_path / "out").exists()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def bad_truth(tmp_path: Path) -> Path:
+    path = tmp_path / "truth.npz"
+    np.savez(path, vertices=np.zeros((3, 3)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda _: {"landmarks": None}, "landmarks.*--landmarks"),
+        (lambda _: {"camera": Camera(95, 96, 200.0, (48, 48))}, "95 x 96.*96 x 96"),
+        (lambda path: {"truth": bad_truth(path)}, r"truth.*\(3, 3\).*\(529, 3\)"),
+        (lambda path: {"truth": path / "none.npz"}, "truth file.*does not exist"),
+        (lambda _: {"initial": {"identity": np.zeros(7)}}, r"identity.*\(7,\).*\(4,\)"),
+        (lambda _: {"initial": {"albedo": np.full(5, np.nan)}}, "albedo"),
+        (lambda _: {"initial": {"specular": np.zeros((3, 4))}}, "specular"),
+        (lambda _: {"initial": {"roughness": np.array(np.nan)}}, "roughness"),
+        (lambda _: {"initial": {"model_to_camera": np.zeros((4, 4))}}, "model_to_camera"),
+        (lambda _: {"initial": {"beauty": np.zeros(2)}}, "beauty"),
+        (lambda _: {"stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, OFF))}, "lights.*off"),
+        (
+            lambda _: {"stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, FROZEN))},
+            "frozen at radiance 0",
+        ),
+        (lambda _: {"model": "npz:/nowhere.npz"}, "nowhere.npz"),
+    ],
+)
+def test_bad_jobs_write_nothing(job: Job, tmp_path: Path, change, words: str):
+    changed = replace(job, **change(tmp_path))
+    before = names(tmp_path)
+    with pytest.raises(InputError, match=words):
+        fit_job(changed, tmp_path / "out")
+    assert names(tmp_path) == before
+
+
+def test_a_folder_that_is_no_result_is_never_replaced(job: Job, tmp_path: Path):
+    out = tmp_path / "pictures"
+    out.mkdir()
+    (out / "holiday.jpg").touch()
+    with pytest.raises(InputError, match="not a result"):
+        fit_job(job, out)
+    assert names(tmp_path) == ["pictures"] and names(out) == ["holiday.jpg"]
+
+
+def test_an_earlier_result_is_replaced(job: Job, tmp_path: Path):
+    fit_job(job, tmp_path / "out")
+    (tmp_path / "out" / "stale.txt").touch()
+    fit_job(job, tmp_path / "out")
+    assert "stale.txt" not in names(tmp_path / "out") and "result.json" in names(tmp_path / "out")
+
+
+@pytest.mark.parametrize("place", [(3.0, 0, -0.6), (0, 0, 0.6)])
+def test_a_face_outside_the_photo_is_refused_in_words(job: Job, tmp_path: Path, place: tuple[float, float, float]):
+    pose = np.eye(4)
+    pose[:3, 3] = place
+    job = replace(job, initial={"model_to_camera": pose}, freeze=("pose", "identity", "expression"))
+    with pytest.raises(InputError, match="landmarks"):
+        fit_job(job, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_fully_masked_face_is_refused_in_words(job: Job, case: Case, tmp_path: Path):
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(case.photo).convert("RGBA")).copy()
+    pixels[..., 3] = 0
+    pixels[:3, :3, 3] = 255
+    Image.fromarray(pixels).save(tmp_path / "masked.png")
+    with pytest.raises(InputError, match="usable pixels"):
+        fit_job(replace(job, image=tmp_path / "masked.png"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,42 @@
+"""The synthetic scene as files: what the command line takes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from facestage.image_io import linear_to_srgb
+from reference.synthetic_scene import Scene
+
+
+@dataclass(frozen=True)
+class Case:
+    """Paths of a photo and what belongs to it."""
+
+    photo: Path
+    landmarks: Path
+    camera: Path
+    model: Path
+    truth: Path
+
+    @property
+    def model_option(self) -> str:
+        return f"npz:{self.model}"
+
+
+def write_case(folder: Path, scene: Scene, noise_px: float = 0.4) -> Case:
+    """Photo as 8-bit PNG, noisy landmarks, camera, model and truth."""
+    from PIL import Image
+
+    case = Case(*(folder / name for name in ("photo.png", "landmarks.json", "camera.json", "model.npz", "truth.npz")))
+    color, _ = scene.render(samples=64)
+    color = 0.75 * color / color.max()
+    Image.fromarray(np.round(255 * linear_to_srgb(color)).astype(np.uint8)).save(case.photo)
+    case.landmarks.write_text(json.dumps(scene.landmarks(noise_px=noise_px, seed=1).to_json()))
+    case.camera.write_text(json.dumps(scene.state.camera.to_json()))
+    scene.model.save(case.model)
+    np.savez(case.truth, vertices=scene.forward.pose(scene.state)[1].astype(np.float32))
+    return case
