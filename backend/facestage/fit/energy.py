@@ -38,6 +38,7 @@ class Evaluation:
     state: State
     image: Image
     residual: np.ndarray  # (h, w, 3) model minus photo, 0 where unused
+    highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
     base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
     seed: int
 
@@ -80,7 +81,9 @@ class PhotoTerm:
         seen = np.zeros(shape, bool)
         seen[y, x] = True
         weight *= binary_erosion(seen, border_value=1)
-        return Evaluation(state, image, residual, weight, seed)
+        highlight = np.zeros((*shape, 1))
+        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
+        return Evaluation(state, image, residual, highlight, weight, seed)
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -92,7 +95,7 @@ class PhotoTerm:
 
     def weights(self, evaluation: Evaluation, noise: NoiseModel, factor: float) -> np.ndarray:
         """(h, w) inverse variances, robust and correlation-corrected, per channel."""
-        scale = noise.scale(self.photo.color, evaluation.residual)
+        scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
         robust = noise.robust(evaluation.residual / scale)
         return factor * noise.information() * evaluation.base_weight * (robust / scale**2)[..., 0]
 

@@ -14,11 +14,15 @@ import numpy as np
 # Residuals are relative to the local radiance plus this share of the face's mean radiance.
 FLOOR_SHARE = 0.15
 SIGMA_MIN = 0.005
+# Where a highlight falls depends on where the lamp really is, not on the nearest light of the lattice: its
+# radiance is uncertain by this share, or the geometry would bend to move it.
+HIGHLIGHT_SHARE = 0.2
 CAUCHY_SCALE = 2.5  # standard deviations
 # Three channels of skin say no more than one about what the model misses: shape, shadow, occlusion.
 CHANNEL_CORRELATION = 3.0
 AREA_MIN, AREA_SHARE_MAX = 4.0, 0.02
-BLOCK = 16  # pixels; misfits of shading and albedo are about this large
+# Misfits of shading and albedo are as large as a cheek, whatever the resolution: a quarter of the face.
+BLOCK_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,12 @@ class NoiseModel:
     area: float
     floor: float
 
-    def scale(self, photo: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """(..., 1) radiance of one standard deviation where the model is ``photo`` (..., 3) + ``residual``."""
-        return self.sigma * _level(photo, residual, self.floor)
+    def scale(self, photo: np.ndarray, residual: np.ndarray, highlight: np.ndarray) -> np.ndarray:
+        """(..., 1) radiance of one standard deviation where the model is ``photo`` (..., 3) + ``residual``.
+
+        ``highlight`` (..., 1) is the model's specular part.
+        """
+        return self.sigma * _level(photo, residual, self.floor) + HIGHLIGHT_SHARE * highlight
 
     def information(self) -> float:
         """Weight of one pixel's channel after correlation."""
@@ -66,8 +73,9 @@ def _level(photo: np.ndarray, residual: np.ndarray, floor: float) -> np.ndarray:
 def _correlation_area(residual: np.ndarray, used: np.ndarray) -> float:
     """Pixels per independent observation: variance of block means times block size over pixel variance."""
     height, width = used.shape
-    rows, columns = max(height // BLOCK, 1), max(width // BLOCK, 1)
-    tall, wide = min(BLOCK, height), min(BLOCK, width)
+    block = max(round(BLOCK_SHARE * float(np.sqrt(used.sum()))), 2)
+    rows, columns = max(height // block, 1), max(width // block, 1)
+    tall, wide = min(block, height), min(block, width)
 
     def blocks(array: np.ndarray) -> np.ndarray:
         return array[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide).sum(axis=(1, 3))
@@ -78,6 +86,6 @@ def _correlation_area(residual: np.ndarray, used: np.ndarray) -> float:
     variance = float((residual[used] ** 2).mean())
     upper = max(AREA_SHARE_MAX * pixels, AREA_MIN)
     if full.sum() < 4 or variance <= 0:
-        return min(BLOCK**2 / 4.0, upper)
+        return min(block**2 / 4.0, upper)
     means = np.mean([(blocks(residual[..., channel])[full] / count[full]) ** 2 for channel in range(3)])
     return float(np.clip(means * count[full].mean() / variance, AREA_MIN, upper))
