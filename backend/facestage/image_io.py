@@ -17,6 +17,7 @@ MAX_SIDE = 16384
 EXTENSIONS = ".png, .jpg, .jpeg, .exr"
 # The brightest code value of a display image, less rounding: there the sensor, or the file, ran out.
 CLIP_LEVEL = 0.996
+EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,17 @@ def _opencv() -> Any:
     os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
     import cv2
 
+    # What is wrong with a file is said once, by the error it raises.
+    cv2.setLogLevel(0)
     return cv2
 
 
 def _read_exr(path: Path) -> Photograph:
     cv2 = _opencv()
     try:
-        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+        data = path.read_bytes()
+        # OpenCV would decode any format here, and take its sRGB for linear light.
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data[:4] == EXR_MAGIC else None
     except (cv2.error, OSError) as error:
         raise InputError(f"The photo '{path}' is not a readable EXR ({error}).") from error
     if image is None:

@@ -117,7 +117,8 @@ class Problem:
 
 def _check_initial(initial: dict[str, np.ndarray], model: FaceModel) -> None:
     """Raise InputError for a starting value of a wrong name, shape or kind."""
-    side = len(initial["specular"]) if np.ndim(initial.get("specular")) == 2 else SPECULAR_SIZE
+    specular = initial.get("specular")
+    side = SPECULAR_SIZE if specular is None or specular.ndim != 2 else len(specular)
     shapes = {
         "identity": (len(model.identity_names),), "expression": (len(model.expression_names),),
         "albedo": (len(model.albedo_basis),), "specular": (side, side), "roughness": (), "model_to_camera": (4, 4),
