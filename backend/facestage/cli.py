@@ -18,12 +18,19 @@ if TYPE_CHECKING:
     from facestage.contract.job import Job
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
+CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
 MODELS = "default (built in), ict:PATH (ICT-FaceKit's folder or archive) or npz:FILE"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code: 0 done, 2 bad input, 3 cancelled, 4 no backend."""
-    signal.signal(signal.SIGTERM, _cancel)
+    cancelled = []
+
+    def cancel(_number: int, _frame: Any) -> None:
+        cancelled.append(True)
+        raise CancelledError(CANCELLED)
+
+    signal.signal(signal.SIGTERM, cancel)
     parser = build_parser()
     options = parser.parse_args(arguments)
     try:
@@ -32,16 +39,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"facestage: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("facestage: cancelled; the last checkpoint is kept, --resume continues from it.", file=sys.stderr)
+        print(f"facestage: {CANCELLED}", file=sys.stderr)
         return CancelledError.exit_code
     except BrokenPipeError:
         # Whoever listened is gone; without this the interpreter complains once more while closing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CancelledError.exit_code
-
-
-def _cancel(_number: int, _frame: Any) -> None:
-    raise CancelledError("cancelled; the last checkpoint is kept, --resume continues from it.")
+    except Exception:
+        # A library in which the signal's exception rose may turn it into one of its own.
+        if not cancelled:
+            raise
+        print(f"facestage: {CANCELLED}", file=sys.stderr)
+        return CancelledError.exit_code
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -41,8 +41,8 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
     emit(Event(STARTED, message=f"Reading {job.image.name}"))
     problem = read_problem(job)
     truth = Truth(job.truth, problem.geometry) if job.truth else None
-    partial = _prepare_partial(out)
     start_renderer(job.device)
+    partial = _prepare_partial(out)
     forward = ForwardModel(problem.geometry, problem.lights)
     cold_start = time.monotonic() - began
     deadline = _deadline(job, time.monotonic())
