@@ -51,7 +51,14 @@ def load_ict(path: Path) -> FaceModel:
     ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz) of either.
     Raises InputError when it is none of these or a file is missing or truncated.
     """
-    names, read = _open(Path(path))
+    try:
+        return _load(Path(path))
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise InputError(f"ICT-FaceKit in '{path}' is damaged ({error}); fetch it again from {SOURCE}.") from error
+
+
+def _load(path: Path) -> FaceModel:
+    names, read = _open(path)
     neutral, texture, polygons, polygon_uvs = _parse_neutral(read("generic_neutral_mesh.obj"))
     if len(neutral) != VERTEX_COUNT or len(polygons) != POLYGON_COUNT:
         raise InputError(
@@ -134,10 +141,9 @@ def _checked(path: Path, names: Iterable[str]) -> list[str]:
 def _parse_vertices(text: bytes, name: str) -> np.ndarray:
     """(n, 3) float64 positions of an .obj in its own unit."""
     lines = [line[2:] for line in text.split(b"\n") if line.startswith(b"v ")]
-    values = np.loadtxt(io.BytesIO(b"\n".join(lines)), usecols=(0, 1, 2), ndmin=2)
-    if len(values) != VERTEX_COUNT:
-        raise InputError(f"ICT-FaceKit's {name} has {len(values)} vertices, expected {VERTEX_COUNT}; it is truncated.")
-    return values
+    if len(lines) != VERTEX_COUNT:
+        raise InputError(f"ICT-FaceKit's {name} has {len(lines)} vertices, expected {VERTEX_COUNT}; it is truncated.")
+    return np.loadtxt(io.BytesIO(b"\n".join(lines)), usecols=(0, 1, 2), ndmin=2)
 
 
 def _parse_neutral(text: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
