@@ -14,10 +14,10 @@ from facestage.fit.parameters import CHANNELS, Layout, LightParameters, State
 EXPRESSION_SIGMA = 0.35
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
-SPECULAR_SMOOTHNESS = 0.08  # difference of neighbouring texels
+SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
 FOCAL_SIGMA = 0.25  # of the logarithm, when the lens is unknown
 # E_light: how much the channels of one light differ, and how bright it is, relative to the mean light.
-LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA = 0.25, 3.0
+LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA = 0.08, 3.0
 
 
 @dataclass(frozen=True)
