@@ -45,9 +45,8 @@ def test_geometry_is_better_than_its_landmark_stage(result: Result):
 
 @pytest.mark.slow
 def test_the_render_explains_the_skin(result: Result):
-    print(
-        f"soft: {result.errors['psnr']:.1f} dB, light {result.errors['light']:.3f}, albedo {result.errors['albedo']:.3f}"
-    )
+    errors = [result.errors[name] for name in ("psnr", "light", "albedo")]
+    print(f"soft: {errors[0]:.1f} dB, light {errors[1]:.3f}, albedo {errors[2]:.3f}")
     assert result.errors["psnr"] >= 28.0
     assert np.isfinite([result.errors["light"], result.errors["albedo"]]).all()
 

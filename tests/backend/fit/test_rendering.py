@@ -1,0 +1,136 @@
+"""Pictures of a fitted face, its textures, and the light as an environment map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.fit.problem import select_lights
+from facestage.fit.rendering import Textures, light_probe, render_picture
+from facestage.fit.skin_mask import hull_pixels, skin_weight
+from facestage.fit.texture import Atlas, detail_texture
+from reference.synthetic_scene import Scene
+
+
+def light_at(towards: tuple[float, float, float]) -> LightStage:
+    """One light of the stage, moved to a direction."""
+    stage = fibonacci_stage(1, radius=1.0, side=0.3)
+    outward = np.array([towards], float)
+    axis = np.cross([[0.3, 0.9, 0.1]], outward)
+    axis /= np.linalg.norm(axis)
+    return replace(stage, position=outward, direction=-outward, axis_x=axis, radiance=np.array([[5.0, 3.0, 1.0]]))
+
+
+@pytest.mark.parametrize(
+    ("towards", "row", "column"),
+    [((0, 0, 1), 0.5, 0.5), ((1, 0, 0), 0.5, 0.25), ((-1, 0, 0), 0.5, 0.75), ((0, 1, 0), 0.0, None),
+     ((0, -1, 0), 1.0, None)],
+)  # fmt: skip
+def test_each_direction_has_its_place_in_the_probe(towards, row: float, column: float | None):
+    probe = light_probe(light_at(towards), height=64)
+    assert probe.shape == (64, 128, 3) and probe.max() == 5.0
+    y, x = np.nonzero(probe[..., 0] > 2)
+    # A light at a pole covers rows next to the edge.
+    assert abs(y.mean() / 63 - row) < 0.06
+    if column is not None:
+        assert abs(x.mean() / 127 - column) < 0.03
+    np.testing.assert_allclose(probe[..., 1] * 5, probe[..., 0] * 3, rtol=1e-5)
+
+
+def test_the_probe_holds_the_light_s_irradiance():
+    """Sum over the sphere of radiance x solid angle is the light's own."""
+    stage = light_at((0, 0, 1))
+    probe = light_probe(stage, height=256)
+    elevation = np.pi * (0.5 - (np.arange(256) + 0.5) / 256)
+    solid_angle = (np.cos(elevation) * (np.pi / 256) ** 2)[:, None]
+    # Solid angle of a square of half side a at distance 1.
+    a = 0.15
+    wanted = 4 * np.arcsin(a * a / (1 + a * a))
+    assert (probe[..., 0] * solid_angle).sum() / 5 == pytest.approx(wanted, rel=0.02)
+
+
+def test_a_light_that_looks_away_is_not_in_the_probe():
+    stage = light_at((0, 0, 1))
+    assert not light_probe(replace(stage, direction=-stage.direction)).any()
+
+
+@pytest.fixture(scope="module")
+def textures(scene: Scene) -> Textures:
+    atlas = Atlas.build(scene.geometry, 128)
+    return Textures(np.exp(atlas.bake(scene.forward.log_albedo(scene.state))), np.full((16, 16), 0.8, np.float32))
+
+
+def test_the_picture_is_the_forward_model_averaged(scene: Scene, textures: Textures):
+    state = replace(scene.state, specular=np.full((6, 6), 0.8))
+    picture = render_picture(scene.forward, state, scene.stage, textures, seed=1, samples=8)
+    color, seen = scene.render(state, samples=32)
+    assert picture.color.shape == color.shape and picture.coverage.max() == pytest.approx(1, abs=1e-5)
+    inside = picture.fitted & seen
+    error = np.abs(picture.color - color)[inside]
+    print(f"anti-aliased picture against pixel centres: mean {error.mean() / color.max():.1e} of the brightest")
+    assert inside.sum() > 1500 and error.mean() < 0.01 * color.max()
+    assert not picture.color[picture.coverage == 0].any()
+
+
+def test_relit_pictures_are_linear_in_the_light(scene: Scene, textures: Textures):
+    double, first = 2 * scene.stage.radiance, scene.stage.radiance * (np.arange(6) == 0)[:, None]
+    rest = scene.stage.radiance - first
+    picture = render_picture(
+        scene.forward, scene.state, scene.stage, textures, samples=2,
+        relight={"double": double, "first": first, "rest": rest},
+    )  # fmt: skip
+    np.testing.assert_allclose(picture.relit["double"], 2 * picture.color, rtol=1e-5, atol=1e-8)
+    np.testing.assert_allclose(picture.relit["first"] + picture.relit["rest"], picture.color, rtol=1e-4, atol=1e-7)
+
+
+def test_selected_lights_keep_their_rows():
+    stage = fibonacci_stage(5)
+    some = select_lights(stage, np.array([True, False, True, False, True]))
+    np.testing.assert_array_equal(some.position, stage.position[::2])
+
+
+def test_baked_values_come_back_at_the_vertices(scene: Scene):
+    atlas = Atlas.build(scene.geometry, 128)
+    texture = atlas.bake(scene.geometry.log_albedo)
+    assert atlas.covered.mean() > 0.8 and np.isfinite(texture).all()
+    uvs = scene.model.uvs[100:400]
+    column, row = (uvs[:, 0] * 128).astype(int), ((1 - uvs[:, 1]) * 128).astype(int)
+    assert np.abs(texture[row, column] - scene.geometry.log_albedo[100:400]).max() < 0.05
+
+
+def test_a_spot_that_the_basis_lacks_appears_in_the_texture(scene: Scene):
+    atlas = Atlas.build(scene.geometry, 64)
+    y, x = np.mgrid[:96, :96]
+    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5)
+    terms = scene.forward.light_terms(scene.state, surface, scene.stage, 8, 3)
+    image, uvs = scene.forward.shade(scene.state, surface, terms), scene.forward.uvs(surface)
+    spot = np.linalg.norm(uvs - [0.5, 0.62], axis=1) < 0.06
+    dark = image.albedo * np.where(spot, 0.7, 1.0)[:, None]
+    photo = scene.forward.shade(scene.state, surface, terms, dark).color
+    logs = atlas.bake(scene.forward.log_albedo(scene.state))
+    detail, seen = detail_texture(atlas, logs, image, uvs, photo, np.ones_like(photo))
+    row, column = int(0.38 * 64), 32
+    print(f"spot: log albedo {detail[row, column].round(3)}, true {np.log(0.7):.3f}")
+    assert seen[row, column]
+    np.testing.assert_allclose(detail[row, column], np.log(0.7), atol=0.12)
+    away = detail[int(0.38 * 64), int(0.8 * 64)]
+    assert np.abs(away).max() < 0.05
+
+
+def test_skin_is_told_from_cloth_and_background(scene: Scene):
+    color, seen = scene.render()
+    photo = np.where(seen[..., None], color, 0.05 * np.array([0.2, 0.4, 1.0]))
+    weight = skin_weight(photo, scene.landmarks())
+    assert weight.shape == (96, 96) and weight.min() >= 0 and weight.max() <= 1
+    assert weight[seen].mean() > 0.8 and weight[~seen].mean() < 0.1
+
+
+def test_hull_pixels_and_points_that_are_no_numbers():
+    points = np.full((68, 2), np.nan)
+    points[:4] = [[2.5, 2.5], [12.5, 2.5], [12.5, 8.5], [2.5, 8.5]]
+    inside = hull_pixels((16, 20), Landmarks("ibug68", points, np.arange(68) < 4))
+    assert inside[2:9, 2:13].all() and inside.sum() == 7 * 11
