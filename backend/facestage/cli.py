@@ -66,6 +66,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_detect(commands)
     _add_render(commands)
     _add_model(commands)
+    _add_stress(commands)
     doctor = commands.add_parser("doctor", help="say what works on this machine, and how to mend the rest")
     doctor.set_defaults(run=_run_doctor)
     return parser
@@ -162,6 +163,28 @@ def _add_model(commands: Any) -> None:
     model.set_defaults(run=_run_model)
 
 
+def _add_stress(commands: Any) -> None:
+    stress = commands.add_parser(
+        "stress",
+        help="run stiff and extreme cases through the fit, and say what came of each",
+        description="Fit small synthetic photos with known truth under stiff and extreme conditions, each in a process "
+        "of its own: grazing light, NaN pixels, wrong landmarks, a stage 1000 km from its origin, ... A case may "
+        "converge, stop with advice, or refuse in a sentence. The exit code is 1 when one is NaN, hangs, crashes, or "
+        "claims to have converged beyond the bounds that the case states.",
+        epilog="Example: facestage stress --out stress, or facestage stress --case grazing-light yaw-90. "
+        "All cases take about ten minutes on two cores.",
+    )
+    stress.add_argument(
+        "--out", type=Path, metavar="DIR",
+        help="write the table there as stress.html, .txt and .json, and keep the files of cases at fault",
+    )  # fmt: skip
+    stress.add_argument(
+        "--case", nargs="+", action="extend", default=[], metavar="NAME", help="only these cases (default: all)"
+    )
+    stress.add_argument("--list", action="store_true", help="print the names of the cases and what each stresses")
+    stress.set_defaults(run=_run_stress)
+
+
 def _run_fit(options: argparse.Namespace) -> int:
     from facestage.fit.run import fit_job
 
@@ -256,6 +279,12 @@ def _run_model(options: argparse.Namespace) -> int:
     }  # fmt: skip
     print(json.dumps(summary))
     return EXIT_DONE
+
+
+def _run_stress(options: argparse.Namespace) -> int:
+    from facestage.stress.run import list_cases, run_stress
+
+    return list_cases(sys.stdout) if options.list else run_stress(options.case, options.out, sys.stdout)
 
 
 def _run_doctor(_options: argparse.Namespace) -> int:
