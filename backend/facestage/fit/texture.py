@@ -18,6 +18,8 @@ from facestage.render.tracer import RayTracer
 ALBEDO_MIN = 0.005
 # Detail beyond this factor is a shadow edge, a highlight or an occluder, not skin.
 LOG_DETAIL_MAX = 0.7
+# No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
+LOG_CHROMA_MAX = 0.35
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
 CONJUGATE_GRADIENT_STEPS = 200
@@ -81,7 +83,9 @@ def detail_texture(
     share = diffuse * image.albedo / np.maximum(diffuse * image.albedo + specular, 1e-9)
     robust = 1.0 / (1.0 + (target / LOG_DETAIL_MAX) ** 4)
     confidence = weights * np.minimum(lit / 0.3, 1.0) ** 2 * share**2 * robust
-    target = np.clip(target, -LOG_DETAIL_MAX, LOG_DETAIL_MAX)
+    brightness = target.mean(axis=1, keepdims=True)
+    chroma = np.clip(target - brightness, -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
+    target = np.clip(brightness, -LOG_DETAIL_MAX, LOG_DETAIL_MAX) + chroma
 
     texels = np.flatnonzero(atlas.skin)
     compact = np.full(atlas.size**2, -1)
