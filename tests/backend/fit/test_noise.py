@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from facestage.fit.noise import AREA_MIN, SIGMA_MIN, NoiseModel, estimate_noise
+from facestage.fit.noise import AREA_MIN, HIGHLIGHT_SHARE, SIGMA_MIN, NoiseModel, estimate_noise
 
 SIZE = 192
 PHOTO = np.full((SIZE, SIZE, 3), 0.4)
@@ -71,10 +71,17 @@ def test_any_shape(shape: tuple[int, int]):
 
 
 def test_too_dark_and_too_bright_by_the_same_factor_cost_the_same():
-    noise = NoiseModel(0.1, 10.0, 1e-9)
+    noise, matte = NoiseModel(0.1, 10.0, 1e-9), np.zeros((1, 1, 1))
     photo = np.full((1, 1, 3), 0.4)
-    standardized = [(factor - 1) * photo / noise.scale(photo, (factor - 1) * photo) for factor in (0.5, 2.0)]
+    standardized = [(factor - 1) * photo / noise.scale(photo, (factor - 1) * photo, matte) for factor in (0.5, 2.0)]
     np.testing.assert_allclose(np.abs(standardized[0]), np.abs(standardized[1]), rtol=1e-6)
+
+
+def test_a_highlight_is_less_certain_than_matte_skin():
+    noise, photo = NoiseModel(0.1, 10.0, 1e-9), np.full((1, 2, 3), 0.4)
+    scale = noise.scale(photo, np.zeros_like(photo), np.array([[[0.0], [0.2]]]))
+    assert scale[0, 0, 0] == pytest.approx(0.04)
+    assert scale[0, 1, 0] == pytest.approx(0.04 + HIGHLIGHT_SHARE * 0.2)
 
 
 def test_robust_weights_are_shared_by_the_channels_and_fall():
