@@ -106,7 +106,7 @@ def test_all_jointly(scene: Scene, photo: np.ndarray):
     quality = psnr(scene.render(found)[0] / photo.max(), photo / photo.max(), seen)
     print(f"jointly in {len(steps)} steps: {errors[0]:.2f} mm at the start")
     report("jointly, similarity-aligned mm", errors[1], 0.6)
-    report("jointly, dB short of 60", 60 - quality, 25)
+    report("jointly, dB short of 60", 60 - quality, 30)
     radiance = found.lights.reshape(-1, 3)
     relative = radiance / radiance.sum() - scene.state.lights.reshape(-1, 3) / scene.state.lights.sum()
     report("jointly, share of each light", np.abs(relative).max(), 0.02)
