@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
-    result.add_argument("--model", default="default", help="default, ict:PATH, flame:PATH, bfm:PATH or rig:FILE")
+    result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
     result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
     result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")

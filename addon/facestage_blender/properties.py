@@ -83,7 +83,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     model: StringProperty(
         name="Face model",
-        description="default, ict:PATH, flame:PATH, bfm:PATH or rig:FILE",
+        description="default, ict:PATH or npz:FILE",
         default="default",
     )
     light_count: IntProperty(
