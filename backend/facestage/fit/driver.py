@@ -55,6 +55,29 @@ PHASES = (
 
 
 @dataclass(frozen=True)
+class Schedule:
+    """The phases of a run: what trades time for accuracy."""
+
+    phases: tuple[Phase, ...] = PHASES
+
+    def scaled(self, resolution: float = 1.0, samples: float = 1.0) -> Schedule:
+        """Every photo phase at ``resolution`` times the pixels along a side and ``samples`` times the light samples."""
+        return Schedule(
+            tuple(
+                phase
+                if phase.face_px is None
+                else replace(phase, face_px=phase.face_px * resolution, samples=max(round(phase.samples * samples), 1))
+                for phase in self.phases
+            )
+        )
+
+    def until(self, name: str) -> Schedule:
+        """The phases before the one called ``name``."""
+        names = [phase.name for phase in self.phases]
+        return Schedule(self.phases[: names.index(name)])
+
+
+@dataclass(frozen=True)
 class Progress:
     """What a listener hears after each step."""
 
@@ -65,6 +88,7 @@ class Progress:
     photo_rms: float | None
     evaluation: Evaluation | None
     photo: np.ndarray | None  # (h, w, 3) at the phase's resolution
+    state: State  # at the photo's full size
 
 
 @dataclass(frozen=True)
@@ -91,8 +115,10 @@ class FitRun:
         folder: Path,
         truth: Truth | None = None,
         listen: Callable[[Progress], None] = lambda progress: None,
+        schedule: Schedule | None = None,
     ) -> None:
         self.problem, self.forward, self.folder = problem, forward, folder
+        self.phases = PHASES if schedule is None else schedule.phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
@@ -115,8 +141,8 @@ class FitRun:
             if np.isfinite(checkpoint.camera_to_stage).all():
                 self.camera_to_stage = checkpoint.camera_to_stage
         last: Iteration | None = None
-        for number in range(first_phase, len(PHASES)):
-            phase = PHASES[number]
+        for number in range(first_phase, len(self.phases)):
+            phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
                 break
             stage = self._stage(phase, state, resumed=number == first_phase and first_step > 1)
@@ -136,7 +162,7 @@ class FitRun:
                 done = number + 1 if item.finished else number
                 step = 0 if item.finished else item.number
                 self._save(done, step, item.damping, state, seconds)
-                self.listen(self._progress(number, item, stage, seconds))
+                self.listen(self._progress(number, item, stage, state, seconds))
             first_step = 1
         seconds = time.monotonic() - started
         stage_camera = self._stage_in_camera(state)
@@ -245,10 +271,10 @@ class FitRun:
             seconds, anchor, state, self.trace,
         ).save(self.folder)  # fmt: skip
 
-    def _progress(self, number: int, item: Iteration, stage: Stage, seconds: float) -> Progress:
-        phase = PHASES[number]
-        done = sum(earlier.share for earlier in PHASES[:number])
+    def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:
+        phase = self.phases[number]
+        done = sum(earlier.share for earlier in self.phases[:number])
         done += phase.share * (1.0 if item.finished else item.number / phase.steps)
         photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
         rms = self.trace[-1].get("photo_rms")
-        return Progress(phase.name, item.number, done, seconds, rms, item.evaluation, photo)
+        return Progress(phase.name, item.number, done, seconds, rms, item.evaluation, photo, state)
