@@ -145,11 +145,11 @@ class FitRun:
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
                 break
-            stage = self._stage(phase, state, resumed=number == first_phase and first_step > 1)
+            stage = self.solver_stage(phase, state, resumed=number == first_phase and first_step > 1)
             if stage is None:
                 continue
             if phase.face_px is not None and first_step == 1:
-                state = self._with_initial_lights(stage, state)
+                state = self.with_initial_lights(stage, state)
             if number == first_phase and first_step > 1:
                 stage.damping = damping
             factor = self._factor(phase)
@@ -206,7 +206,7 @@ class FitRun:
     def _stage_in_camera(self, state: State) -> LightStage:
         return self.problem.lit_stage.transformed(np.linalg.inv(self._anchor(state)))
 
-    def _stage(self, phase: Phase, state: State, resumed: bool) -> Stage | None:
+    def solver_stage(self, phase: Phase, state: State, resumed: bool = False) -> Stage | None:
         """The solver's stage for a phase, or None when all it could move is frozen."""
         problem, job = self.problem, self.problem.job
         layout = Layout(state)
@@ -230,7 +230,7 @@ class FitRun:
         low, high = layout.bounds(box)
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
 
-    def _with_initial_lights(self, stage: Stage, state: State) -> State:
+    def with_initial_lights(self, stage: Stage, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
