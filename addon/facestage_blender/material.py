@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
-from facestage.contract.face_model import PARTS
+from facestage.contract.face_model import OTHER, PARTS
 
 GROUP = "Facestage Skin"
 TEXTURES = ("Albedo", "Specular")
@@ -69,16 +71,31 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
 
 
 def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
-    """A new material for each part of the face (indices into PARTS), all with the skin's reflectance."""
-    return [_part_material(f"Facestage {PARTS[part].capitalize()}") for part in parts]
+    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells."""
+    return [
+        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}") for part in parts
+    ]
 
 
-def _part_material(name: str) -> bpy.types.Material:
+def _see_through() -> bpy.types.Material:
+    """Tear film, lashes and the like: the fit does not trace them, so they must not hide the eyes."""
+    material, nodes, links = _empty_material(f"Facestage {PARTS[OTHER].capitalize()}")
+    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    links.new(_node(nodes, "ShaderNodeBsdfTransparent", 0, 0).outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
+    """A new material, its nodes (none) and its links."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # before Blender 5.0 a new material has no nodes
         material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    nodes.clear()
+    material.node_tree.nodes.clear()
+    return material, material.node_tree.nodes, material.node_tree.links
+
+
+def _part_material(name: str) -> bpy.types.Material:
+    material, nodes, links = _empty_material(name)
     skin = _node(nodes, "ShaderNodeGroup", 0, 0)
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
     output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)

@@ -18,6 +18,7 @@ from facestage.contract.light_stage import FROZEN, OFF, ON, LightStage, fibonacc
 from facestage.contract.storage import finite
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
+from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
 from facestage.fit.skin_mask import hull_pixels, skin_weight
 from facestage.image_io import Photograph, read_photograph, resize
@@ -26,6 +27,8 @@ from facestage.models.registry import load_model
 # Longer side of the landmarks' bounding box, pixels, at which the face is fitted: finer adds cost, not shape.
 FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
 SPECULAR_SIZE = 32
+# A doll's head and a statue's, in metres.
+MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,13 @@ class Problem:
         return np.where(hull_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
 
     @cached_property
+    def white(self) -> float:
+        """The radiance that PSNR takes for white."""
+        mask = self.photograph.mask
+        face = mask & hull_pixels((mask.shape[0], mask.shape[1]), self.landmarks)
+        return white_level(self.photograph.color, face if face.any() else mask)
+
+    @cached_property
     def face_size_px(self) -> float:
         """Longer side of the landmarks' bounding box in pixels of the photo."""
         return float(np.ptp(self.landmarks.points[self.landmarks.visible], axis=0).max())
@@ -100,6 +110,7 @@ class Problem:
         digest = hashlib.sha256()
         digest.update(self.photograph.color.tobytes())
         digest.update(self.geometry.mean.tobytes())
+        digest.update(self.geometry.basis.sum(axis=0, dtype=np.float64).tobytes())
         for name in ("position", "direction", "axis_x", "side", "radiance", "state"):
             digest.update(np.ascontiguousarray(getattr(self.stage, name)).tobytes())
         if self.job.camera_to_stage is not None:
@@ -135,6 +146,16 @@ def _check_initial(initial: dict[str, np.ndarray], model: FaceModel) -> None:
         raise InputError("The starting model_to_camera is not a rigid transform (rotation and translation, no scale).")
 
 
+def _check_size(model: FaceModel) -> None:
+    """Raise InputError for a model that cannot be in metres: lights, shadows and lenses depend on them."""
+    size = float(np.ptp(model.vertices, axis=0).max()) if len(model.vertices) else 0.0
+    if not MODEL_SIZE_MIN <= size <= MODEL_SIZE_MAX:
+        raise InputError(
+            f"The face model '{model.name}' is {size:.3g} metres large, expected about 0.3 (at least "
+            f"{MODEL_SIZE_MIN:g}, at most {MODEL_SIZE_MAX:g}); scale it to metres."
+        )
+
+
 def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     """The lights of ``stage`` where ``keep`` (N,) is true."""
     names = ("position", "direction", "axis_x", "side", "radiance", "state")
@@ -164,6 +185,7 @@ def read_problem(job: Job) -> Problem:
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
     model = load_model(job.model)
     model.landmark_vertices(job.landmarks.scheme)
+    _check_size(model)
     _check_initial(job.initial, model)
     fit_focal = job.camera is None and "focal" not in job.freeze
     return Problem(job, photograph, camera, job.landmarks, FaceGeometry(model), stage, fit_focal)

@@ -18,6 +18,9 @@ from facestage.render.tracer import RayTracer
 ALBEDO_MIN = 0.005
 # Detail beyond this factor is a shadow edge, a highlight or an occluder, not skin.
 LOG_DETAIL_MAX = 0.7
+# Irradiance, relative to the brightest tenth of the face, below which the photo says little of the skin: at the
+# edge of a shadow a small error of the light is a large one of the albedo.
+LIT_FULL = 0.4
 # No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
 LOG_CHROMA_MAX = 0.35
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
@@ -82,7 +85,7 @@ def detail_texture(
     # Relative error of the albedo grows where little of the light is diffuse.
     share = diffuse * image.albedo / np.maximum(diffuse * image.albedo + specular, 1e-9)
     robust = 1.0 / (1.0 + (target / LOG_DETAIL_MAX) ** 4)
-    confidence = weights * np.minimum(lit / 0.3, 1.0) ** 2 * share**2 * robust
+    confidence = weights * np.minimum(lit / LIT_FULL, 1.0) ** 3 * share**2 * robust
     brightness = target.mean(axis=1, keepdims=True)
     chroma = np.clip(target - brightness, -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
     target = np.clip(brightness, -LOG_DETAIL_MAX, LOG_DETAIL_MAX) + chroma

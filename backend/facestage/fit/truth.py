@@ -28,6 +28,8 @@ class Truth:
         if vertices is None or vertices.shape != (count, 3):
             found = "no vertices" if vertices is None else f"vertices of shape {vertices.shape}"
             raise InputError(f"The truth file '{path}' holds {found}; this face model has ({count}, 3).")
+        if not np.isfinite(vertices).all():
+            raise InputError(f"The truth file '{path}' has NaN or infinite vertices; write it again.")
         region = geometry.model.regions.get("narrow_face", geometry.used)
         self.compared = geometry.new_index[region]
         self.vertices = vertices[region].astype(np.float64)
