@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_closing, distance_transform_edt
 from scipy.sparse.linalg import cg
 
 from facestage.contract import brdf
@@ -105,7 +105,10 @@ def detail_texture(
         result[texels, channel] = solution
     seen = np.zeros(atlas.size**2, bool)
     seen[texels] = np.asarray(pick.T @ confidence.mean(1)).ravel() > COVERED_CONFIDENCE / density
-    return result.reshape(atlas.size, atlas.size, 3), seen.reshape(atlas.size, atlas.size)
+    # Between the pixels of a coarse photo lie texels that none of them touches; they are seen all the same.
+    reach = 2 * int(np.ceil(np.sqrt(density))) + 1
+    covered = binary_closing(seen.reshape(atlas.size, atlas.size), np.ones((reach, reach)))
+    return result.reshape(atlas.size, atlas.size, 3), covered & atlas.skin
 
 
 def _sparse_rows(index: np.ndarray, weight: np.ndarray, columns: int) -> sp.csr_matrix:
