@@ -11,6 +11,8 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.storage import read_json
 
+# A profile is a third as wide as it is high; landmarks narrower than this share are no face.
+LINE_SHARE = 0.04
 SCHEME_SIZES = {"ibug68": 68, "mediapipe478": 478}
 
 
@@ -72,4 +74,9 @@ class Landmarks:
         if np.ptp(points, axis=0).max() < 4.0:
             raise InputError(
                 "The landmarks span less than 4 pixels; a face that small cannot be fitted, use a larger photo."
+            )
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[1] < LINE_SHARE * spread[0]:
+            raise InputError(
+                "The landmarks lie on one line, as those of no face do; check that the file has both coordinates right."
             )

@@ -259,7 +259,7 @@ class FitRun:
             used = item.evaluation.base_weight > 0
             photo = stage.energy.photo.photo.color
             row["photo_rms"] = float(np.sqrt((item.evaluation.residual[used] ** 2).mean())) if used.any() else None
-            row["psnr"] = psnr(photo + item.evaluation.residual, photo, used)
+            row["psnr"] = psnr(photo + item.evaluation.residual, photo, used, self.problem.white)
         if self.truth is not None:
             row |= self.truth.geometry_errors(state)
         self.trace.append(row)

@@ -33,7 +33,8 @@ class FaceGeometry:
             face[model.regions["face"]] = True
             self.fitted &= face[used][self.triangles].all(axis=1)
         self.mean = model.vertices[used].astype(np.float64)
-        shapes = [basis[:, used].reshape(len(basis), -1) for basis in (model.identity_basis, model.expression_basis)]
+        bases = (model.identity_basis, model.expression_basis)
+        shapes = [basis[:, used].reshape(len(basis), 3 * len(used)) for basis in bases]
         self.basis = np.ascontiguousarray(np.concatenate(shapes).T)
         self.identity_count = len(model.identity_names)
         self.log_albedo = np.log(model.albedo_mean[used])

@@ -24,7 +24,7 @@ class LandmarkTerm:
         self.corners = geometry.new_index[vertices]  # (m, 3)
         self.weights = weights.astype(np.float64)
         rows = (3 * self.corners[..., None] + np.arange(3)).reshape(-1)
-        basis = geometry.basis[rows].reshape(*self.corners.shape, 3, -1)
+        basis = geometry.basis[rows].reshape(*self.corners.shape, 3, geometry.basis.shape[1])
         self.basis = np.einsum("mi,mixk->mxk", self.weights, basis)
         self.mean = np.einsum("mi,mix->mx", self.weights, geometry.mean[self.corners])
         self.points = np.nan_to_num(landmarks.points)

@@ -34,6 +34,8 @@ from facestage.report import ReportData, write_report
 TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
 SPECULAR_TEXTURE = 256
 DETAIL_SAMPLES = 16
+# With less of the face to see, a fit is a guess.
+INFORMATIVE_SHARE_MIN = 0.2
 WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
@@ -64,7 +66,7 @@ def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth
     errors = _errors(problem, fitted, albedo, picture, truth)
     last: dict[str, Any] = {
         "seconds": fitted.seconds + sum(timings.values()), "stage": "albedo detail", "iteration": 1,
-        "energy": fitted.energy, "psnr": errors["psnr"], "photo_rms": _rms(problem, picture),
+        "energy": fitted.energy, "psnr": errors.get("psnr"), "photo_rms": _rms(problem, picture),
     }  # fmt: skip
     last |= {name: errors[name] for name in ("rigid_mm", "similarity_mm") if name in errors}
     return Finished(fitted.state, textures, coverage, picture, errors, timings, [*fitted.trace, last])
@@ -117,9 +119,9 @@ def _errors(
     state, photo = fitted.state, problem.photograph
     seen = picture.fitted & photo.mask
     errors: dict[str, float | None] = {
-        "psnr": psnr(picture.color, photo.color, seen),
+        "psnr": psnr(picture.color, photo.color, seen, problem.white),
         # Without what the color model took for hair, cloth or glasses.
-        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5)),
+        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5), problem.white),
     }
     vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
@@ -134,7 +136,7 @@ def _errors(
             errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
         errors["light"] = truth.light_error(fitted.stage, state.translation)
         errors["albedo"] = truth.albedo_error(texture)
-    return {name: value for name, value in errors.items() if value is not None}
+    return {name: value for name, value in errors.items() if value is not None and np.isfinite(value)}
 
 
 def write_result(
@@ -187,14 +189,24 @@ def _specular_texture(problem: Problem, state: State) -> np.ndarray:
     return np.where(atlas.bake(vertex_wet[:, None])[..., 0] > 0.5, WET_SPECULAR, texture).astype(np.float32)
 
 
+def _informative_share(problem: Problem, picture: Picture) -> float:
+    """Share of the rendered skin's pixels where the photo says more than "masked", "black" or "saturated"."""
+    photo = problem.photograph
+    says = photo.mask & (photo.color > 0).any(axis=2) & ~photo.clipped.all(axis=2)
+    return float(says[picture.fitted].mean()) if picture.fitted.any() else 0.0
+
+
 def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
-    value = finished.errors["psnr_skin"]
-    pixels = finished.errors["landmark_px"]
+    share = _informative_share(problem, finished.picture)
+    value = finished.errors.get("psnr_skin", np.nan)
+    pixels = finished.errors.get("landmark_px", np.nan)
     if not fitted.in_time:
         return (
             f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so far); "
             "give more --budget, or continue with --resume."
         )
+    if not np.isfinite(pixels):
+        return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
     if pixels > 0.05 * problem.face_size_px:
         return (
             f"The fit converged, but its landmarks are {pixels:.1f} px off (median); check the landmark file, "
@@ -202,6 +214,11 @@ def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
         )
     if not np.isfinite(value):
         return "The face covers no usable pixel of the photo; check the landmarks and the photo's mask."
+    if share < INFORMATIVE_SHARE_MIN:
+        return (
+            f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
+            "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
+        )
     if value < 22.0:
         return (
             f"The fit converged but explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong make-up or "

@@ -49,7 +49,11 @@ class Priors:
 
         def scaled(name: str, mean: float, sigma: float) -> tuple[slice, sp.spmatrix, np.ndarray]:
             count = slices[name].stop - slices[name].start
-            return slices[name], sp.identity(count) * (prior / sigma), np.full(count, prior * mean / sigma)
+            return (
+                slices[name],
+                sp.identity(count, format="csr") * (prior / sigma),
+                np.full(count, prior * mean / sigma),
+            )
 
         light_operator, light_offset = _light_operator(lights, self.light_scale)
         light = np.sqrt(self.weights.light)
