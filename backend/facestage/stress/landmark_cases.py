@@ -47,7 +47,7 @@ def landmarks_at_a_point(folder: Path) -> Job:
     return _with_points(folder, scene, np.full((68, 2), 56.0))
 
 
-@suite.add("landmarks-on-a-line", "all landmarks on one line", right=DOUBT)
+@suite.add("landmarks-on-a-line", "all landmarks on one line", right=REFUSAL)
 def landmarks_on_a_line(folder: Path) -> Job:
     """A face seen edge-on does not exist."""
     scene = plain_scene()
