@@ -78,8 +78,9 @@ def test_backend_loads_no_blender() -> None:
     assert not packages_loaded_by(modules_in(BACKEND)) & BLENDER
 
 
-def test_no_room_but_fit_and_report_loads_the_renderer() -> None:
-    modules = modules_in(BACKEND, "facestage.render", "facestage.fit", "facestage.report")
+def test_no_room_but_those_that_fit_and_report_loads_the_renderer() -> None:
+    rooms = ("render", "fit", "report", "bench", "stress")
+    modules = modules_in(BACKEND, *(f"facestage.{room}" for room in rooms))
     assert not packages_loaded_by(modules) & RENDERER
 
 

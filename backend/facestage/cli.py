@@ -66,6 +66,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_detect(commands)
     _add_render(commands)
     _add_model(commands)
+    _add_bench(commands)
     _add_stress(commands)
     doctor = commands.add_parser("doctor", help="say what works on this machine, and how to mend the rest")
     doctor.set_defaults(run=_run_doctor)
@@ -161,6 +162,31 @@ def _add_model(commands: Any) -> None:
     model.add_argument("model", metavar="MODEL", help=MODELS)
     model.add_argument("--out", type=Path, required=True, metavar="FILE", help=".npz to write")
     model.set_defaults(run=_run_model)
+
+
+def _add_bench(commands: Any) -> None:
+    bench = commands.add_parser(
+        "bench",
+        help="measure error against run time, beside Mitsuba + Adam and spherical harmonics",
+        description="Fit cases with known truth by Facestage, by the same energy with plain Mitsuba and Adam, and by "
+        "spherical harmonics without shadows or highlights; draw error against seconds and print how long each needs "
+        "to reach an error. About ten minutes with two CPU cores; leave the machine alone meanwhile.",
+        epilog="Example: facestage bench --quick --out bench, or facestage bench --case photos/anna photos/ben "
+        "--model ict:ict-facekit.tar.xz. Without --case: the cases in $FACESTAGE_DATA/cases, else a synthetic photo.",
+    )
+    bench.add_argument(
+        "--case", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
+        help="folders with photo.png, landmarks.json, camera.json and truth.npz (vertices, in the camera frame)",
+    )  # fmt: skip
+    bench.add_argument("--model", metavar="MODEL", help=f"face model that the truth belongs to: {MODELS}")
+    bench.add_argument(
+        "--out", type=Path, default=Path("out/bench"), metavar="DIR",
+        help="where bench.html, the pictures and the CSV files go (default: out/bench)",
+    )  # fmt: skip
+    bench.add_argument("--quick", action="store_true", help="one case, three contenders, one to two minutes")
+    bench.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)")
+    bench.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays")
+    bench.set_defaults(run=_run_bench)
 
 
 def _add_stress(commands: Any) -> None:
@@ -279,6 +305,14 @@ def _run_model(options: argparse.Namespace) -> int:
     }  # fmt: skip
     print(json.dumps(summary))
     return EXIT_DONE
+
+
+def _run_bench(options: argparse.Namespace) -> int:
+    from facestage.bench.run import run_bench
+
+    return run_bench(
+        options.case, options.model, options.out, options.quick, sys.stdout, options.device, options.seed
+    )  # fmt: skip
 
 
 def _run_stress(options: argparse.Namespace) -> int:

@@ -1,0 +1,139 @@
+"""The fit with low-frequency light: nine spherical harmonics, Lambert, no shadows, no highlights.
+
+The image formation of Garrido et al. 2016 and FML (Tewari et al. 2019), under the same solver, priors and
+noise model as the ray-traced fit: what is left to compare is what shadows and highlights do to geometry.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage.bench.settings import SolverSettings
+from facestage.bench.solver import LIGHT_PHASE, landmark_start
+from facestage.bench.trace import Snapshot, Track
+from facestage.contract import brdf
+from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.fit.driver import SHAPE, SKIN, FitRun, Schedule
+from facestage.fit.energy import Evaluation, PhotoTerm
+from facestage.fit.parameters import CHANNELS, LightParameters, State
+from facestage.fit.problem import Problem
+from facestage.fit.schedule import Stage
+from facestage.fit.shading import ForwardModel, Surface
+from facestage.render.tracer import LightTerms
+
+COEFFICIENTS = 9
+RIDGE = 1e-3  # of the largest eigenvalue
+
+
+def harmonic_basis(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nine spherical harmonics (P, 9) of unit ``normals`` (P, 3) and their gradients (P, 9, 3).
+
+    Scaled by the cosine lobe's share of each band (Ramamoorthi & Hanrahan 2001, eq. 7 over pi), so that
+    coefficients of one size weigh alike; the first is 1.
+    """
+    x, y, z = normals.T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    first, second = 2.0 / 3.0 * np.sqrt(3.0), 0.25 * np.sqrt(15.0)
+    polar = 0.125 * np.sqrt(5.0)
+    values = [
+        one, first * y, first * z, first * x, second * x * y, second * y * z, polar * (3 * z * z - 1),
+        second * x * z, 0.5 * second * (x * x - y * y),
+    ]  # fmt: skip
+    gradients = [
+        (zero, zero, zero), (zero, first * one, zero), (zero, zero, first * one), (first * one, zero, zero),
+        (second * y, second * x, zero), (zero, second * z, second * y), (zero, zero, 6 * polar * z),
+        (second * z, zero, second * x), (second * x, -second * y, zero),
+    ]  # fmt: skip
+    return np.stack(values, axis=1), np.stack([np.stack(row, axis=1) for row in gradients], axis=1)
+
+
+class HarmonicForward(ForwardModel):
+    """Renders the face under nine "lights", one per harmonic; their radiance may be negative."""
+
+    def light_terms(
+        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, derivatives: bool = False
+    ) -> LightTerms:
+        """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
+        values, gradients = harmonic_basis(surface.normals)
+        nothing = np.zeros_like(values)
+        return LightTerms(
+            np.pi * values, nothing, np.pi * gradients, np.zeros_like(gradients), nothing, nothing, nothing
+        )  # fmt: skip
+
+
+class HarmonicProblem(Problem):
+    """The problem with nine harmonics for lights."""
+
+    @cached_property
+    def lights(self) -> LightParameters:
+        """One parameter per harmonic and channel."""
+        return LightParameters(np.ones(COEFFICIENTS, bool), np.zeros((COEFFICIENTS, CHANNELS)), uniform=False)
+
+    @cached_property
+    def lit_stage(self) -> LightStage:
+        """Nine lights that stand for the harmonics; their places mean nothing."""
+        return fibonacci_stage(COEFFICIENTS)
+
+
+def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
+    """The default schedule, without its specular phase and parameters, over the harmonic image."""
+    problem = HarmonicProblem(**_fields(problem))
+    forward = HarmonicForward(problem.geometry, problem.lights)
+    schedule = Schedule().scaled(settings.resolution, settings.samples)
+    snapshots: list[Snapshot] = []
+    with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
+        run = FitRun(problem, forward, Path(folder), schedule=schedule.until(LIGHT_PHASE))
+        start = landmark_start(run, snapshots)
+        began = time.monotonic() - start.seconds
+        deadline = began + (float("inf") if settings.budget is None else settings.budget)
+        state = start.state
+        for number, phase in enumerate(schedule.phases):
+            blocks = tuple(name for name in phase.blocks if name in SHAPE + SKIN)
+            if phase.face_px is None or not blocks or "specular" in phase.name:
+                continue
+            factor = problem.scale(phase.face_px)
+            if not state.lights.any():
+                state = _initial_harmonics(run, run.solver_stage(replace(phase, blocks=blocks), state), state, factor)
+            stage = run.solver_stage(replace(phase, blocks=blocks), state)
+            if stage is None:
+                continue
+            stage.low[stage.energy.layout.slices["lights"]] = -np.inf
+            scaled = replace(state, camera=state.camera.scaled(factor))
+            for item in stage.run(scaled, problem.job.seed + number, deadline):
+                camera = replace(state.camera, focal_px=item.state.camera.focal_px / factor)
+                state = replace(item.state, camera=camera)
+                snapshots.append(Snapshot(time.monotonic() - began, phase.name, state, lit=True))
+    return Track(snapshots, forward, problem.lit_stage)
+
+
+def _fields(problem: Problem) -> dict[str, Any]:
+    """The problem's fields, without what it has cached."""
+    return {name: getattr(problem, name) for name in problem.__dataclass_fields__}
+
+
+def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: float) -> State:
+    """Coefficients by linear least squares on the current geometry and albedo; sets the scale of E_light."""
+    assert stage is not None and stage.energy.photo is not None and stage.energy.stage is not None
+    photo: PhotoTerm = stage.energy.photo
+    scaled = replace(state, camera=state.camera.scaled(factor))
+    evaluation: Evaluation = photo.evaluate(scaled, stage.energy.stage, run.problem.job.seed)
+    image = evaluation.image
+    y, x = photo.index(image.surface)
+    coefficients = np.zeros((COEFFICIENTS, CHANNELS))
+    for channel in range(CHANNELS):
+        columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
+        usable = evaluation.base_weight[y, x] * ~photo.photo.clipped[y, x, channel]
+        weighted = columns * usable[:, None]
+        normal = weighted.T @ columns
+        ridge = RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
+        target = weighted.T @ photo.photo.color[y, x, channel]
+        coefficients[:, channel] = np.linalg.solve(normal + ridge * np.eye(COEFFICIENTS), target)
+    run.light_scale = max(float(np.abs(coefficients[0]).mean()), 1e-9)
+    return replace(state, lights=coefficients.ravel())

@@ -1,0 +1,106 @@
+"""``facestage bench``: every contender on every case, judged alike, printed, drawn and written."""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TextIO
+
+from facestage.bench.adam import run_adam
+from facestage.bench.cases import Case, find_cases
+from facestage.bench.harmonics import run_harmonics
+from facestage.bench.report import PAGE, Bench, text_lines, write_bench
+from facestage.bench.settings import HARMONICS, MAIN, QUICK, SWEEP, AdamSettings, Contender, SolverSettings
+from facestage.bench.solver import run_solver
+from facestage.bench.table import Final, final, reach_table
+from facestage.bench.trace import Judge, Row, Track
+from facestage.contract.errors import InputError
+from facestage.fit.problem import Problem, read_problem
+from facestage.fit.truth import Truth
+from facestage.render.variant import start_renderer
+
+EXIT_DONE = 0
+WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every kernel
+
+
+def run_bench(
+    folders: Sequence[Path], model: str | None, out: Path, quick: bool, stream: TextIO, device: str = "auto",
+    seed: int = 0,
+) -> int:  # fmt: skip
+    """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything is measured."""
+    _make_folder(out)
+    variant = start_renderer(device)
+    contenders, sweep = (QUICK, ()) if quick else (MAIN, SWEEP)
+    rows: list[Row] = []
+    finals: list[Final] = []
+    with tempfile.TemporaryDirectory(prefix="facestage-bench-") as scratch:
+        cases, sentence = find_cases(folders, model, Path(scratch))
+        _say(stream, sentence)
+        for number, case in enumerate(cases[:1] if quick else cases):
+            read = time.monotonic()
+            problem, truth, judge = open_case(case, device, seed)
+            if number == 0:
+                warm_up(problem, truth, contenders)
+                cold = f"Model, photo and kernels were ready after {time.monotonic() - read:.1f} s, not counted below."
+            for contender in (*contenders, *(sweep if number == 0 else ())):
+                track = run_contender(problem, truth, contender)
+                new = judge.rows(case.name, contender.family, contender.name, track)
+                rows += new
+                finals.append(final(new, track.errors))
+                last = finals[-1]
+                _say(stream, f"{case.name}: {last.contender}: {last.similarity_mm:.2f} mm after {last.seconds:.1f} s")
+    main = tuple(contender.name for contender in contenders)
+    machine = f"{platform.machine()}, {os.cpu_count()} CPU cores, Mitsuba variant {variant}."
+    bench = Bench(rows, finals, reach_table(rows, main), main, (sentence, machine, cold))
+    write_bench(out, bench)
+    _say(stream, "")
+    for line in text_lines(bench):
+        _say(stream, line)
+    _say(stream, f"Written: {out / PAGE}")
+    return EXIT_DONE
+
+
+def open_case(case: Case, device: str = "auto", seed: int = 0) -> tuple[Problem, Truth, Judge]:
+    """A case read and checked, its truth, and what judges it."""
+    job = case.job(device, seed)
+    problem = read_problem(job)
+    assert job.truth is not None
+    truth = Truth(job.truth, problem.geometry)
+    return problem, truth, Judge(problem, truth)
+
+
+def run_contender(problem: Problem, truth: Truth, contender: Contender) -> Track:
+    """One contender over one case."""
+    if isinstance(contender, AdamSettings):
+        return run_adam(problem, truth, contender)
+    if contender.family == HARMONICS:
+        return run_harmonics(problem, contender)
+    return run_solver(problem, truth, contender)
+
+
+def warm_up(problem: Problem, truth: Truth, contenders: Sequence[Contender]) -> None:
+    """Compile each contender's kernels, so that nobody's clock counts it."""
+    for contender in contenders:
+        if isinstance(contender, AdamSettings):
+            run_adam(problem, truth, replace(contender, iterations=1), detail=False)
+        elif contender.family != HARMONICS:
+            # The harmonics trace no other rays than the fit.
+            run_solver(problem, truth, SolverSettings("warm-up", resolution=WARM_UP, samples=WARM_UP), detail=False)
+
+
+def _make_folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise InputError(f"The output '{out}' is a file; expected a folder name.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"Cannot make the folder '{out}' ({error.strerror or error}); choose another.") from error
+
+
+def _say(stream: TextIO, line: str) -> None:
+    print(line, file=stream, flush=True)

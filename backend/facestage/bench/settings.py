@@ -1,0 +1,71 @@
+"""What a bench compares: each contender's settings, and which contenders a run has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+OURS, ADAM, HARMONICS = "ours", "adam", "harmonics"
+FAMILIES = {
+    OURS: "Facestage: ray-traced, Gauss-Newton",
+    ADAM: "Mitsuba + Adam, same energy",
+    HARMONICS: "Spherical harmonics + Lambert, Gauss-Newton",
+}
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """The fit, or the fit with spherical harmonics for light: factors on the default schedule."""
+
+    name: str
+    family: str = OURS
+    resolution: float = 1.0  # of the pixels along a side, every photo phase
+    samples: float = 1.0  # of the light samples
+    budget: float | None = None  # seconds
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Adam's learning rates: a parameter's change per iteration at the start."""
+
+    turn: float = 0.003  # radians
+    shift: float = 0.0005  # m
+    identity: float = 0.03  # standard deviations
+    expression: float = 0.01
+    lights: float = 0.02  # of the mean radiance
+    albedo: float = 0.03  # standard deviations
+    roughness: float = 0.005
+    specular: float = 0.02
+
+
+@dataclass(frozen=True)
+class AdamSettings:
+    """Mitsuba + Adam: paths per pixel, the face's size as a factor on the fit's finest, when it stops."""
+
+    name: str
+    samples: int = 4
+    resolution: float = 1.0
+    budget: float = 60.0  # seconds
+    iterations: int = 2000  # at most
+    rates: Rates = field(default_factory=Rates)
+    family: str = ADAM
+
+
+Contender = SolverSettings | AdamSettings
+DEFAULT = SolverSettings("Facestage")
+BASELINE = AdamSettings("Adam", budget=90.0)
+HARMONIC = SolverSettings("Harmonics", HARMONICS)
+# What a default run compares on every case.
+MAIN: tuple[Contender, ...] = (DEFAULT, BASELINE, HARMONIC)
+# What is varied, one thing at a time, on the first case only.
+SWEEP: tuple[Contender, ...] = (
+    SolverSettings("half the resolution", resolution=0.5),
+    SolverSettings("1.5 times the resolution", resolution=1.5),
+    SolverSettings("half the light samples", samples=0.5),
+    SolverSettings("4 times the light samples", samples=4.0),
+    SolverSettings("budget 2 s", budget=2.0),
+    SolverSettings("budget 5 s", budget=5.0),
+    SolverSettings("budget 10 s", budget=10.0),
+    AdamSettings("Adam, 16 paths a pixel", samples=16),
+    AdamSettings("Adam, 0.4 times the resolution", resolution=0.4, samples=16, budget=45.0),
+)
+QUICK: tuple[Contender, ...] = (DEFAULT, AdamSettings("Adam", budget=30.0), HARMONIC)

@@ -1,0 +1,52 @@
+"""The fit as a contender: the schedule as it is, or scaled, under a budget."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from facestage.bench.settings import SolverSettings
+from facestage.bench.trace import Snapshot, Track
+from facestage.fit.driver import FitRun, Fitted, Progress, Schedule
+from facestage.fit.output import finish
+from facestage.fit.problem import Problem
+from facestage.fit.shading import ForwardModel
+from facestage.fit.truth import Truth
+
+LIGHT_PHASE = "light and albedo"  # the first that has lights
+
+
+def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail: bool = True) -> Track:
+    """Fit ``problem``; with ``detail`` up to the finished picture, as ``facestage fit`` does."""
+    snapshots: list[Snapshot] = []
+
+    def listen(progress: Progress) -> None:
+        lit = progress.evaluation is not None
+        snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
+
+    forward = ForwardModel(problem.geometry, problem.lights)
+    schedule = Schedule().scaled(settings.resolution, settings.samples)
+    with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
+        run = FitRun(problem, forward, Path(folder), None, listen, schedule)
+        budget = float("inf") if settings.budget is None else settings.budget
+        fitted = run.run(time.monotonic() + budget)
+    track = Track(snapshots, forward, fitted.stage)
+    return finished_track(track, problem, truth, fitted) if detail else track
+
+
+def finished_track(track: Track, problem: Problem, truth: Truth, fitted: Fitted) -> Track:
+    """The track with its textures and final picture; rendering the picture is off the clock."""
+    finished = finish(problem, track.forward, replace(fitted, trace=[]), truth)
+    errors: dict[str, float] = {name: finished.errors[name] for name in ("albedo", "light") if name in finished.errors}
+    seconds = fitted.seconds + finished.timings.get("albedo_detail", 0.0)
+    return replace(track, errors=errors, picture=finished.picture.color, picture_seconds=seconds)
+
+
+def landmark_start(run: FitRun, snapshots: list[Snapshot]) -> Fitted:
+    """The landmark phases alone, where every contender starts. ``run`` has no photo phase in its schedule."""
+    run.listen = lambda progress: snapshots.append(
+        Snapshot(progress.seconds, progress.phase, progress.state, lit=False)
+    )
+    return run.run(float("inf"))
