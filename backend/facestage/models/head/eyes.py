@@ -50,7 +50,10 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     positions, charts = [], []
     for t in (*LID_LOOPS, 1.0):
         # Loops keep clear of the corners, where the margin turns sharply.
-        chart = window_chart + (t - 0.2 * t * (1 - t) * corner)[:, None] * (margin_chart - window_chart)
+        share = (t - 0.2 * t * (1 - t) * corner)[:, None] * np.ones(2)
+        # At the corners they are level with the margin, not strung out along the line of one lid.
+        share[:, 1] += corner * (1 - (1 - t) ** 1.8 - share[:, 1])
+        chart = window_chart + share * (margin_chart - window_chart)
         point = add_features(surface.point(*chart.T))
         # The fold of the upper lid: a shallow furrow parallel to the margin.
         fold = np.exp(-(((t - 0.68) / 0.1) ** 2)) * upper

@@ -9,19 +9,24 @@ import numpy as np
 
 EYE_CENTER = np.array([31.4, -0.3, 67.2])
 EYE_RADIUS = 12.2
+# Centre line of the hair of the brow, from its inner to its outer end: front view (|x|, y). Level with a slight arch,
+# highest over the outer third.
+BROW_LINE = ((12.0, 20.0), (24.0, 22.6), (36.0, 24.0), (46.5, 22.4), (55.5, 17.8))
 
 # Reliefs: centre |x|, y; Gaussian radii; displacement (outward x, y, z).
 _BUMPS = (
-    ((17.6, -40.5), (2.6, 3.2), (-0.6, 0.0, -1.5)),  # crease above the nose wing
+    ((17.2, -40.0), (3.0, 3.4), (-1.0, 0.0, -1.8)),  # crease above the nose wing
     ((20.2, -48.5), (2.2, 4.5), (0.0, 0.0, -1.3)),  # crease beside the nose wing
-    ((8.0, -36.5), (4.0, 3.0), (-0.4, 0.0, -0.9)),  # between tip and wing
-    ((0.0, -41.0), (5.5, 4.5), (0.0, -0.4, 1.2)),  # tip
+    ((9.0, -36.5), (4.0, 3.4), (-0.5, 0.0, -1.3)),  # between tip and wing
+    ((0.0, -42.0), (6.0, 5.5), (0.0, -0.9, 1.4)),  # tip
+    ((0.0, -46.0), (4.0, 4.0), (0.0, -1.0, 0.6)),  # columella
+    ((15.0, -51.0), (4.0, 3.4), (-0.5, 1.2, 0.0)),  # the wing is round below
     ((0.0, -58.5), (2.4, 4.5), (0.0, 0.0, -1.1)),  # philtrum
     ((4.6, -60.0), (1.8, 4.5), (0.0, 0.0, 0.7)),  # philtral column
     ((23.0, -15.5), (8.0, 4.0), (0.0, 0.0, -1.2)),  # tear trough
     ((45.0, -22.0), (13.0, 9.0), (0.8, 0.0, 1.8)),  # cheekbone
     ((37.0, -52.0), (10.0, 13.0), (0.4, 0.0, 1.0)),  # fullness of the cheek
-    ((29.5, -74.0), (4.0, 4.0), (0.0, 0.0, -1.6)),  # corner of the mouth
+    ((29.0, -74.0), (5.5, 5.5), (0.0, 0.0, -1.4)),  # corner of the mouth
     ((0.0, -106.0), (11.0, 8.0), (0.0, 0.0, 1.2)),  # chin
     ((29.0, 17.5), (17.0, 6.5), (0.0, 0.0, 1.4)),  # brow ridge
     ((0.0, 9.0), (8.0, 8.0), (0.0, 0.0, -0.6)),  # nasal root
@@ -49,7 +54,7 @@ def add_features(points: np.ndarray) -> np.ndarray:
         weight = np.exp(-((distance / width) ** 2)) * np.sin(np.pi * (0.08 + 0.84 * along))
         result = result + (front * weight)[:, None] * np.array(move)
     nostril = np.exp(-((((local - [6.6, -50.0, 104.0]) / [3.3, 4.0, 5.2]) ** 2).sum(axis=1)))
-    result = result + nostril[:, None] * np.array([0.0, 7.0, -1.0])
+    result = result + nostril[:, None] * np.array([0.0, 5.8, -1.0])
     result = _neck_muscle(result)
     return result * np.stack([side, np.ones_like(side), np.ones_like(side)], axis=-1)
 

@@ -8,15 +8,15 @@ from scipy.spatial import cKDTree
 from facestage.contract.face_model import SKIN
 from facestage.models.head import eyes, mouth
 from facestage.models.head.assemble import HeadMesh
+from facestage.models.head.features import BROW_LINE
 
 # Subject's left, mm in the frame of the control net; the right side mirrors it.
 _JAW = (
     (71.5, -6, 9), (70.5, -26, 15), (68.0, -45, 17), (63.5, -62, 20), (57.0, -79, 28), (48.0, -94, 43),
     (36.0, -105, 64), (19.0, -113.5, 79), (0, -116.5, 84),
 )  # fmt: skip
-_BROW = ((10, 18.5, 96), (20, 22.5, 92), (31, 24.5, 88), (42, 23, 80), (51, 17.5, 69))
-_BRIDGE = ((0, 0.5, 94), (0, -14, 101), (0, -27, 109.5), (0, -40.5, 118))
-_BASE = ((14.2, -50.5, 96), (7.5, -52.8, 99), (0, -54.0, 99))
+_BRIDGE = ((0, 0.5, 94), (0, -14, 101), (0, -28.8, 110.5), (0, -40.5, 118))
+_BASE = ((14.2, -49.8, 96), (6.3, -53.2, 99), (0, -53.0, 99))
 
 
 def ibug68(mesh: HeadMesh) -> np.ndarray:
@@ -29,10 +29,18 @@ def ibug68(mesh: HeadMesh) -> np.ndarray:
         return [int(skin[tree.query(np.array(p) * [sign, 1, 1])[1]]) for p in points]
 
     jaw = nearest(_JAW, -1) + nearest(_JAW[:-1][::-1], 1)
-    brows = nearest(_BROW[::-1], -1) + nearest(_BROW, 1)
+    brow = _on_front(mesh, BROW_LINE)
+    brows = nearest(brow[::-1], -1) + nearest(brow, 1)
     bridge = nearest(_BRIDGE, 1)
     base = nearest(_BASE, -1) + nearest(_BASE[:-1][::-1], 1)
     return np.array(jaw + brows + bridge + base + _eyes(mesh) + _lips(mesh))
+
+
+def _on_front(mesh: HeadMesh, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+    """Vertices of the front of the head nearest to front view points."""
+    front = mesh.vertices[mesh.grid[mesh.grid >= 0]]
+    front = front[front[:, 2] > 40.0]
+    return tuple((p[0], p[1], p[2]) for p in front[cKDTree(front[:, :2]).query(points)[1]])
 
 
 def _eyes(mesh: HeadMesh) -> list[int]:
@@ -42,10 +50,12 @@ def _eyes(mesh: HeadMesh) -> list[int]:
         loop = mesh.loops[f"eye_{side}"][ring]
         n = len(loop)
         # Counterclockwise from the left of the picture; the scheme runs over the upper lid first.
-        third = round(n / 6)
+        # Annotators place the two points at the edges of the iris: the inner one further from its corner.
+        outer = round(n / 6)
+        first, second = (outer, outer + 1) if side == "right" else (outer + 1, outer)
         corner, opposite = loop[0], loop[n // 2]
-        upper = [loop[n - third], loop[n // 2 + third]]
-        lower = [loop[n // 2 - third], loop[third]]
+        upper = [loop[n - first], loop[n // 2 + second]]
+        lower = [loop[n // 2 - second], loop[first]]
         result += [corner, *upper, opposite, *lower]
     return [int(v) for v in result]
 

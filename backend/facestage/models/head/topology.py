@@ -13,8 +13,11 @@ HALF_STATIONS = np.concatenate([np.arange(0, 7, 0.25), 7 + np.arange(10) / 3])
 STATION_LINES = np.concatenate([-HALF_STATIONS[:0:-1], HALF_STATIONS])  # first and last are the back midline
 # Twice as many levels over the nose, whose underside turns sharply.
 _NOSE_LEVELS = 32 / 3 + np.arange(16) / 6
+# ... and over the brows, whose hair ends sharply.
+_BROW_LEVELS = 56 / 3 + np.arange(8) / 6
 LEVEL_LINES = np.concatenate([
-    np.arange(0, 5, 0.5), 5 + np.arange(17) / 3, _NOSE_LEVELS, 40 / 3 + np.arange(20) / 3, np.arange(20, LEVELS, 0.5),
+    np.arange(0, 5, 0.5), 5 + np.arange(17) / 3, _NOSE_LEVELS, 40 / 3 + np.arange(16) / 3, _BROW_LEVELS,
+    np.arange(20, LEVELS, 0.5),
 ])  # fmt: skip
 
 
