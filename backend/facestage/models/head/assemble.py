@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 
 from facestage.contract.face_model import EYES, MOUTH, SKIN, TEETH
 from facestage.models.head import ear, eyes, mouth, topology
+from facestage.models.head import teeth as dental
 from facestage.models.head.base_surface import LEVELS, BaseSurface
 from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features
 from facestage.models.head.topology import LEVEL_LINES, STATION_LINES, WINDOWS, MeshBuilder
@@ -86,7 +87,9 @@ def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops:
         free[loops[f"ear_{side}"][0]] = 0.0
     nose = np.array([[-14.0, -45.0, 100.0], [14.0, -45.0, 100.0]])
     near_nose = np.exp(-(((vertices[:, None] - nose) / [11.0, 10.0, 18.0]) ** 2).sum(axis=2)).max(axis=1)
-    weight = free * (0.12 + 0.38 * near_nose)
+    corner = np.array([[-31.0, -73.0, 80.0], [31.0, -73.0, 80.0]])
+    near_corner = np.exp(-(((vertices[:, None] - corner) / [8.0, 10.0, 14.0]) ** 2).sum(axis=2)).max(axis=1)
+    weight = free * (0.12 + 0.38 * near_nose + 0.25 * near_corner)
     for _ in range(4):
         vertices = vertices + weight[:, None] * ((links @ vertices) / degree[:, None] - vertices)
     return vertices
@@ -162,7 +165,7 @@ def _add_eyeball(builder: MeshBuilder, side: str) -> np.ndarray:
 
 
 def _add_teeth(builder: MeshBuilder, row: str) -> np.ndarray:
-    strip = mouth.teeth_strip(row == "upper")
+    strip, _ = dental.strip(dental.UPPER if row == "upper" else dental.LOWER)
     profile, m = strip.shape[:2]
     index = builder.add_vertices(strip.reshape(-1, 3)).reshape(profile, m)
     left, bottom = (0.40, 0.008) if row == "upper" else (0.70, 0.008)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from facestage.contract.face_model import MOUTH
-from facestage.models.head import eyes, mouth
+from facestage.models.head import eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
+from facestage.models.head.features import BROW_LINE
 from facestage.models.head.masks import Masks, eye_center, smoothstep
 from facestage.models.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 
 SCLERA, IRIS, IRIS_RIM, PUPIL = (0.62, 0.57, 0.54), (0.15, 0.095, 0.055), (0.035, 0.028, 0.024), (0.008, 0.008, 0.008)
-TOOTH, GUM, MOUTH_INSIDE, HAIR = (0.62, 0.57, 0.47), (0.30, 0.12, 0.10), (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
+TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.45, 0.36, 0.30), (0.42, 0.18, 0.16)  # GAP: relative to the crown
+MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et al. 2010,
 # "A practical appearance model for dynamic facial color".
 _BLOOD = (
@@ -37,15 +40,13 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     color = skin_albedo(MELANIN_MEAN * melanin, HAEMOGLOBIN_MEAN * blood)
     color = _blend(color, (0.30, 0.115, 0.10), _lip_weight(mesh, masks))
     color = _blend(color, (0.36, 0.15, 0.13), _lid_edge_weight(mesh, masks))
-    color = _blend(color, HAIR, 0.82 * brow_weight(masks))
+    color = _blend(color, HAIR, 0.76 * brow_weight(masks))
     color = _blend(color, HAIR, 0.42 * hair_weight(masks))
     nostril = np.exp(-((((np.stack([np.abs(x), y, z], -1) - [6.6, -48.0, 103.0]) / [3.2, 4.5, 5.0]) ** 2).sum(1)))
     color = _blend(color, (0.06, 0.02, 0.016), 0.85 * np.minimum(1.6 * nostril, 1.0) * masks.skin)
     _paint_part(color, mesh, MOUTH, masks.mouth_bag, MOUTH_INSIDE)
-    for row in mesh.teeth.values():
-        color[row] = TOOTH
-        columns = row.reshape(mouth.TEETH_PROFILE, -1)
-        color[columns[0]] = GUM
+    for name, row in (("upper", teeth.UPPER), ("lower", teeth.LOWER)):
+        color[mesh.teeth[name]] = _teeth_color(row).reshape(-1, 3)
     for side in SIDES:
         color[mesh.eyeballs[side]] = _eye_color(masks.points[mesh.eyeballs[side]] - eye_center(side))
     return color
@@ -54,11 +55,12 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
 def brow_weight(masks: Masks) -> np.ndarray:
     """(n,) how much brow hair covers the skin."""
     x, y, z = masks.points.T
-    along = np.clip((np.abs(x) - 9.0) / 43.0, 0.0, 1.0)
-    middle = 18.5 + 6.3 * np.sin(np.pi * np.minimum(along * 0.82, 1.0)) ** 1.1 - 3.0 * along**2
-    thickness = 4.0 * (1 - 0.62 * along) + 0.4
-    across = np.exp(-(((y - middle) / thickness) ** 2))
-    ends = smoothstep((np.abs(x) - 6.5) / 6.0) * smoothstep((54.0 - np.abs(x)) / 7.0)
+    line_x, line_y = np.array(BROW_LINE).T
+    middle = CubicSpline(line_x, line_y)(np.clip(np.abs(x), line_x[0] - 2.0, line_x[-1] + 3.0))
+    along = np.clip((np.abs(x) - line_x[0]) / (line_x[-1] - line_x[0]), 0.0, 1.0)
+    thickness = 1.9 + 1.9 * (1 - along) ** 0.7 * smoothstep(0.55 + 3.0 * along)
+    across = np.exp(-(np.abs((y - middle) / thickness) ** 3))
+    ends = smoothstep((np.abs(x) - line_x[0] + 4.0) / 5.0) * smoothstep((line_x[-1] + 5.0 - np.abs(x)) / 12.0)
     return across * ends * masks.skin * (z > 50)
 
 
@@ -85,6 +87,19 @@ def _eye_color(relative: np.ndarray) -> np.ndarray:
     # Vessels towards the corners and the back.
     red = 0.35 * smoothstep((radius - 7.0) / 6.0)[:, None] * outside[:, None]
     return color * (1 - red * np.array([0.25, 0.55, 0.55]))
+
+
+def _teeth_color(row: teeth.Row) -> np.ndarray:
+    """(rows, m, 3): crowns that darken in the gaps and yellow towards the gum, and the gum."""
+    positions, gap = teeth.strip(row)
+    color = np.empty_like(positions)
+    color[:] = TOOTH
+    color[teeth.GUM_ROWS] *= (0.86, 0.78, 0.66)
+    color[teeth.GUM_ROWS :] *= (1 - gap[:, None] * (1 - np.array(GAP)))[None]
+    color[: teeth.GUM_ROWS] = GUM
+    # Less light reaches the back of the mouth.
+    deep = np.clip((positions[:1, :, 2] - 50.0) / 32.0, 0.0, 1.0)
+    return color * (0.45 + 0.55 * deep)[..., None]
 
 
 def _lip_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:

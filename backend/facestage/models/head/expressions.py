@@ -87,7 +87,8 @@ def _jaw_shapes(masks: Masks) -> dict[str, np.ndarray]:
     lips[masks.mesh.loops["mouth"][5:]] = 1.0
     gap = opened[masks.mesh.loops["mouth"][mouth.LIP_LOOPS]]
     n = len(gap)
-    middle = 0.35 * gap[n // 4]  # the lower lip at the midline moves furthest; the upper one comes to meet it
+    # The lower lip at the midline moves furthest; the upper one comes to meet it, but stays before the upper teeth.
+    middle = gap[n // 4] * [0.35, 0.35, 0.14]
     bell = np.clip(1 - (points[:, 0] / 34.0) ** 2, 0.0, 1.0)[:, None]
     close = lips[:, None] * (-opened + bell * middle)
     return {

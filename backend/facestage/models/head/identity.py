@@ -18,7 +18,11 @@ from facestage.models.head.assemble import SIDES
 from facestage.models.head.masks import Masks, eye_center, smoothstep
 
 MODE_COUNT = 80
-_LOCK_INNER, _LOCK_OUTER = 15.5, 27.0
+_LOCK_INNER, _LOCK_OUTER = 15.5, 30.0
+# The length of the lips decides how much of the teeth shows: teeth hardly follow it.
+_LIP_HEIGHTS = ("upper_lip_height", "mouth_height", "lip_thickness_upper", "lip_thickness_lower")
+_TEETH_FOLLOW_LIPS = 0.35
+_EAR_SCALING = ("head_size", "ear_size", "ear_protrusion")
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,27 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     modes |= {name: _eyes_rigid(masks, field(probes)) for name, field in _ASYMMETRIC.items()}
     smooth = gaussian_process.smooth_modes(masks, probes, MODE_COUNT - len(modes))
     modes |= {name: _eyes_rigid(masks, values) for name, values in smooth.items()}
+    for name, values in modes.items():
+        _ears_whole(masks, values, 0.0 if name in _EAR_SCALING else 0.8)
+        _teeth_whole(masks, values, _TEETH_FOLLOW_LIPS if name in _LIP_HEIGHTS else 1.0)
     return tuple(modes), np.stack(list(modes.values()))
+
+
+def _ears_whole(masks: Masks, values: np.ndarray, share: float) -> None:
+    """Move each ear more nearly as a whole, with the skin it grows from: breadths bend heads, not ears."""
+    for side in SIDES:
+        loops = masks.mesh.loops[f"ear_{side}"]
+        mean = values[loops[0]].mean(axis=0)
+        follow = share * np.concatenate([[0.0, 0.15, 0.45, 0.75], np.ones(len(loops) - 4)])
+        values[loops[1:]] += follow[1:, None, None] * (mean - values[loops[1:]])
+
+
+def _teeth_whole(masks: Masks, values: np.ndarray, share: float) -> None:
+    """Crowns keep their shape: each row of teeth rises and falls by an affine map, by `share` of what surrounds it."""
+    for index in masks.mesh.teeth.values():
+        points = np.concatenate([masks.points[index], np.ones((len(index), 1))], axis=1)
+        fitted, *_ = np.linalg.lstsq(points, values[index, 1], rcond=None)
+        values[index, 1] = share * (points @ fitted)
 
 
 def _eye_shapes(masks: Masks) -> dict[str, np.ndarray]:
@@ -225,7 +249,7 @@ def _ears(masks: Masks) -> dict[str, np.ndarray]:
             relative = masks.points[row] - center
             size[row] = 0.06 * follow[ring] * relative
             behind = np.clip((hinge - masks.points[row])[:, 2], 0.0, None)
-            protrusion[row, 0] = sign * 0.10 * follow[ring] * behind
+            protrusion[row, 0] = sign * 0.06 * follow[ring] * behind
     return {"ear_size": size, "ear_protrusion": protrusion}
 
 

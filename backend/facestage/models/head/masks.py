@@ -60,7 +60,7 @@ class Masks:
         for ring, row in enumerate([*loops[1:], *self.mesh.bag]):
             # Nearer the mouth line the two sides part more sharply.
             sharp = smoothstep(np.array((ring + 1.0) / 6.0)) if ring < 6 else 1.0
-            fade = np.sqrt(np.clip(1 - (x[row] / (mouth.MOUTH_HALF_WIDTH * 1.01)) ** 2, 0, 1))
+            fade = np.clip(1 - (x[row] / (mouth.MOUTH_HALF_WIDTH * 1.01)) ** 2, 0, 1) ** 0.75
             inside = ring >= mouth.LIP_LOOPS
             rest = line[row] if inside else y[row]
             y[row] = np.where(sign == 0, line[row], rest + sign * sharp * 12.0 * fade)

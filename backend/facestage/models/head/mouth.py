@@ -1,4 +1,4 @@
-"""Lips as concentric loops round the mouth line, the bag of the mouth behind them, and two strips of teeth."""
+"""Lips as concentric loops round the mouth line, the bag of the mouth behind them, and the tongue."""
 
 from __future__ import annotations
 
@@ -15,15 +15,10 @@ OUTER_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border 
 _UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.7), (0.4, 3.0), (0.72, 3.3), (0.92, 2.6), (1.0, 1.4))
 _LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.6), (0.92, 3.0), (1.0, 1.4))
 # Behind the meeting line: backward, away from the line, sideways.
-_INNER = ((3.0, 0.5, 0.0), (7.0, 3.0, 0.3), (12.0, 7.0, 1.0))
-_BAG = ((20.0, 12.0, 4.0), (32.0, 15.0, 5.0), (44.0, 12.0, 1.0), (52.0, 6.0, -8.0))
+_INNER = ((3.0, 0.5, 0.0), (5.2, 2.2, 0.3), (6.4, 5.5, 1.0))
+_BAG = ((7.0, 13.5, 2.5), (24.0, 17.0, 5.0), (42.0, 13.0, 1.0), (52.0, 6.0, -8.0))
 LIP_LOOPS = len(OUTER_LOOPS) + len(_UPPER_PROFILE)  # rows of skin loops up to the meeting line
 SKIN_LOOPS = LIP_LOOPS + len(_INNER)
-
-TEETH_FRONT_Z = 87.0
-_TEETH = 14
-_STEPS_PER_TOOTH = 4
-TEETH_PROFILE = 6  # rows of a strip of teeth, from the gum over the biting edge to the back
 
 
 def lip_lines(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -72,8 +67,9 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     for k, (back, away, out) in enumerate(_INNER):
         positions.append(line + np.stack([np.tanh(x / 4.0) * out, away * opening, np.full(n, -back)], axis=-1))
         charts.append(_shrunk(border_chart, 1.1 + 0.1 * k))
+    roomy = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 4, 0.0, 1.0))
     bag = [
-        line + np.stack([out * x / MOUTH_HALF_WIDTH, away * opening, np.full(n, -back)], axis=-1)
+        line + np.stack([out * x / MOUTH_HALF_WIDTH, away * roomy, np.full(n, -back)], axis=-1)
         for back, away, out in _BAG
     ]
     return Patch(np.stack(positions), np.stack(charts)), np.stack(bag)
@@ -83,25 +79,6 @@ def _shrunk(border: np.ndarray, share: float) -> np.ndarray:
     """The border of the lips in the chart, drawn together so that following loops nest; share 1 is the meeting line."""
     center = np.array([0.0, border[0, 1]])
     return center + (border - center) * [1 - 0.08 * share, 1 - 0.72 * share]
-
-
-def teeth_strip(upper: bool) -> np.ndarray:
-    """(profile, m, 3) mm: gum edge, crown, biting edge and back of one row of teeth, from the right to the left."""
-    steps = np.arange(_TEETH * _STEPS_PER_TOOTH + 1)
-    angle = (steps / steps[-1] - 0.5) * np.radians(168)
-    tooth = np.abs(np.sin(np.pi * steps / _STEPS_PER_TOOTH)) ** 0.5
-    narrower = 0.0 if upper else 1.6
-    radius = 1.0 - 0.035 * (1 - tooth)
-    x = (26.0 - narrower) * np.sin(angle) * radius
-    z = TEETH_FRONT_Z - 2 * narrower - 36.0 * (1 - np.cos(angle)) - 0.7 * (1 - tooth)
-    edge = -75.3 + 0.5 * (1 - tooth) if upper else -75.8 - 0.5 * (1 - tooth)
-    away = 1.0 if upper else -1.0
-    inward = np.stack([-np.sin(angle), np.zeros_like(angle), -np.cos(angle)], axis=-1)
-    front = np.stack([x, np.broadcast_to(edge, x.shape), z], axis=-1)
-    up = np.array([0.0, away, 0.0])
-    profile = [front + 10 * up + 1.2 * inward, front + 6 * up + 0.2 * inward, front + 1.2 * up, front + 0.9 * inward]
-    profile += [front + 2 * up + 2.6 * inward, front + 9 * up + 4.5 * inward]
-    return np.stack(profile)
 
 
 def tongue(rows: int = 9, columns: int = 10) -> np.ndarray:
