@@ -228,6 +228,38 @@ def test_landmarks_are_symmetric_and_sensible():
     assert len(np.unique(model().landmark_vertices("ibug68")[0][:, 0])) == 68
 
 
+def test_brow_landmarks_follow_the_middle_of_the_hair():
+    m = model()
+    points = landmarks()[22:27] / MM
+    hair = m.vertices[m.regions["brows"]] / MM
+    hair = hair[hair[:, 0] > 0]
+    assert hair[:, 0].min() == pytest.approx(points[0, 0], abs=4) and hair[:, 0].max() == pytest.approx(
+        points[4, 0], abs=4
+    )
+    for point in points[1:4]:
+        here = hair[np.abs(hair[:, 0] - point[0]) < 3]
+        assert point[1] == pytest.approx(0.5 * (here[:, 1].min() + here[:, 1].max()), abs=1.2)
+    assert points[:, 1].argmax() in (2, 3), "highest over the outer half"
+    assert abs(points[0, 1] - points[4, 1]) < 5, "level, not drooping outward"
+
+
+def test_jaw_landmarks_lie_on_the_outline_seen_from_the_front():
+    m = model()
+    skin = m.vertices[np.setdiff1d(m.regions["face"], m.regions["ears"])] / MM
+    for point in landmarks()[11:17] / MM:
+        level = skin[np.abs(skin[:, 1] - point[1]) < 2]
+        assert point[0] == pytest.approx(level[:, 0].max(), abs=4), point
+
+
+def test_ears_move_as_a_whole():
+    """The breadth of the head does not spread the upper rim of the ears: at two deviations by less than 8 mm."""
+    m = model()
+    ear = m.regions["ears"][m.vertices[m.regions["ears"], 0] > 0]
+    for name, basis in zip(m.identity_names, m.identity_basis, strict=True):
+        spread = np.ptp(basis[ear, 0]) / MM
+        assert 2 * spread < 8, f"{name}: {2 * spread:.1f} mm"
+
+
 def measured() -> dict[str, float]:
     """Measurements of the mean in mm."""
     m = model()
