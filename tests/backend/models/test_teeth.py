@@ -137,7 +137,7 @@ def test_upper_teeth_stay_when_the_jaw_drops():
 
 
 def test_teeth_have_natural_sizes():
-    """Ash and Nelson 2010: crowns; 2 mm of incisor below the meeting line of the lips, lower incisors behind them."""
+    """Nelson and Ash 2010: crowns; 2 mm of incisor below the meeting line of the lips, lower incisors behind them."""
     rest = shape()
     upper, lower = (rest[mesh().teeth[row]].reshape(teeth.PROFILE, -1, 3) for row in ("upper", "lower"))
     arch = upper[teeth.GUM_ROWS + 1]

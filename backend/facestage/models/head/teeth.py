@@ -1,6 +1,6 @@
 """Two rows of teeth with their gums: strips along the dental arches, one crown after the other.
 
-Crown sizes after Ash and Nelson 2010, "Wheeler's Dental Anatomy"; the upper incisors end two millimetres below the
+Crown sizes after Nelson and Ash 2010, "Wheeler's Dental Anatomy"; the upper incisors end two millimetres below the
 line where the lips meet, as they show when lips part at rest (Vig and Brundo 1978, "The kinetics of anterior tooth
 display").
 """
