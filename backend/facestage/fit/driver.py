@@ -27,6 +27,9 @@ from facestage.fit.truth import Truth
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
+# Side over distance beyond which a light needs more samples in proportion, up to a limit: their noise would
+# otherwise be taken for shape.
+WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,7 @@ class FitRun:
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
         self.camera_to_stage = problem.job.camera_to_stage
+        self.samples_factor = self._samples_factor()
 
     def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
@@ -171,6 +175,16 @@ class FitRun:
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline,
         )  # fmt: skip
+
+    def _samples_factor(self) -> int:
+        """How many times more samples than usual the lights need, by the one that looks widest from the face."""
+        stage, face = self.problem.lit_stage, np.zeros(3)
+        if self.camera_to_stage is not None:
+            # The landmarks' pose, so that a resumed fit finds the same.
+            _, translation = initial_pose(self.problem.geometry, self.problem.landmarks, self.problem.camera)
+            face = self.camera_to_stage[:3, :3] @ translation + self.camera_to_stage[:3, 3]
+        distance = np.maximum(np.linalg.norm(stage.position - face, axis=1), 1e-3)
+        return int(np.clip(np.ceil((stage.side / distance).max() / WIDE_LIGHT), 1, SAMPLES_FACTOR_MAX))
 
     def _start_state(self) -> State:
         problem, initial = self.problem, self.problem.job.initial
@@ -221,10 +235,11 @@ class FitRun:
         priors = Priors(
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale
         )
+        samples = phase.samples * self.samples_factor
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
-            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), phase.samples),
+            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), samples),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
         )  # fmt: skip
         low, high = layout.bounds(box)

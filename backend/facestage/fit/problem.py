@@ -29,6 +29,8 @@ FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
 SPECULAR_SIZE = 32
 # A doll's head and a statue's, in metres.
 MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
+# Share of the UV square that the face's skin must cover, about: less is not a texel of most textures.
+UV_AREA_MIN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,31 @@ def _check_size(model: FaceModel) -> None:
         )
 
 
+def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
+    """Raise InputError for a model with nothing to compare or to paint on, or landmarks on what is not rendered."""
+    name = geometry.model.name
+    if not geometry.fitted.any():
+        raise InputError(f"The face model '{name}' has no skin polygon in its region 'face'; nothing could be fitted.")
+    vertices, weights = geometry.model.landmark_vertices(scheme)
+    lost = ((geometry.new_index[vertices] < 0) & (weights != 0)).any(axis=1)
+    if lost.any():
+        raise InputError(
+            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a vertex that is not "
+            "rendered; put it on the skin."
+        )
+    if geometry.face_normals(geometry.mean)[geometry.fitted, 2].sum() <= 0:
+        raise InputError(
+            f"The face model '{name}' has polygons that face inward, or does not look along +Z; "
+            "recalculate its normals to point outward."
+        )
+    a, b, c = np.moveaxis(geometry.model.uvs[geometry.triangle_uvs[geometry.fitted]].astype(float), 1, 0)
+    if np.abs(np.cross(b - a, c - a)).sum() < UV_AREA_MIN:
+        raise InputError(
+            f"The face model '{name}' has no usable texture coordinates: its skin covers no area of the UV square; "
+            "unwrap it."
+        )
+
+
 def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     """The lights of ``stage`` where ``keep`` (N,) is true."""
     names = ("position", "direction", "axis_x", "side", "radiance", "state")
@@ -187,5 +214,7 @@ def read_problem(job: Job) -> Problem:
     model.landmark_vertices(job.landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
+    geometry = FaceGeometry(model)
+    _check_rendered(geometry, job.landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
-    return Problem(job, photograph, camera, job.landmarks, FaceGeometry(model), stage, fit_focal)
+    return Problem(job, photograph, camera, job.landmarks, geometry, stage, fit_focal)

@@ -8,14 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
-from facestage.contract.job import Job
+from facestage.contract.face_model import OTHER, TEETH, FaceModel
+from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.fit.driver import FitRun
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.metrics import psnr, white_level
+from facestage.fit.parameters import Layout
 from facestage.fit.priors import Priors
 from facestage.fit.problem import read_problem
+from facestage.fit.shading import ForwardModel
 from reference.synthetic_case import Case
 from reference.synthetic_face import synthetic_face
 from reference.synthetic_scene import Scene
@@ -54,9 +60,6 @@ def test_a_model_without_modes_has_an_empty_basis() -> None:
 
 
 def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
-    from facestage.contract.job import Weights
-    from facestage.fit.parameters import Layout
-
     state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0), albedo=np.zeros(0))
     layout = Layout(state)
     quadratic = Priors(layout, state, True, Weights()).quadratic(state, scene.lights)
@@ -66,10 +69,47 @@ def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
 
 def test_a_model_in_millimetres_is_refused(case: Case, tmp_path: Path) -> None:
     model = synthetic_face()
-    replace(model, vertices=1e3 * model.vertices).save(tmp_path / "large.npz")
-    job = Job(image=case.photo, landmarks=Landmarks.read(case.landmarks), model=f"npz:{tmp_path / 'large.npz'}")
-    with pytest.raises(InputError, match="metres large, expected about"):
+    assert "metres large, expected about 0.3" in _refused(case, tmp_path, replace(model, vertices=1e3 * model.vertices))
+
+
+def _refused(case: Case, folder: Path, model: FaceModel) -> str:
+    model.save(folder / "model.npz")
+    job = Job(image=case.photo, landmarks=Landmarks.read(case.landmarks), model=f"npz:{folder / 'model.npz'}")
+    with pytest.raises(InputError) as caught:
         read_problem(job)
+    return str(caught.value)
+
+
+def test_models_that_cannot_be_fitted_are_refused_in_a_sentence(case: Case, tmp_path: Path) -> None:
+    model = synthetic_face()
+    no_skin = replace(model, polygon_part=np.full_like(model.polygon_part, TEETH))
+    assert "no skin polygon" in _refused(case, tmp_path, no_skin)
+    polygons = model.polygons.copy()
+    polygons[polygons[:, 3] >= 0] = polygons[polygons[:, 3] >= 0][:, ::-1]
+    assert "face inward" in _refused(case, tmp_path, replace(model, polygons=polygons))
+    assert "texture coordinates" in _refused(case, tmp_path, replace(model, uvs=0 * model.uvs))
+    shell = model.polygon_part.copy()
+    shell[(model.polygons == model.landmarks["ibug68"][20, 0]).any(axis=1)] = OTHER
+    message = _refused(case, tmp_path, replace(model, polygon_part=shell))
+    assert "landmark 20 of 'ibug68' on a vertex that is not rendered" in message
+
+
+@pytest.mark.parametrize(
+    ("side", "anchored", "factor"), [(0.2, False, 1), (0.2, True, 1), (1.2, False, 3), (9.0, True, 8)]
+)
+def test_wide_lights_get_more_samples(
+    case: Case, renderer: str, tmp_path: Path, side: float, anchored: bool, factor: int
+) -> None:
+    matrix = np.eye(4)
+    matrix[2, 3] = 0.6
+    job = Job(
+        image=case.photo, landmarks=Landmarks.read(case.landmarks), model=case.model_option,
+        camera=Camera.read(case.camera), stage=fibonacci_stage(6, side=side),
+        camera_to_stage=matrix if anchored else None,
+    )  # fmt: skip
+    problem = read_problem(job)
+    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path)
+    assert run.samples_factor == factor
 
 
 def test_landmarks_on_a_line_are_refused() -> None:
