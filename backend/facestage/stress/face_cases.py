@@ -11,7 +11,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import PARAMETERS, Job, Weights
 from facestage.models.registry import load_model
 from facestage.stress.case import REFUSAL, Suite
-from facestage.stress.scene import SPECULAR_SIZE, plain_scene, render, write_job
+from facestage.stress.scene import SPECULAR_SIZE, exposed, plain_scene, render, write_job
 
 suite = Suite()
 
@@ -149,12 +149,77 @@ def model_in_millimetres(folder: Path) -> Job:
     return replace(job, model=f"npz:{folder / 'model.npz'}", truth=None)
 
 
-@suite.add("everything-frozen", "no parameter may move", worst_psnr=22)
-def everything_frozen(folder: Path) -> Job:
-    """The stage's own radiance and the starting pose are the answer."""
+@suite.add("inside-out-model", "a model whose polygons all face inward", right=REFUSAL)
+def inside_out_model(folder: Path) -> Job:
+    """Normals that point into the head; the photo is of the same model, made properly."""
+    model = load_model("default")
     scene = plain_scene()
     job = write_job(folder, scene, render(scene))
-    return replace(job, freeze=PARAMETERS, initial={"identity": scene.identity, "albedo": scene.albedo})
+    quads = model.polygons[:, 3] >= 0
+    polygons, uvs = model.polygons.copy(), model.polygon_uvs.copy()
+    for array in (polygons, uvs):
+        array[quads] = array[quads][:, ::-1]
+        array[~quads, :3] = array[~quads, 2::-1]
+    replace(model, polygons=polygons, polygon_uvs=uvs).save(folder / "model.npz")
+    return replace(job, model=f"npz:{folder / 'model.npz'}")
+
+
+@suite.add("no-uvs", "a model without texture coordinates: all of them are 0", right=REFUSAL)
+def no_uvs(folder: Path) -> Job:
+    """There is no texel to paint."""
+    model = load_model("default")
+    return _fit_of(folder, replace(model, uvs=np.zeros_like(model.uvs)))
+
+
+@suite.add("landmark-in-the-void", "a model with a landmark on a vertex that no rendered polygon has", right=REFUSAL)
+def landmark_in_the_void(folder: Path) -> Job:
+    """The landmark's vertex does not exist for the fit."""
+    scene = plain_scene()
+    job = write_job(folder, scene, render(scene))
+    model = _with_lonely_vertex(scene.model)
+    table = model.landmarks["ibug68"].copy()
+    table[30, :3] = len(model.vertices) - 1
+    replace(model, landmarks={"ibug68": table}).save(folder / "model.npz")
+    return replace(job, model=f"npz:{folder / 'model.npz'}", truth=None)
+
+
+def _with_lonely_vertex(model: FaceModel) -> FaceModel:
+    """The model with one more vertex, of no polygon."""
+
+    def more(array: np.ndarray) -> np.ndarray:
+        return np.concatenate([array, array[..., -1:, :]], axis=-2)
+
+    return replace(
+        model, vertices=more(model.vertices), identity_basis=more(model.identity_basis),
+        expression_basis=more(model.expression_basis), albedo_mean=more(model.albedo_mean),
+        albedo_basis=more(model.albedo_basis),
+    )  # fmt: skip
+
+
+@suite.add("landmarks-do-not-count", "a weight of 0 on the landmarks after they gave the first pose", 1.6, 30)
+def landmarks_do_not_count(folder: Path) -> Job:
+    """The photo alone, from the mean face."""
+    scene = plain_scene()
+    return replace(write_job(folder, scene, render(scene)), weights=Weights(landmarks=0.0))
+
+
+@suite.add("photo-does-not-count", "a weight of 0 on the photo", worst_mm=1.2)
+def photo_does_not_count(folder: Path) -> Job:
+    """The landmarks alone: light and skin rest on the priors."""
+    scene = plain_scene()
+    return replace(write_job(folder, scene, render(scene)), weights=Weights(photo=0.0))
+
+
+@suite.add("everything-frozen", "no parameter may move; all start at the truth", 0.01, 30)
+def everything_frozen(folder: Path) -> Job:
+    """The stage's own radiance and the starting values are the answer: here, the truth."""
+    scene = exposed(plain_scene())
+    initial = {
+        "identity": scene.identity, "expression": scene.expression, "albedo": scene.albedo,
+        "specular": scene.state.specular, "roughness": np.array(scene.roughness),
+        "model_to_camera": scene.state.model_to_camera,
+    }  # fmt: skip
+    return replace(write_job(folder, scene, render(scene)), freeze=PARAMETERS, initial=initial)
 
 
 @suite.add("no-priors", "no statistical prior and no light term: every weak direction is open", worst_mm=2.5)

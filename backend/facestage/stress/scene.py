@@ -102,10 +102,19 @@ def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
 def render(scene: Scene, background: np.ndarray | float = BACKGROUND, exposure: float = EXPOSURE) -> np.ndarray:
     """(h, w, 3) linear photo, exposed so that bright skin has the value ``exposure``."""
     color, skin = _radiance(scene)
-    bright = float(np.percentile(color[skin], 95)) if skin.any() else 0.0
-    gain = exposure / bright if bright > 0 else 1.0
     covered = np.isfinite(color).all(axis=2)
-    return np.where(covered[..., None], gain * color, background)
+    return np.where(covered[..., None], _gain(color[skin], exposure) * color, background)
+
+
+def exposed(scene: Scene, exposure: float = EXPOSURE) -> Scene:
+    """The scene with its light as bright as :func:`render` makes it."""
+    color, skin = _radiance(scene)
+    return with_stage(scene, radiance=_gain(color[skin], exposure) * scene.stage.radiance)
+
+
+def _gain(skin: np.ndarray, exposure: float) -> float:
+    bright = float(np.percentile(skin, 95)) if skin.size else 0.0
+    return exposure / bright if bright > 0 else 1.0
 
 
 def _radiance(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
