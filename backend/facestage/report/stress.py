@@ -156,7 +156,7 @@ def _html_row(row: StressRow) -> str:
 
 
 def _fixed(value: float | None, digits: int = 2) -> str:
-    return NOTHING if value is None else f"{value:.{digits}f}"
+    return NOTHING if value is None else f"{value + 0.0:.{digits}f}"
 
 
 def _power(value: float | None) -> str:

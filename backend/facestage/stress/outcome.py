@@ -16,8 +16,6 @@ from facestage.image_io import read_photograph
 from facestage.stress.case import DOUBT, FIT, REFUSAL, Case
 
 ADVISED, REFUSED, CRASHED, HUNG = "advised", "refused", "crashed", "hung"
-# A fit must never end further from the truth than its own landmark stage; this is the noise of saying so.
-WORSE_THAN_START_MM = 0.15
 # How an advice begins when there is nothing to warn of.
 ALL_WELL = "Converged:"
 
@@ -90,11 +88,7 @@ def _lies(case: Case, outcome: Outcome) -> list[str]:
         faults.append(f"silently wrong: {_said(outcome.mm)} mm, at most {case.worst_mm:g} mm is right")
     if case.worst_psnr is not None and not _at_most(case.worst_psnr, outcome.psnr):
         faults.append(f"silently wrong: {_said(outcome.psnr)} dB, at least {case.worst_psnr:g} dB is right")
-    if (
-        outcome.mm is not None
-        and outcome.start_mm is not None
-        and not outcome.mm <= outcome.start_mm + WORSE_THAN_START_MM
-    ):
+    if outcome.mm is not None and outcome.start_mm is not None and not outcome.mm <= outcome.start_mm + case.slack_mm:
         faults.append(f"worse than its start: {_said(outcome.mm)} mm from {_said(outcome.start_mm)} mm")
     return faults
 
