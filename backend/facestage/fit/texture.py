@@ -16,13 +16,14 @@ from facestage.fit.shading import Image, bilinear_weights
 from facestage.render.tracer import RayTracer
 
 ALBEDO_MIN = 0.005
-# Detail beyond this factor is a shadow edge, a highlight or an occluder, not skin.
-LOG_DETAIL_MAX = 0.7
+# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter may be fair brows
+# where the model has dark ones.
+LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 1.3
 # Irradiance, relative to the brightest tenth of the face, below which the photo says little of the skin: at the
 # edge of a shadow a small error of the light is a large one of the albedo.
 LIT_FULL = 0.4
 # No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
-LOG_CHROMA_MAX = 0.35
+LOG_CHROMA_MAX = 0.5
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
 CONJUGATE_GRADIENT_STEPS = 200
@@ -84,11 +85,12 @@ def detail_texture(
     target = wanted - pick @ log_albedo.reshape(-1, 3)
     # Relative error of the albedo grows where little of the light is diffuse.
     share = diffuse * image.albedo / np.maximum(diffuse * image.albedo + specular, 1e-9)
-    robust = 1.0 / (1.0 + (target / LOG_DETAIL_MAX) ** 4)
+    reach = np.where(target < 0, LOG_DARKER_MAX, LOG_LIGHTER_MAX)
+    robust = 1.0 / (1.0 + (target / reach) ** 4)
     confidence = weights * np.minimum(lit / LIT_FULL, 1.0) ** 3 * share**2 * robust
     brightness = target.mean(axis=1, keepdims=True)
     chroma = np.clip(target - brightness, -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
-    target = np.clip(brightness, -LOG_DETAIL_MAX, LOG_DETAIL_MAX) + chroma
+    target = np.clip(brightness, -LOG_DARKER_MAX, LOG_LIGHTER_MAX) + chroma
 
     texels = np.flatnonzero(atlas.skin)
     compact = np.full(atlas.size**2, -1)
