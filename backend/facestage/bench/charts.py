@@ -16,6 +16,7 @@ from facestage.report.figure import LIGHT, Canvas
 COLORS = {OURS: LIGHT.series[0], ADAM: LIGHT.series[1], HARMONICS: "#3d7d55"}
 WIDTH, PANEL_HEIGHT, LEFT, RIGHT, TOP, GAP, BOTTOM = 1080, 280, 64, 150, 92, 64, 54
 LABEL_STEP = 15.0  # pixels between labels
+FIRST_STAGES = ("pose", "landmarks")
 CURVES, SETTINGS = "curves", "settings"  # kinds of pictures
 
 
@@ -36,7 +37,7 @@ def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str])
                 continue
             seconds = np.array([row.seconds for row in run])[keep]
             color = COLORS[run[0].family]
-            axes.plot(seconds, values[keep], color=color, lw=2, marker="o", ms=3.5, zorder=3, clip_on=False)
+            axes.plot(seconds, values[keep], color=color, lw=2, marker="o", ms=3.5, zorder=3)
             detail = np.array([row.stage == DETAIL for row in run])[keep]
             if measure.column == "psnr" and detail.any():
                 axes.plot(
@@ -44,6 +45,7 @@ def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str])
                     clip_on=False, zorder=4,
                 )  # fmt: skip
             ends.append((seconds[-1], values[keep][-1], f"{values[keep][-1]:.2f} {name}", color))
+        _leave_out_the_first_guess(axes, measure, [row for row in rows if row.case == case and row.contender in main])
         _log_seconds(axes, [row.seconds for row in rows if row.case == case and row.contender in main])
         _label(axes, ends)
         if number == len(MEASURES) - 1:
@@ -97,12 +99,20 @@ def _axes(canvas: Canvas, top: float, measure: Measure) -> Any:
     return axes
 
 
+def _leave_out_the_first_guess(axes: Any, measure: Measure, rows: Sequence[Row]) -> None:
+    """The mean face is so far off that nothing else could be told apart: the axis begins where shape is fitted."""
+    values = measure.values([row for row in rows if row.stage not in FIRST_STAGES])
+    values = values[np.isfinite(values)]
+    if measure.lower_is_better and values.size:
+        axes.set_ylim(None, values.max() + 0.1 * np.ptp(values) + 1e-3)
+
+
 def _legend(canvas: Canvas, families: Sequence[str]) -> None:
     x = float(LEFT)
     for family in families:
         canvas.text(x, 56, "●", 11, COLORS[family])
         canvas.text(x + 16, 56, FAMILIES[family], 10.5, LIGHT.muted)
-        x += 36 + 7.0 * len(FAMILIES[family])
+        x += 40 + 8.2 * len(FAMILIES[family])
 
 
 def _log_seconds(axes: Any, seconds: Sequence[float]) -> None:

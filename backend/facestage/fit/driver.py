@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +24,11 @@ from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
+from facestage.fit.uncertainty import Certainty, describe, deviations
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
+CHANNEL_NAMES = ("red", "green", "blue")
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their noise would
 # otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
@@ -61,7 +63,7 @@ PHASES = (
 class Schedule:
     """The phases of a run: what trades time for accuracy."""
 
-    phases: tuple[Phase, ...] = PHASES
+    phases: tuple[Phase, ...] = field(default_factory=lambda: PHASES)
 
     def scaled(self, resolution: float = 1.0, samples: float = 1.0) -> Schedule:
         """Every photo phase at ``resolution`` times the pixels along a side and ``samples`` times the light samples."""
@@ -106,6 +108,7 @@ class Fitted:
     condition: float
     seconds: float
     in_time: bool
+    certainty: Certainty
 
 
 class FitRun:
@@ -173,8 +176,34 @@ class FitRun:
         return Fitted(
             state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
-            time.monotonic() <= deadline,
+            time.monotonic() <= deadline, self._certainty(state, last),
         )  # fmt: skip
+
+    def _certainty(self, state: State, last: Iteration | None) -> Certainty:
+        """What the last normal equations say of each parameter that was free."""
+        layout = Layout(state)
+        free = ~layout.mask(self._frozen())
+        if last is None:
+            return Certainty({}, {})
+        return describe(deviations(last.hessian, last.prior_hessian, free), layout, self._names())
+
+    def _names(self) -> dict[str, list[str]]:
+        """Names of the parameters by block, where they have any."""
+        problem, lights = self.problem, self.problem.lights
+        numbers = np.flatnonzero(problem.lit)[lights.fitted].tolist()
+        if lights.uniform:
+            light_names = [f"light {number}" for number in numbers] + [f"color {channel}" for channel in CHANNEL_NAMES]
+        else:
+            light_names = [f"light {number} {channel}" for number in numbers for channel in CHANNEL_NAMES]
+        model = problem.geometry.model
+        return {
+            "identity": list(model.identity_names), "expression": list(model.expression_names), "lights": light_names,
+            "focal": ["focal"], "roughness": ["roughness"],
+        }  # fmt: skip
+
+    def _frozen(self) -> set[str]:
+        """Blocks that the job, or a known camera, holds."""
+        return set(self.problem.job.freeze) | (set() if self.problem.fit_focal else {"focal"})
 
     def _samples_factor(self) -> int:
         """How many times more samples than usual the lights need, by the one that looks widest from the face."""
@@ -224,8 +253,7 @@ class FitRun:
         """The solver's stage for a phase, or None when all it could move is frozen."""
         problem, job = self.problem, self.problem.job
         layout = Layout(state)
-        frozen = set(job.freeze) | (set() if problem.fit_focal else {"focal"})
-        freeze = layout.mask(frozen)
+        freeze = layout.mask(self._frozen())
         if not (layout.mask(phase.blocks) & ~freeze).any():
             return None
         factor = self._factor(phase)

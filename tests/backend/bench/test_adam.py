@@ -1,0 +1,99 @@
+"""The alternative: its chain rule, its optimiser, and that it gets better."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_adam
+from facestage.bench.settings import Rates
+from facestage.bench.trace import Judge
+from facestage.fit.driver import FitRun, Phase, Schedule
+from facestage.fit.parameters import BLOCKS, Layout
+from facestage.fit.problem import Problem
+from facestage.fit.shading import ForwardModel
+from facestage.fit.truth import Truth
+from facestage.render.gradient_scene import SceneValues
+from reference.synthetic_scene import Scene
+from reference.tiny_bench import TINY
+
+
+def test_first_steps_of_adam():
+    adam = Adam(np.array([0.1, 0.2, 0.0]))
+    # Bias correction makes the first step the learning rate against the gradient's sign.
+    np.testing.assert_allclose(adam.step(np.array([3.0, -5.0, 1.0])), [-0.1, 0.2, 0.0])
+    # m = 0.9 * 0.1 * 3 + 0.1 * 0 over 1 - 0.81, v = 0.999 * 0.001 * 9 over 1 - 0.998001.
+    expected = -0.5 * 0.1 * (0.27 / 0.19) / np.sqrt(0.008991 / 0.001999)
+    assert adam.step(np.array([0.0, 0.0, 0.0]), share=0.5)[0] == pytest.approx(expected)
+
+
+def test_chain_rule_agrees_with_finite_differences(scene: Scene):
+    state, layout = scene.state, Layout(scene.state)
+    mapping = SceneMap(scene.forward, layout, len(state.specular))
+    values = mapping.values(state)
+    random = np.random.default_rng(1)
+    cost = SceneValues(*(random.normal(size=np.shape(value)) for value in vars(values).values()))  # type: ignore[arg-type]
+
+    def total(step: np.ndarray) -> float:
+        moved = mapping.values(layout.apply(state, step))
+        return sum(float((getattr(cost, name) * getattr(moved, name)).sum()) for name in vars(values))
+
+    found = mapping.gradient(state, values, cost)
+    worst = 0.0
+    for name in set(BLOCKS) - {"focal"}:
+        direction = np.zeros(layout.size)
+        direction[layout.slices[name]] = random.normal(size=layout.slices[name].stop - layout.slices[name].start)
+        expected = (total(1e-3 * direction) - total(-1e-3 * direction)) / 2e-3
+        worst = max(worst, abs(found @ direction - expected) / (abs(expected) + 1e-3))
+    print(f"chain rule off by {worst:.1e} (allowed 1e-2)")
+    assert worst < 1e-2
+
+
+@pytest.fixture(scope="module")
+def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> tuple[AdamRun, object]:
+    from dataclasses import replace
+
+    problem = opened[0]
+    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path_factory.mktemp("start"))
+    run.phases = Schedule().until("light and albedo").phases
+    fitted = run.run(float("inf"))
+    stage = run.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
+    assert stage is not None
+    state = run.with_initial_lights(stage, fitted.state)
+    state = replace(state, camera=state.camera.scaled(problem.scale(40.0)))
+    return AdamRun(stage.energy, state, samples=16), state
+
+
+def test_gradients_are_finite_and_every_block_has_one(start):
+    adam, state = start
+    energy, gradient = adam.loss(state, seed=0)
+    assert np.isfinite(energy) and np.isfinite(gradient).all()
+    for name in set(BLOCKS) - {"focal"}:
+        assert np.abs(gradient[adam.energy.layout.slices[name]]).max() > 0, name
+
+
+def test_adam_lowers_the_energy(start):
+    adam, state = start
+    layout = adam.energy.layout
+    descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.light_scale))
+    before = adam.loss(state, seed=1000)[0]
+    for number in range(20):
+        state = layout.apply(state, descent.step(adam.loss(state, seed=2 * number)[1]))
+    after = adam.loss(state, seed=1000)[0]
+    print(f"energy {before:.2f} -> {after:.2f} in 20 steps")
+    assert after < before
+
+
+def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge], tmp_path: Path):
+    problem, truth, judge = opened
+    track = run_adam(problem, truth, TINY[1], detail=False)
+    seconds = [item.seconds for item in track.snapshots]
+    assert seconds == sorted(seconds)
+    assert {item.stage for item in track.snapshots} >= {"pose", "landmarks"}
+    rows = judge.rows("tiny", "adam", "Adam", track)
+    assert rows[0].psnr is None and rows[-1].psnr is not None and np.isfinite(rows[-1].psnr)
+    bounds = Layout(track.snapshots[-1].state).bounds(expression_box=True)
+    values = Layout(track.snapshots[-1].state).values(track.snapshots[-1].state)
+    assert (values >= bounds[0]).all() and (values <= bounds[1]).all()
