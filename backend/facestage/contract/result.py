@@ -43,6 +43,8 @@ class Result:
     errors: dict[str, float] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
     left_out: list[dict[str, Any]] = field(default_factory=list)
+    # Block -> names of the parameters that rest on their prior alone: photo and landmarks say nothing of them.
+    unobserved: dict[str, list[str]] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -69,7 +71,7 @@ class Result:
                 )
             ],
             "energy": self.energy, "errors": self.errors, "timings": self.timings,
-            "left_out": self.left_out, "versions": self.versions,
+            "left_out": self.left_out, "unobserved": self.unobserved, "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
@@ -103,7 +105,8 @@ class Result:
                 vertices=arrays["vertices"], triangles=arrays["triangles"],
                 identity_names=tuple(data["identity"]), expression_names=tuple(data["expression"]),
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],
-                left_out=data["left_out"], versions=data["versions"], seed=data["seed"],
+                left_out=data["left_out"], unobserved=data.get("unobserved", {}),
+                versions=data["versions"], seed=data["seed"],
                 arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
                 folder=folder,
             )  # fmt: skip

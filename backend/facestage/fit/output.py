@@ -154,8 +154,11 @@ def write_result(
         vertices=vertices.astype(np.float32), triangles=model.triangles,
         identity_names=model.identity_names, expression_names=model.expression_names,
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
-        left_out=left_out(problem, fitted), versions=_versions(), seed=problem.job.seed,
-        arrays={"condition": np.array(fitted.condition)}, folder=folder,
+        left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
+        versions=_versions(), seed=problem.job.seed,
+        arrays={"condition": np.array(fitted.condition)}
+        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()},
+        folder=folder,
     )  # fmt: skip
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)

@@ -31,6 +31,8 @@ class Iteration:
     condition: float
     damping: Damping
     finished: bool
+    hessian: np.ndarray  # (size, size) of the undamped system that the step was taken from
+    prior_hessian: np.ndarray  # (size, size) the priors' part of it
 
 
 @dataclass
@@ -78,8 +80,9 @@ class Stage:
             state, evaluation = candidate, trial
             finished = number == self.steps or decrease < self.tolerance * max(system.total, 1e-12)
             yield Iteration(
-                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping, finished
-            )
+                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping, finished,
+                system.hessian, system.prior_hessian,
+            )  # fmt: skip
             if finished or clock() > deadline:
                 return
 
@@ -96,7 +99,8 @@ class _System:
         self.energy, self.state, self.evaluation = energy, state, evaluation
         lights = energy.light_parameters
         prior = energy.priors.quadratic(state, lights)
-        self.hessian, self.gradient = prior.hessian, prior.gradient
+        self.prior_hessian = prior.hessian
+        self.hessian, self.gradient = prior.hessian.copy(), prior.gradient
         self.terms = dict(prior.energy)
         self._prior_total = sum(prior.energy.values())
         residual = energy.landmarks.residuals(state)

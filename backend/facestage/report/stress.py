@@ -111,7 +111,7 @@ def build_stress_page(rows: Sequence[StressRow]) -> str:
     failed = sum(not row.passed for row in rows)
     tiles = [("Cases", str(len(rows)))]
     tiles += [(word, str(sum(row.kind == kind for row in rows))) for kind, word in WORDS.items()]
-    tiles += [("At fault", str(failed)), ("Seconds", f"{sum(row.seconds for row in rows):.0f}")]
+    tiles.append(("At fault", str(failed)))
     tile_html = "".join(f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>" for label, value in tiles)
     head = "".join(
         f"<th{cell}>{text}</th>"

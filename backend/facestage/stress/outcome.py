@@ -140,4 +140,8 @@ def _arrays(result: Result) -> dict[str, np.ndarray]:
     }
     named |= {"lights": result.stage.radiance, "light positions": result.stage.position}
     named |= {"roughness": np.array(result.roughness), "focal": np.array(result.camera.focal_px)}
-    return named | {f"extra/{name}": value for name, value in result.arrays.items()}
+    # A standard deviation may be infinite, where nothing is known.
+    return named | {
+        name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation/") else value
+        for name, value in result.arrays.items()
+    }

@@ -1,0 +1,96 @@
+"""How well the answer is known: standard deviations from the last normal equations, and what nothing observed.
+
+The inverse of the Gauss-Newton Hessian, priors included, is the covariance of the answer (Laplace's approximation);
+the inverse of the priors' part alone is what was known before. A parameter whose two standard deviations agree
+has learned nothing from photo and landmarks: a hidden expression, a light behind the head, a null direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from facestage.fit.parameters import Layout
+
+# A parameter that keeps this share of its prior standard deviation counts as unobserved.
+UNOBSERVED_SHARE = 0.95
+# Relative to a unit diagonal: keeps null directions of the system invertible, their deviation large.
+RIDGE = 1e-12
+NAMED_MAX = 200
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Standard deviations (size,) of every parameter after and before the data; NaN where not fitted.
+
+    ``before`` is infinite where no prior exists.
+    """
+
+    after: np.ndarray
+    before: np.ndarray
+
+    @property
+    def unobserved(self) -> np.ndarray:
+        """(size,) bool: fitted, but what it is rests on its prior alone."""
+        with np.errstate(invalid="ignore"):
+            return (self.after >= UNOBSERVED_SHARE * self.before) & np.isfinite(self.before)
+
+
+def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
+    """From the Hessian of all terms and that of the priors alone (size, size), for the ``active`` (size,) entries."""
+    return Deviations(_marginal(hessian, active, np.nan), _marginal(prior, active, np.nan))
+
+
+def _marginal(hessian: np.ndarray, active: np.ndarray, unknown: float) -> np.ndarray:
+    """(size,) square roots of the diagonal of the inverse over ``active``; infinite where the diagonal is 0."""
+    result = np.full(len(hessian), unknown)
+    diagonal = np.diag(hessian)
+    result[active] = np.inf
+    index = np.flatnonzero(active & (diagonal > 0))
+    if len(index):
+        scale = 1.0 / np.sqrt(diagonal[index])
+        matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
+        matrix[np.diag_indices_from(matrix)] += RIDGE
+        inverse = cho_solve(_factor(matrix), np.eye(len(index)), check_finite=False)
+        result[index] = scale * np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    return result
+
+
+def _factor(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Cholesky factor; the diagonal grows until rounding allows one."""
+    extra = RIDGE
+    while True:
+        try:
+            return cho_factor(matrix, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            extra *= 10
+            matrix = matrix + extra * np.eye(len(matrix))
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What a result says of its parameters, by block."""
+
+    deviations: dict[str, np.ndarray]  # standard deviation of each entry; 0 where frozen, infinite where unknown
+    unobserved: dict[str, list[str]]  # names of the entries that neither photo nor landmarks say anything of
+
+
+def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
+    """By block: standard deviations, and the unobserved entries' names; without a name, an entry is its number.
+
+    Of a block as large as the specular map, whose entries nobody names, the count is given.
+    """
+    after, unobserved = {}, {}
+    for block, where in layout.slices.items():
+        after[block] = np.nan_to_num(found.after[where], nan=0.0, posinf=np.inf)
+        entries = np.flatnonzero(found.unobserved[where]).tolist()
+        count = where.stop - where.start
+        if entries and count > NAMED_MAX and block not in names:
+            unobserved[block] = [f"{len(entries)} of {count}"]
+        elif entries:
+            known = names.get(block, ())
+            unobserved[block] = [known[i] if i < len(known) else str(i) for i in entries]
+    return Certainty(after, unobserved)
