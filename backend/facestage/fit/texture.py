@@ -108,8 +108,8 @@ def detail_texture(
     seen = np.zeros(atlas.size**2, bool)
     seen[texels] = np.asarray(pick.T @ confidence.mean(1)).ravel() > COVERED_CONFIDENCE / density
     # Between the pixels of a coarse photo lie texels that none of them touches; they are seen all the same.
-    reach = 2 * int(np.ceil(np.sqrt(density))) + 1
-    covered = binary_closing(seen.reshape(atlas.size, atlas.size), np.ones((reach, reach)))
+    gap = 2 * int(np.ceil(np.sqrt(density))) + 1
+    covered = binary_closing(seen.reshape(atlas.size, atlas.size), np.ones((gap, gap)))
     return result.reshape(atlas.size, atlas.size, 3), covered & atlas.skin
 
 
