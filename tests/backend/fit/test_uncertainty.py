@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from facestage.contract.camera import Camera
+from facestage.contract.face_model import FaceModel
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.result import Result
 from facestage.fit.parameters import Layout
+from facestage.fit.run import fit_job
 from facestage.fit.uncertainty import NAMED_MAX, describe, deviations
+from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
 
@@ -57,3 +68,22 @@ def test_unobserved_entries_are_named_by_block(scene: Scene) -> None:
     )
     assert (certainty.deviations["pose"] == 0).all(), "frozen"
     np.testing.assert_allclose(certainty.deviations["identity"], [0.1, 1.0, 0.1, 0.1], rtol=1e-5)
+
+
+@pytest.mark.usefixtures("renderer", "small_maps")
+def test_a_fit_names_the_mode_that_moves_nothing(case: Case, tmp_path: Path) -> None:
+    model = FaceModel.load(case.model)
+    basis = model.expression_basis.copy()
+    basis[1] = 0.0
+    replace(model, expression_basis=basis).save(tmp_path / "model.npz")
+    job = Job(
+        image=case.photo, landmarks=Landmarks.read(case.landmarks), camera=Camera.read(case.camera),
+        model=f"npz:{tmp_path / 'model.npz'}", stage=fibonacci_stage(6), freeze=("identity",), device="cpu",
+    )  # fmt: skip
+    fit_job(job, tmp_path / "result")
+    result = Result.load(tmp_path / "result")
+    assert result.unobserved["expression"] == [model.expression_names[1]]
+    assert "identity" not in result.unobserved and "pose" not in result.unobserved
+    assert (result.arrays["deviation/identity"] == 0).all(), "frozen"
+    deviation = result.arrays["deviation/expression"]
+    assert deviation.argmax() == 1 and (deviation > 0).all()
