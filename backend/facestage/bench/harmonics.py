@@ -9,9 +9,7 @@ from __future__ import annotations
 import tempfile
 import time
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +20,7 @@ from facestage.contract import brdf
 from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.driver import SHAPE, SKIN, FitRun, Schedule
 from facestage.fit.energy import Evaluation, PhotoTerm
-from facestage.fit.parameters import CHANNELS, LightParameters, State
+from facestage.fit.parameters import CHANNELS, State
 from facestage.fit.problem import Problem
 from facestage.fit.schedule import Stage
 from facestage.fit.shading import ForwardModel, Surface
@@ -68,23 +66,9 @@ class HarmonicForward(ForwardModel):
         )  # fmt: skip
 
 
-class HarmonicProblem(Problem):
-    """The problem with nine harmonics for lights."""
-
-    @cached_property
-    def lights(self) -> LightParameters:
-        """One parameter per harmonic and channel."""
-        return LightParameters(np.ones(COEFFICIENTS, bool), np.zeros((COEFFICIENTS, CHANNELS)), uniform=False)
-
-    @cached_property
-    def lit_stage(self) -> LightStage:
-        """Nine lights that stand for the harmonics; their places mean nothing."""
-        return fibonacci_stage(COEFFICIENTS)
-
-
 def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
     """The default schedule, without its specular phase and parameters, over the harmonic image."""
-    problem = HarmonicProblem(**_fields(problem))
+    problem = harmonic_problem(problem)
     forward = HarmonicForward(problem.geometry, problem.lights)
     schedule = Schedule().scaled(settings.resolution, settings.samples)
     snapshots: list[Snapshot] = []
@@ -113,9 +97,11 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
     return Track(snapshots, forward, problem.lit_stage)
 
 
-def _fields(problem: Problem) -> dict[str, Any]:
-    """The problem's fields, without what it has cached."""
-    return {name: getattr(problem, name) for name in problem.__dataclass_fields__}
+def harmonic_problem(problem: Problem) -> Problem:
+    """The problem with nine lights that stand for the harmonics; their places mean nothing."""
+    freeze = tuple(name for name in problem.job.freeze if name != "lights")
+    stage = fibonacci_stage(COEFFICIENTS)
+    return replace(problem, job=replace(problem.job, stage=stage, light_color="multi", freeze=freeze), stage=stage)
 
 
 def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: float) -> State:
