@@ -27,14 +27,14 @@ class SolverSettings:
 class Rates:
     """Adam's learning rates: a parameter's change per iteration at the start."""
 
-    turn: float = 0.003  # radians
-    shift: float = 0.0005  # m
-    identity: float = 0.03  # standard deviations
-    expression: float = 0.01
-    lights: float = 0.02  # of the mean radiance
-    albedo: float = 0.03  # standard deviations
-    roughness: float = 0.005
-    specular: float = 0.02
+    turn: float = 0.006  # radians
+    shift: float = 0.001  # m
+    identity: float = 0.1  # standard deviations
+    expression: float = 0.03
+    lights: float = 0.04  # of the mean radiance
+    albedo: float = 0.08  # standard deviations
+    roughness: float = 0.01
+    specular: float = 0.04
 
 
 @dataclass(frozen=True)
