@@ -14,8 +14,8 @@ from facestage.bench.trace import DETAIL, Row
 from facestage.report.figure import LIGHT, Canvas
 
 COLORS = {OURS: LIGHT.series[0], ADAM: LIGHT.series[1], HARMONICS: "#3d7d55"}
-WIDTH, PANEL_HEIGHT, LEFT, RIGHT, TOP, GAP, BOTTOM = 1080, 280, 64, 150, 92, 64, 54
-LABEL_STEP = 15.0  # pixels between labels
+WIDTH, PANEL_HEIGHT, LEFT, RIGHT, TOP, GAP, BOTTOM = 1080, 320, 64, 230, 92, 72, 54
+LABEL_STEP, LABEL_WIDTH = 15.0, 210.0  # pixels between labels, and of the widest
 FIRST_STAGES = ("pose", "landmarks")
 CURVES, SETTINGS = "curves", "settings"  # kinds of pictures
 
@@ -46,7 +46,14 @@ def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str])
                 )  # fmt: skip
             ends.append((seconds[-1], values[keep][-1], f"{values[keep][-1]:.2f} {name}", color))
         _leave_out_the_first_guess(axes, measure, [row for row in rows if row.case == case and row.contender in main])
-        _log_seconds(axes, [row.seconds for row in rows if row.case == case and row.contender in main])
+        _log_seconds(
+            axes,
+            [
+                row.seconds
+                for row in rows
+                if row.case == case and row.contender in main and row.stage != FIRST_STAGES[0]
+            ],
+        )
         _label(axes, ends)
         if number == len(MEASURES) - 1:
             axes.set_xlabel(
@@ -137,13 +144,14 @@ def _label(axes: Any, ends: Sequence[tuple[float, float, str, str]], beside: boo
         while moved:
             moved = False
             for other_across, other in placed:
-                near = not beside or abs(other_across - across) < 150
+                near = not beside or abs(other_across - across) < LABEL_WIDTH
                 if near and abs(other - wanted) < LABEL_STEP:
                     wanted, moved = other + LABEL_STEP, True
         placed.append((across, wanted))
         axes.annotate(
-            text, (x, y), xytext=(8, 0.72 * (wanted - height)), textcoords="offset points", color=color,
+            text, (x, y), xytext=(10, 0.72 * (wanted - height)), textcoords="offset points", color=color,
             fontsize=9.5, va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6} if wanted > height + 1 else None,
         )  # fmt: skip
 
 
