@@ -31,7 +31,6 @@ class Case:
     worst_psnr: float | None = None  # dB on the photo's face pixels
     right: str = FIT
     seconds: float = DEFAULT_SECONDS  # after this the case counts as hung
-    slack_mm: float = SLACK_MM  # beyond its own start; more only where the photo itself lies about the face
 
 
 class Suite:
@@ -42,14 +41,14 @@ class Suite:
 
     def add(
         self, name: str, about: str, worst_mm: float | None = None, worst_psnr: float | None = None,
-        right: str = FIT, seconds: float = DEFAULT_SECONDS, slack_mm: float = SLACK_MM,
+        right: str = FIT, seconds: float = DEFAULT_SECONDS,
     ) -> Callable[[Build], Build]:  # fmt: skip
         """Decorator: the function that builds the job of case ``name``."""
 
         def register(build: Build) -> Build:
             if name in self.cases:
                 raise ValueError(f"two stress cases are named '{name}'")
-            self.cases[name] = Case(name, about, build, worst_mm, worst_psnr, right, seconds, slack_mm)
+            self.cases[name] = Case(name, about, build, worst_mm, worst_psnr, right, seconds)
             return build
 
         return register

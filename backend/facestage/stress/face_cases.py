@@ -222,7 +222,7 @@ def everything_frozen(folder: Path) -> Job:
     return replace(write_job(folder, scene, render(scene)), freeze=PARAMETERS, initial=initial)
 
 
-@suite.add("no-priors", "no statistical prior and no light term: every weak direction is open", worst_mm=4.0)
+@suite.add("no-priors", "no statistical prior and no light term: every weak direction is open", worst_mm=2.5)
 def no_priors(folder: Path) -> Job:
     """Damping and bounds alone hold what the photo does not say."""
     scene = plain_scene()

@@ -13,7 +13,7 @@ import numpy as np
 from facestage.contract.result import CONVERGED, PICTURES, Result
 from facestage.contract.storage import read_json, write_json
 from facestage.image_io import read_photograph
-from facestage.stress.case import DOUBT, FIT, REFUSAL, Case
+from facestage.stress.case import DOUBT, FIT, REFUSAL, SLACK_MM, Case
 
 ADVISED, REFUSED, CRASHED, HUNG = "advised", "refused", "crashed", "hung"
 # How an advice begins when there is nothing to warn of.
@@ -88,7 +88,7 @@ def _lies(case: Case, outcome: Outcome) -> list[str]:
         faults.append(f"silently wrong: {_said(outcome.mm)} mm, at most {case.worst_mm:g} mm is right")
     if case.worst_psnr is not None and not _at_most(case.worst_psnr, outcome.psnr):
         faults.append(f"silently wrong: {_said(outcome.psnr)} dB, at least {case.worst_psnr:g} dB is right")
-    if outcome.mm is not None and outcome.start_mm is not None and not outcome.mm <= outcome.start_mm + case.slack_mm:
+    if outcome.mm is not None and outcome.start_mm is not None and not outcome.mm <= outcome.start_mm + SLACK_MM:
         faults.append(f"worse than its start: {_said(outcome.mm)} mm from {_said(outcome.start_mm)} mm")
     return faults
 

@@ -46,12 +46,6 @@ def test_each_fault_is_named(change: dict[str, object], words: str) -> None:
     assert len(verdict.faults) == 1 and words in verdict.faults[0]
 
 
-def test_a_case_may_allow_for_a_photo_that_lies() -> None:
-    worse = replace(GOOD, mm=0.9, start_mm=0.5)
-    assert not judge(CASE, worse).passed
-    assert judge(replace(CASE, slack_mm=0.5), worse).passed
-
-
 def test_advice_may_miss_the_bounds_but_not_be_nan() -> None:
     advised = replace(GOOD, kind=ADVISED, mm=9.0, psnr=3.0)
     assert judge(CASE, advised).passed
