@@ -75,10 +75,10 @@ def seconds_to_reach(rows: Sequence[Row], measure: Measure, threshold: float) ->
 def reach_table(rows: Sequence[Row], main: Sequence[str]) -> list[Reach]:
     """For each case and measure, the thresholds that someone reaches and the common start does not.
 
-    The start is the last row without lights: the landmark stage, which is the same for everyone. The albedo detail
-    does not count: whoever stops can add it, in the same closed form at the same cost. ``main`` names
-    the contenders of our own fit and of the harmonics that count; of the alternative, each threshold takes
-    whichever of its variants was fastest.
+    The start is the last row without lights: the landmark stage, which is the same for everyone; in dB, the
+    worst of the first renders. The albedo detail does not count: whoever stops can add it, in the same closed
+    form at the same cost. ``main`` names the contenders of our own fit and of the harmonics that count; of the
+    alternative, each threshold takes whichever of its variants was fastest.
     """
     result = []
     for case in dict.fromkeys(row.case for row in rows):
@@ -92,9 +92,12 @@ def reach_table(rows: Sequence[Row], main: Sequence[str]) -> list[Reach]:
         for (family, _), run in runs.items():
             ran[family] = max(ran.get(family, 0.0), run[-1].seconds)
         start = [row.similarity_mm for row in next(iter(runs.values())) if row.psnr is None]
+        first_lit = [next((row.psnr for row in run if row.psnr is not None), -np.inf) for run in runs.values()]
         for measure in MEASURES:
             for threshold in measure.thresholds:
                 if measure is SIMILARITY and start and threshold >= start[-1]:
+                    continue
+                if measure is PSNR and threshold <= min(first_lit):
                     continue
                 seconds: dict[str, float | None] = {family: None for family in (OURS, ADAM, HARMONICS) if family in ran}
                 for (family, _), run in runs.items():
