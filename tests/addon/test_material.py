@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR
+from facestage.contract.face_model import OTHER
 from facestage.contract.light_stage import ON, LightStage
 
 RADIUS, DISTANCE, SIDE, PIXELS = 0.05, 0.8, 0.02, 48
@@ -133,6 +134,14 @@ def test_the_node_group_is_shared(scene) -> None:
 
     from facestage_blender.material import part_materials, skin_group
 
-    materials = part_materials(np.arange(5))
+    materials = part_materials(np.arange(OTHER))
     assert len({material.node_tree.nodes[skin_group().name].node_tree for material in materials}) == 1
     assert len(bpy.data.node_groups) == 1
+
+
+def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
+    from facestage_blender.material import part_materials
+
+    (material,) = part_materials(np.array([OTHER]))
+    output = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    assert output.inputs["Surface"].links[0].from_node.bl_idname == "ShaderNodeBsdfTransparent"
