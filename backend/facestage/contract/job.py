@@ -13,7 +13,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import LightStage
+from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.storage import atomic_folder, read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
@@ -21,7 +21,6 @@ PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9
-_LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class Job:
         if self.camera_to_stage is not None:
             arrays["camera_to_stage"] = np.asarray(self.camera_to_stage, np.float64)
         if self.stage is not None:
-            arrays |= {f"stage/{name}": getattr(self.stage, name) for name in _LIGHT_ARRAYS}
+            arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
         write_json(folder / "job.json", data)
         write_arrays(folder / "job.npz", arrays)
 
@@ -116,10 +115,10 @@ class Job:
         arrays = read_arrays(folder / "job.npz", "job's arrays")
         stage = None
         if "stage/position" in arrays:
-            missing = [name for name in _LIGHT_ARRAYS if f"stage/{name}" not in arrays]
+            missing = [name for name in LIGHT_ARRAYS if f"stage/{name}" not in arrays]
             if missing:
                 raise InputError(f"The job '{folder}' lacks the stage's {', '.join(missing)}; export it again.")
-            stage = LightStage(**{name: arrays[f"stage/{name}"] for name in _LIGHT_ARRAYS})
+            stage = LightStage(**{name: arrays[f"stage/{name}"] for name in LIGHT_ARRAYS})
         try:
             return cls(
                 image=folder / str(data["image"]),

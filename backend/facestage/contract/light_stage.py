@@ -8,6 +8,8 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 
+# The arrays of a stage, by the names they have in files.
+LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")
 ON, FROZEN, OFF = 0, 1, 2  # fitted | kept at its radiance | radiance exactly 0
 DEFAULT_COUNT = 20
 DEFAULT_RADIUS = 1.0  # metres

@@ -10,13 +10,12 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import LightStage
+from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
-_LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class Result:
             "specular": self.specular, "roughness": np.array(self.roughness),
             "model_to_camera": self.model_to_camera, "camera_to_stage": self.camera_to_stage,
         }  # fmt: skip
-        arrays |= {f"stage/{name}": getattr(self.stage, name) for name in _LIGHT_ARRAYS}
+        arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
         arrays |= {f"extra/{name}": value for name, value in self.arrays.items()}
         write_arrays(folder / "result.npz", arrays)
 
@@ -101,7 +100,7 @@ class Result:
                 camera_to_stage=arrays["camera_to_stage"], model_to_camera=arrays["model_to_camera"],
                 identity=arrays["identity"], expression=arrays["expression"], albedo=arrays["albedo"],
                 specular=arrays["specular"], roughness=float(arrays["roughness"]),
-                stage=LightStage(**{name: arrays[f"stage/{name}"] for name in _LIGHT_ARRAYS}),
+                stage=LightStage(**{name: arrays[f"stage/{name}"] for name in LIGHT_ARRAYS}),
                 vertices=arrays["vertices"], triangles=arrays["triangles"],
                 identity_names=tuple(data["identity"]), expression_names=tuple(data["expression"]),
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],

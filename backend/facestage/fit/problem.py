@@ -14,7 +14,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import FROZEN, OFF, ON, LightStage, fibonacci_stage
+from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
 from facestage.contract.storage import finite
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
@@ -113,7 +113,7 @@ class Problem:
         digest.update(self.photograph.color.tobytes())
         digest.update(self.geometry.mean.tobytes())
         digest.update(self.geometry.basis.sum(axis=0, dtype=np.float64).tobytes())
-        for name in ("position", "direction", "axis_x", "side", "radiance", "state"):
+        for name in LIGHT_ARRAYS:
             digest.update(np.ascontiguousarray(getattr(self.stage, name)).tobytes())
         if self.job.camera_to_stage is not None:
             digest.update(np.ascontiguousarray(self.job.camera_to_stage).tobytes())
@@ -185,8 +185,7 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
 
 def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     """The lights of ``stage`` where ``keep`` (N,) is true."""
-    names = ("position", "direction", "axis_x", "side", "radiance", "state")
-    return LightStage(**{name: getattr(stage, name)[keep] for name in names})
+    return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
 
 
 def read_problem(job: Job) -> Problem:
