@@ -23,6 +23,7 @@ PARAMETER_HELP = {
     "specular": "Keep the specular map of a plain dielectric",
     "roughness": "Keep the material's roughness",
     "lights": "Keep every light at its present color and power",
+    "light_position": "Where strong lights stand on the hemisphere",
     "focal": "Keep the focal length",
 }
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
@@ -117,7 +118,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Keep as is",
         description="What the fit must not change",
         items=[
-            (name, name.capitalize(), PARAMETER_HELP[name], "NONE", 1 << bit) for bit, name in enumerate(PARAMETERS)
+            (name, name.replace("_", " ").capitalize(), PARAMETER_HELP[name], "NONE", 1 << bit)
+            for bit, name in enumerate(PARAMETERS)
         ],
         options={"ENUM_FLAG"},
     )

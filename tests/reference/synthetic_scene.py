@@ -102,7 +102,8 @@ def synthetic_scene(uniform: bool = False, side: int = SIDE, specular_size: int 
         rotation=Rotation.from_rotvec([0.1, 0.25, -0.05]).as_matrix(), translation=translation,
         camera=Camera(side, side, 2.1 * side, (0.51 * side, 0.48 * side)),
         identity=np.array([0.8, -0.6, 0.7, 0.5]), expression=np.array([0.35, 0.25, 0.4]),
-        lights=lights.from_radiance(radiance), albedo=np.array([0.3, -0.5, 0.4, 0.6, -0.3]), roughness=0.45,
+        lights=lights.from_radiance(radiance), light_position=np.zeros((len(radiance), 2)),
+        albedo=np.array([0.3, -0.5, 0.4, 0.6, -0.3]), roughness=0.45,
         specular=0.8 + 0.15 * random.uniform(-1, 1, (specular_size, specular_size)),
     )  # fmt: skip
     stage = fibonacci_stage(len(radiance), radius=0.8).transformed(matrix).with_radiance(radiance)

@@ -17,7 +17,7 @@ from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.storage import atomic_folder, read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
-PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness", "lights", "focal")
+PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness", "lights", "light_position", "focal")
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9

@@ -28,6 +28,7 @@ class Checkpoint:
     light_scale: float
     seconds: float
     camera_to_stage: np.ndarray  # (4, 4)
+    strong: np.ndarray  # (N,) bool, the lights whose position is fitted
     state: State
     trace: list[dict[str, Any]]
 
@@ -39,7 +40,11 @@ class Checkpoint:
             "roughness": self.state.roughness, "trace": self.trace,
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
-        arrays |= {"camera_to_stage": self.camera_to_stage, "meta": np.array(json.dumps(finite(meta)))}
+        arrays |= {
+            "camera_to_stage": self.camera_to_stage,
+            "strong": self.strong,
+            "meta": np.array(json.dumps(finite(meta))),
+        }
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -56,7 +61,7 @@ class Checkpoint:
             )  # fmt: skip
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
-                meta["seconds"], arrays["camera_to_stage"], state, meta["trace"],
+                meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(
@@ -64,4 +69,4 @@ class Checkpoint:
             ) from error
 
 
-_STATE_ARRAYS = ("rotation", "translation", "identity", "expression", "lights", "albedo", "specular")
+_STATE_ARRAYS = ("rotation", "translation", "identity", "expression", "lights", "light_position", "albedo", "specular")

@@ -16,15 +16,17 @@ from facestage.fit.checkpoint import Checkpoint
 from facestage.fit.energy import Energy, Evaluation, PhotoTerm
 from facestage.fit.initialize import initial_lights, initial_pose
 from facestage.fit.landmark_term import LandmarkTerm
+from facestage.fit.light_position import AXES, strong_lights, turned
 from facestage.fit.metrics import psnr
 from facestage.fit.parameters import Layout, State
 from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
 from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
+from facestage.fit.shading_doubt import shading_doubt
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
-from facestage.fit.uncertainty import Certainty, describe, deviations
+from facestage.fit.uncertainty import Certainty, covariance, describe, deviations
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
@@ -48,14 +50,15 @@ class Phase:
 
 SHAPE = ("pose", "focal", "identity", "expression")
 SKIN = ("lights", "albedo")
+LAMPS = ("light_position",)
 GLOSS = ("specular", "roughness")
 PHASES = (
     Phase("pose", ("pose", "focal"), None, 20, share=0.01),
     Phase("landmarks", SHAPE, None, 30, share=0.04),
     Phase("light and albedo", SKIN, COARSE_FACE_PX, 4, share=0.10),
-    Phase("geometry", SHAPE + SKIN, COARSE_FACE_PX, 8, share=0.25),
+    Phase("geometry", SHAPE + SKIN + LAMPS, COARSE_FACE_PX, 8, share=0.25),
     Phase("specular", SKIN + GLOSS, COARSE_FACE_PX, 3, share=0.10),
-    Phase("joint", SHAPE + SKIN + GLOSS, FINE_FACE_PX, 8, samples=4, share=0.40),
+    Phase("joint", SHAPE + SKIN + LAMPS + GLOSS, FINE_FACE_PX, 8, samples=4, share=0.40),
 )
 
 
@@ -109,6 +112,7 @@ class Fitted:
     seconds: float
     in_time: bool
     certainty: Certainty
+    shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
 
 
 class FitRun:
@@ -129,6 +133,7 @@ class FitRun:
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
         self.camera_to_stage = problem.job.camera_to_stage
+        self.strong = np.zeros(len(problem.lit_stage), bool)
         self.samples_factor = self._samples_factor()
 
     def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
@@ -144,6 +149,7 @@ class FitRun:
             state, first_phase, first_step = checkpoint.state, checkpoint.phase, checkpoint.step + 1
             damping = Damping(*checkpoint.damping)
             self.trace, self.light_scale = list(checkpoint.trace), checkpoint.light_scale
+            self.strong = checkpoint.strong
             started -= checkpoint.seconds
             if np.isfinite(checkpoint.camera_to_stage).all():
                 self.camera_to_stage = checkpoint.camera_to_stage
@@ -152,7 +158,10 @@ class FitRun:
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
                 break
-            stage = self.solver_stage(phase, state, resumed=number == first_phase and first_step > 1)
+            if first_step == 1 and state.lights.any():
+                lights = self.problem.lights
+                self.strong = strong_lights(self.problem.lit_stage, lights.radiance(state.lights), lights.fitted)
+            stage = self.solver_stage(phase, state)
             if stage is None:
                 continue
             if phase.face_px is not None and first_step == 1:
@@ -172,20 +181,28 @@ class FitRun:
                 self.listen(self._progress(number, item, stage, state, seconds))
             first_step = 1
         seconds = time.monotonic() - started
-        stage_camera = self._stage_in_camera(state)
         return Fitted(
-            state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
+            state, self._anchor(state),
+            self._stage_in_camera(state, as_fitted=True),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last),
+            self._shading_doubt(last),
         )  # fmt: skip
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
         """What the last normal equations say of each parameter that was free."""
         layout = Layout(state)
-        free = ~layout.mask(self._frozen())
+        free = ~self._held(layout)
         if last is None:
             return Certainty({}, {})
         return describe(deviations(last.hessian, last.prior_hessian, free), layout, self._names())
+
+    def _shading_doubt(self, last: Iteration | None) -> np.ndarray | None:
+        if last is None or last.evaluation is None:
+            return None
+        layout = Layout(last.state)
+        known = covariance(last.hessian, ~self._held(layout))
+        return shading_doubt(self.forward, last.evaluation, layout, known)
 
     def _names(self) -> dict[str, list[str]]:
         """Names of the parameters by block, where they have any."""
@@ -204,6 +221,12 @@ class FitRun:
     def _frozen(self) -> set[str]:
         """Blocks that the job, or a known camera, holds."""
         return set(self.problem.job.freeze) | (set() if self.problem.fit_focal else {"focal"})
+
+    def _held(self, layout: Layout) -> np.ndarray:
+        """(size,) bool: parameters that the job, or a known camera, holds, and the places of weak lights."""
+        held = layout.mask(self._frozen())
+        held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
+        return held
 
     def _samples_factor(self) -> int:
         """How many times more samples than usual the lights need, by the one that looks widest from the face."""
@@ -226,7 +249,7 @@ class FitRun:
             rotation=rotation, translation=translation, camera=problem.camera,
             identity=initial.get("identity", np.zeros(len(model.identity_names))).astype(float),
             expression=initial.get("expression", np.zeros(len(model.expression_names))).astype(float),
-            lights=np.zeros(problem.lights.size),
+            lights=np.zeros(problem.lights.size), light_position=np.zeros((len(problem.lit_stage), AXES)),
             albedo=initial.get("albedo", np.zeros(len(model.albedo_basis))).astype(float),
             roughness=float(initial.get("roughness", ROUGHNESS_MEAN)),
             specular=initial.get("specular", np.full((size, size), SPECULAR_MEAN)).astype(float),
@@ -246,14 +269,27 @@ class FitRun:
             self.camera_to_stage[:3, 3] = -state.translation
         return self.camera_to_stage
 
-    def _stage_in_camera(self, state: State) -> LightStage:
-        return self.problem.lit_stage.transformed(np.linalg.inv(self._anchor(state)))
+    def _stage_in_camera(self, state: State, as_fitted: bool = False) -> LightStage:
+        """The lit lights: where the job has them, or where the state turned them to and as bright as it says."""
+        stage = self.problem.lit_stage.transformed(np.linalg.inv(self._anchor(state)))
+        if not as_fitted:
+            return stage
+        stage = turned(stage, state.light_position, self._pivot(state))
+        return stage.with_radiance(self.problem.lights.radiance(state.lights))
 
-    def solver_stage(self, phase: Phase, state: State, resumed: bool = False) -> Stage | None:
+    def _photo_term(self, scaled: State, factor: float, samples: int) -> PhotoTerm:
+        photo = self.problem.photo_at(factor)
+        return PhotoTerm(self.forward, photo, samples * self.samples_factor, self._pivot(scaled))
+
+    def _pivot(self, state: State) -> np.ndarray:
+        """(3,) the stage's centre in the camera frame."""
+        return np.linalg.inv(self._anchor(state))[:3, 3]
+
+    def solver_stage(self, phase: Phase, state: State) -> Stage | None:
         """The solver's stage for a phase, or None when all it could move is frozen."""
         problem, job = self.problem, self.problem.job
         layout = Layout(state)
-        freeze = layout.mask(self._frozen())
+        freeze = self._held(layout)
         if not (layout.mask(phase.blocks) & ~freeze).any():
             return None
         factor = self._factor(phase)
@@ -263,11 +299,10 @@ class FitRun:
         priors = Priors(
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale
         )
-        samples = phase.samples * self.samples_factor
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
-            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), samples),
+            photo=None if phase.face_px is None else self._photo_term(scaled, factor, phase.samples),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
         )  # fmt: skip
         low, high = layout.bounds(box)
@@ -311,7 +346,7 @@ class FitRun:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, state, self.trace,
+            seconds, anchor, self.strong, state, self.trace,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_erosion
 from facestage.contract.job import Weights
 from facestage.contract.light_stage import LightStage
 from facestage.fit.landmark_term import LandmarkTerm
+from facestage.fit.light_position import AXES, PositionDerivatives, position_derivatives, turned
 from facestage.fit.noise import NoiseModel, estimate_noise
 from facestage.fit.parameters import Layout, LightParameters, State
 from facestage.fit.photometric import jacobian_blocks
@@ -40,14 +41,17 @@ class Evaluation:
     residual: np.ndarray  # (h, w, 3) model minus photo, 0 where unused
     highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
     base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
+    stage: LightStage  # camera frame, on the lattice
     seed: int
 
 
 class PhotoTerm:
     """Residuals of the photo over the skin pixels, with weights from the noise they show."""
 
-    def __init__(self, forward: ForwardModel, photo: Photo, samples: int) -> None:
+    def __init__(self, forward: ForwardModel, photo: Photo, samples: int, pivot: np.ndarray | None = None) -> None:
+        """``pivot`` (3,): the stage's centre in the camera frame, about which lights turn."""
         self.forward, self.photo, self.samples = forward, photo, samples
+        self.pivot = np.zeros(3) if pivot is None else pivot
 
     def pixels(self, state: State) -> np.ndarray:
         """(P, 2) centres of the pixels in the face's bounding box."""
@@ -64,9 +68,13 @@ class PhotoTerm:
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
     def evaluate(self, state: State, stage: LightStage, seed: int) -> Evaluation:
-        """Render the skin at ``state`` and compare; derivatives of the light terms are kept."""
+        """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
+
+        ``stage``: camera frame, before its lights are turned by ``state.light_position``.
+        """
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
-        terms = self.forward.light_terms(state, surface, stage, self.samples, seed, derivatives=True)
+        placed = turned(stage, state.light_position, self.pivot)
+        terms = self.forward.light_terms(state, surface, placed, self.samples, seed, derivatives=True)
         image = self.forward.shade(state, surface, terms)
         shape = self.photo.usable.shape
         residual, weight = np.zeros((*shape, 3)), np.zeros(shape)
@@ -83,7 +91,7 @@ class PhotoTerm:
         weight *= binary_erosion(seen, border_value=1)
         highlight = np.zeros((*shape, 1))
         highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, seed)
+        return Evaluation(state, image, residual, highlight, weight, stage, seed)
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -110,7 +118,8 @@ class PhotoTerm:
         texture = layout.slices["specular"]
         dense_columns = np.flatnonzero(active[: texture.start])
         grid = np.ix_(dense_columns, dense_columns)
-        for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active):
+        positions = self._position_derivatives(evaluation, active[layout.slices["light_position"]])
+        for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active, positions):
             scale = root[block.rows]
             dense = (block.dense[:, dense_columns] * scale[:, None]).astype(np.float64)
             hessian[grid] += dense.T @ dense
@@ -123,6 +132,15 @@ class PhotoTerm:
                 hessian[texture, texture] += (specular.T @ specular).toarray()
                 gradient[texture] += specular.T @ residual[block.rows]
         return hessian, gradient
+
+    def _position_derivatives(self, evaluation: Evaluation, active: np.ndarray) -> PositionDerivatives | None:
+        moving = active.reshape(-1, AXES).any(axis=1)
+        if not moving.any():
+            return None
+        return position_derivatives(
+            self.forward, evaluation.state, evaluation.image.surface, evaluation.stage, self.pivot, moving,
+            self.samples, evaluation.seed,
+        )  # fmt: skip
 
 
 def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import numpy as np
 from facestage import __version__
 from facestage.contract import brdf
 from facestage.contract.face_model import EYES, TEETH
-from facestage.contract.light_stage import LightStage
+from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
 from facestage.contract.storage import finite
 from facestage.fit.driver import Fitted
@@ -27,13 +27,15 @@ from facestage.fit.rendering import Picture, Textures, light_probe, render_pictu
 from facestage.fit.shading import ForwardModel, sample_bilinear
 from facestage.fit.texture import Atlas, detail_texture
 from facestage.fit.truth import Truth
-from facestage.image_io import write_exr
+from facestage.image_io import resize, write_exr
 from facestage.report import ReportData, write_report
 
 # Texels along the atlas per pixel of the face: the face fills about half of it.
 TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
 SPECULAR_TEXTURE = 256
 DETAIL_SAMPLES = 16
+# Doubt of the shading, relative to it, at which a residual is as likely wrong shading as pigment.
+PAINT_DOUBT = 0.04
 # With less of the face to see, a fit is a guess.
 INFORMATIVE_SHARE_MIN = 0.2
 WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
@@ -107,10 +109,20 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
         weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * problem.paintable[row, column]
         weights = weights[:, None] * ~problem.photograph.clipped[row, column]
+        weights = weights * _paint_share(problem, fitted)[row, column, None]
         photo = problem.photograph.color[row, column]
         detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights)
         logs = logs + detail
     return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32), coverage
+
+
+def _paint_share(problem: Problem, fitted: Fitted) -> np.ndarray:
+    """(h, w) 0..1, how much of a residual is more likely pigment than wrong shading."""
+    width, height = problem.photograph.size
+    if fitted.shading_doubt is None:
+        return np.ones((height, width))
+    doubt = resize(fitted.shading_doubt.astype(np.float32), width, height)
+    return 1.0 / (1.0 + (doubt / PAINT_DOUBT) ** 2)
 
 
 def _errors(
@@ -144,7 +156,7 @@ def write_result(
 ) -> Result:
     """Write every file of the result into an existing folder."""
     model, state = problem.geometry.model, finished.state
-    stage = _whole_stage(problem, fitted.stage)
+    stage = _whole_stage(problem, fitted.stage, fitted.camera_to_stage)
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
     result = Result(
         status=CONVERGED if fitted.in_time else BUDGET_SPENT, advice=_advice(problem, fitted, finished),
@@ -173,11 +185,14 @@ def write_result(
     return result
 
 
-def _whole_stage(problem: Problem, lit: LightStage) -> LightStage:
-    """The job's stage (stage frame) with the radiance of the lit lights filled in."""
-    radiance = np.zeros_like(problem.stage.radiance, dtype=float)
-    radiance[problem.lit] = lit.radiance
-    return problem.stage.with_radiance(radiance)
+def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:
+    """The job's stage (stage frame) with what was fitted of the lit lights filled in: radiance and place."""
+    arrays = {name: np.array(getattr(problem.stage, name)) for name in LIGHT_ARRAYS}
+    arrays["radiance"] = np.zeros_like(problem.stage.radiance, dtype=float)
+    placed = lit.transformed(camera_to_stage)
+    for name in ("position", "direction", "axis_x", "radiance"):
+        arrays[name][problem.lit] = getattr(placed, name)
+    return LightStage(**arrays)
 
 
 def _specular_texture(problem: Problem, state: State) -> np.ndarray:

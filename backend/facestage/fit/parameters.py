@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract import brdf
 from facestage.contract.camera import Camera
+from facestage.fit.light_position import spacing
 
-BLOCKS = ("pose", "focal", "identity", "expression", "lights", "albedo", "roughness", "specular")
+BLOCKS = ("pose", "focal", "identity", "expression", "lights", "light_position", "albedo", "roughness", "specular")
 CHANNELS = 3
 
 
@@ -25,6 +26,7 @@ class State:
     identity: np.ndarray  # (k,) alpha
     expression: np.ndarray  # (e,) beta
     lights: np.ndarray  # (light parameters,), see LightParameters
+    light_position: np.ndarray  # (N, 2) radians that each light is turned by about the stage's centre
     albedo: np.ndarray  # (d,) delta
     roughness: float
     specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
@@ -94,8 +96,8 @@ class Layout:
     def __init__(self, state: State) -> None:
         sizes = {
             "pose": 6, "focal": 1, "identity": state.identity.size, "expression": state.expression.size,
-            "lights": state.lights.size, "albedo": state.albedo.size, "roughness": 1,
-            "specular": state.specular.size,
+            "lights": state.lights.size, "light_position": state.light_position.size, "albedo": state.albedo.size,
+            "roughness": 1, "specular": state.specular.size,
         }  # fmt: skip
         self.slices: dict[str, slice] = {}
         start = 0
@@ -103,6 +105,7 @@ class Layout:
             self.slices[name] = slice(start, start + sizes[name])
             start += sizes[name]
         self.size = start
+        self._lights = len(state.light_position)
 
     def mask(self, blocks: Iterable[str]) -> np.ndarray:
         """(size,) bool, true for the entries of ``blocks``."""
@@ -118,6 +121,7 @@ class Layout:
         result[self.slices["identity"]] = state.identity
         result[self.slices["expression"]] = state.expression
         result[self.slices["lights"]] = state.lights
+        result[self.slices["light_position"]] = state.light_position.ravel()
         result[self.slices["albedo"]] = state.albedo
         result[self.slices["roughness"]] = state.roughness
         result[self.slices["specular"]] = state.specular.ravel()
@@ -129,6 +133,8 @@ class Layout:
         if expression_box:
             low[self.slices["expression"]], high[self.slices["expression"]] = 0.0, 1.0
         low[self.slices["lights"]] = 0.0
+        reach = spacing(self._lights)
+        low[self.slices["light_position"]], high[self.slices["light_position"]] = -reach, reach
         low[self.slices["roughness"]], high[self.slices["roughness"]] = brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX
         low[self.slices["specular"]], high[self.slices["specular"]] = 0.0, brdf.SPECULAR_MAX
         # Ten standard deviations is no face; the bound keeps a wild step from leaving float range.
@@ -151,6 +157,7 @@ class Layout:
             identity=values[self.slices["identity"]],
             expression=values[self.slices["expression"]],
             lights=values[self.slices["lights"]],
+            light_position=values[self.slices["light_position"]].reshape(state.light_position.shape),
             albedo=values[self.slices["albedo"]],
             roughness=float(values[self.slices["roughness"]][0]),
             specular=values[self.slices["specular"]].reshape(state.specular.shape),

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract import brdf
+from facestage.fit.light_position import AXES, PositionDerivatives
 from facestage.fit.parameters import CHANNELS, Layout, State
 from facestage.fit.shading import ForwardModel, Image, bilinear_weights
 
@@ -32,10 +33,11 @@ class JacobianBlock:
 
 
 def jacobian_blocks(
-    forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray
-) -> Iterator[JacobianBlock]:
+    forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
+    positions: PositionDerivatives | None = None,
+) -> Iterator[JacobianBlock]:  # fmt: skip
     """d color / d parameters in blocks of pixels. Columns of inactive parameters stay zero."""
-    differential = _Differential(forward, state, image, layout, active)
+    differential = _Differential(forward, state, image, layout, active, positions)
     for start in range(0, len(image.color), BLOCK_PIXELS):
         yield differential.block(start, min(start + BLOCK_PIXELS, len(image.color)))
 
@@ -43,8 +45,12 @@ def jacobian_blocks(
 class _Differential:
     """Quantities shared by all blocks of one evaluation."""
 
-    def __init__(self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray) -> None:
+    def __init__(
+        self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
+        positions: PositionDerivatives | None,
+    ) -> None:  # fmt: skip
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
+        self.positions = positions
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
         if self.active["identity"] or self.active["expression"]:
@@ -70,6 +76,9 @@ class _Differential:
             dense[:, layout.slices["expression"]] = shape[:, self.geometry.identity_count :]
         if active["lights"]:
             dense[:, layout.slices["lights"]] = self._lights(part)
+        if self.positions is not None:
+            columns = layout.slices["light_position"].start + AXES * self.positions.lights[:, None] + np.arange(AXES)
+            dense[:, columns.ravel()] = self._light_positions(part, self.positions)
         if active["albedo"]:
             dense[:, layout.slices["albedo"]] = self._albedo(part)
         if active["roughness"]:
@@ -162,6 +171,15 @@ class _Differential:
             for channel in range(CHANNELS)
         ]
         return np.stack(per_channel, axis=1).reshape(-1, self.light_jacobian.shape[2])
+
+    def _light_positions(self, part: slice, positions: PositionDerivatives) -> np.ndarray:
+        """(3 B, 2 K): each light's own terms change, times its radiance."""
+        image = self.image
+        albedo = image.albedo[part] * (brdf.K_DIFFUSE / np.pi)
+        by_angle = albedo[:, :, None, None] * positions.diffuse[part][:, None]
+        by_angle += brdf.K_SPECULAR * image.c_spec[part, None, None, None] * positions.specular[part][:, None]
+        by_angle *= image.radiance[positions.lights].T[None, :, :, None]
+        return by_angle.reshape(CHANNELS * len(albedo), -1)
 
     def _albedo(self, part: slice) -> np.ndarray:
         """(3 B, d): d color = diffuse part * d log albedo."""

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.job import Weights
+from facestage.fit.light_position import spacing
 from facestage.fit.parameters import CHANNELS, Layout, LightParameters, State
 
 # Expressions of photographed faces: most blendshapes near 0, few above a half.
@@ -17,7 +18,9 @@ SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
 SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
 FOCAL_SIGMA = 0.25  # of the logarithm, when the lens is unknown
 # E_light: how much the channels of one light differ, and how bright it is, relative to the mean light.
-LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA = 0.08, 3.0
+LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA = 0.4, 3.0
+# How far a lamp stands from the nearest light of the lattice, in spacings of the lattice.
+LIGHT_POSITION_SHARE = 0.4
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class Priors:
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
         self.expression_sigma = EXPRESSION_SIGMA if expression_box else 1.0
         self.focal_px = state.camera.focal_px
+        self._lights = len(state.light_position)
         self.smoothness = _texel_differences(state.specular.shape[0])
 
     def _residual_operators(self, lights: LightParameters) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:
@@ -75,6 +79,7 @@ class Priors:
                 np.zeros(self.smoothness.shape[0]),
             ),
             "light": (slices["lights"], light_operator * light, light_offset * light),
+            "light_position": scaled("light_position", 0.0, LIGHT_POSITION_SHARE * spacing(self._lights)),
         }
 
     def energies(self, state: State, lights: LightParameters) -> dict[str, float]:

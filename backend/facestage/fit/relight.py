@@ -12,6 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
+from facestage.fit.light_position import AXES
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
 from facestage.fit.rendering import Picture, Textures, render_picture
@@ -68,7 +69,7 @@ def render(result: Result, samples: int) -> Picture:
     matrix = result.model_to_camera
     state = State(
         matrix[:3, :3], matrix[:3, 3], result.camera, result.identity, result.expression, np.zeros(0),
-        result.albedo, result.roughness, result.specular,
+        np.zeros((len(stage), AXES)), result.albedo, result.roughness, result.specular,
     )  # fmt: skip
     return render_picture(forward, state, stage, textures, result.seed, samples)
 

@@ -41,22 +41,31 @@ class Deviations:
 
 def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
     """From the Hessian of all terms and that of the priors alone (size, size), for the ``active`` (size,) entries."""
-    return Deviations(_marginal(hessian, active, np.nan), _marginal(prior, active, np.nan))
+    return Deviations(*(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior)))
 
 
-def _marginal(hessian: np.ndarray, active: np.ndarray, unknown: float) -> np.ndarray:
-    """(size,) square roots of the diagonal of the inverse over ``active``; infinite where the diagonal is 0."""
-    result = np.full(len(hessian), unknown)
+def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size, size) inverse of ``hessian`` over the ``active`` (size,) entries whose diagonal is not 0.
+
+    Rows and columns of the others are 0; on the diagonal an active entry that nothing holds has infinity.
+    """
+    result = np.zeros_like(hessian, dtype=float)
     diagonal = np.diag(hessian)
-    result[active] = np.inf
     index = np.flatnonzero(active & (diagonal > 0))
     if len(index):
         scale = 1.0 / np.sqrt(diagonal[index])
         matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
         matrix[np.diag_indices_from(matrix)] += RIDGE
         inverse = cho_solve(_factor(matrix), np.eye(len(index)), check_finite=False)
-        result[index] = scale * np.sqrt(np.maximum(np.diag(inverse), 0.0))
+        result[np.ix_(index, index)] = inverse * scale[:, None] * scale[None, :]
+    open_entries = np.flatnonzero(active & (diagonal <= 0))
+    result[open_entries, open_entries] = np.inf
     return result
+
+
+def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size,) square roots of a covariance's diagonal; NaN where not ``active``."""
+    return np.where(active, np.sqrt(np.maximum(np.diag(matrix), 0.0)), np.nan)
 
 
 def _factor(matrix: np.ndarray) -> tuple[np.ndarray, bool]:

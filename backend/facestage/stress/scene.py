@@ -16,6 +16,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.contract.storage import write_arrays
 from facestage.fit.geometry import FaceGeometry
+from facestage.fit.light_position import AXES
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.priors import SPECULAR_MEAN
 from facestage.fit.shading import ForwardModel, Image, Surface
@@ -63,8 +64,8 @@ class Scene:
     def state(self) -> State:
         """The truth as the fit's parameters, its lights held."""
         return State(
-            self.rotation, self.translation, self.camera, self.identity, self.expression, np.zeros(0), self.albedo,
-            self.roughness, np.full((4, 4), self.c_spec),
+            self.rotation, self.translation, self.camera, self.identity, self.expression, np.zeros(0),
+            np.zeros((len(self.stage), AXES)), self.albedo, self.roughness, np.full((4, 4), self.c_spec),
         )  # fmt: skip
 
 

@@ -134,7 +134,18 @@ def test_the_budget_may_change(case: Case, small_maps: None, tmp_path: Path):
 
 
 def test_round_trip(scene: Scene, tmp_path: Path):
-    saved = Checkpoint("abc", 3, 2, (1e-4, 8.0), 2.5, 7.25, np.eye(4), scene.state, [{"stage": "pose", "seconds": 0.1}])
+    saved = Checkpoint(
+        "abc",
+        3,
+        2,
+        (1e-4, 8.0),
+        2.5,
+        7.25,
+        np.eye(4),
+        np.zeros(4, bool),
+        scene.state,
+        [{"stage": "pose", "seconds": 0.1}],
+    )
     saved.save(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
     loaded = Checkpoint.load(tmp_path)
@@ -150,7 +161,7 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     (tmp_path / FILE).write_bytes(b"half")
     with pytest.raises(InputError, match="checkpoint"):
         Checkpoint.load(tmp_path)
-    Checkpoint("abc", 3, 2, (1e-4, 8.0), 2.5, 7.25, np.eye(4), scene.state, []).save(tmp_path)
+    Checkpoint("abc", 3, 2, (1e-4, 8.0), 2.5, 7.25, np.eye(4), np.zeros(4, bool), scene.state, []).save(tmp_path)
     arrays = read_arrays(tmp_path / FILE, "checkpoint")
     meta = json.loads(str(arrays["meta"]))
     del meta["damping"]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from facestage.fit.light_position import position_derivatives, turned
 from facestage.fit.parameters import BLOCKS, Layout, State
 from facestage.fit.photometric import jacobian_blocks
 from facestage.fit.shading import Image
@@ -17,15 +18,17 @@ SAMPLES, SEED = 4, 6
 # Steps that move the image by about a tenth of a pixel, or change the color by about a per cent.
 STEPS = {
     "pose": np.array([1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3]), "focal": 2e-3, "identity": 0.05, "expression": 0.02,
-    "lights": 0.2, "albedo": 0.02, "roughness": 4e-3, "specular": 0.1,
+    "lights": 0.2, "light_position": 2e-3, "albedo": 0.02, "roughness": 4e-3, "specular": 0.1,
 }  # fmt: skip
 BOUND = 0.02
+PIVOT = np.array([0.02, -0.03, -0.8])  # the stage's centre, about
 
 
 def picture(scene: Scene, state: State, pixels: np.ndarray) -> Image:
     surface = scene.forward.surface(state, pixels)
     assert len(surface.pixels) == len(pixels), "choose pixels inside the face"
-    terms = scene.forward.light_terms(state, surface, scene.stage, SAMPLES, SEED, derivatives=True)
+    placed = turned(scene.stage, state.light_position, PIVOT)
+    terms = scene.forward.light_terms(state, surface, placed, SAMPLES, SEED, derivatives=True)
     return scene.forward.shade(state, surface, terms)
 
 
@@ -54,7 +57,13 @@ def dense_jacobian(scene: Scene, image: Image, layout: Layout, blocks: tuple[str
     """(3 P, size), zero outside ``blocks``."""
     result = np.zeros((image.color.size, layout.size))
     start = layout.slices["specular"].start
-    for block in jacobian_blocks(scene.forward, scene.state, image, layout, layout.mask(blocks)):
+    every = np.ones(len(scene.stage), bool)
+    positions = None
+    if "light_position" in blocks:
+        positions = position_derivatives(
+            scene.forward, scene.state, image.surface, scene.stage, PIVOT, every, SAMPLES, SEED
+        )
+    for block in jacobian_blocks(scene.forward, scene.state, image, layout, layout.mask(blocks), positions):
         result[block.rows, :start] = block.dense
         result[block.rows, start:] = block.specular.toarray()
     return result
@@ -95,7 +104,8 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
 @pytest.mark.parametrize("block", BLOCKS)
 def test_every_parameter(scene: Scene, unshadowed: None, block: str):
     # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves both out.
-    check(scene, block, 0.15 if block == "focal" else BOUND)
+    # The derivative by a light's place is itself a difference, over a turn ten times as large.
+    check(scene, block, {"focal": 0.15, "light_position": 0.06}.get(block, BOUND))
 
 
 def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):

@@ -79,6 +79,15 @@ def test_roughness_alone(scene: Scene, photo: np.ndarray):
     report("roughness", abs(found.roughness - scene.state.roughness), 0.02)
 
 
+def test_light_position_alone(scene: Scene, photo: np.ndarray):
+    """Lights that stand 6 degrees from where they shone are found, shadows and highlights following them."""
+    away = np.radians(6.0) * np.array([[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1]])
+    found = recover(scene, photo, ("light_position",), replace(scene.state, light_position=away))
+    flux = scene.state.lights.reshape(-1, 3).mean(axis=1)
+    error = np.degrees(np.linalg.norm(found.light_position, axis=1))
+    report("strongest light's place, degrees", float(error[flux.argmax()]), 2.0)
+
+
 def test_specular_map_alone(scene: Scene, photo: np.ndarray):
     found = recover(scene, photo, ("specular",), replace(scene.state, specular=np.full((6, 6), 0.4)))
     # Texels without a highlight say nothing; those on the face's middle do.
@@ -97,7 +106,7 @@ def start_of_all(scene: Scene) -> State:
 def test_all_jointly(scene: Scene, photo: np.ndarray):
     """With half a pixel of landmark noise: depth x size and albedo x light stay nearly free, the face does not."""
     weights = Weights(prior=0.02, light=0.02)
-    blocks = tuple(name for name in BLOCKS if name != "focal")
+    blocks = tuple(name for name in BLOCKS if name not in ("focal", "light_position"))
     stage = scene.solver(photo, blocks, 25, weights, samples=16, landmarks=scene.landmarks(noise_px=0.5))
     start = start_of_all(scene)
     found, steps = scene.fit(stage, start)
