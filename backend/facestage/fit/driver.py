@@ -24,6 +24,7 @@ from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, P
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.shading_doubt import shading_doubt
+from facestage.fit.silhouette import SilhouetteTerm
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.uncertainty import Certainty, covariance, describe, deviations
@@ -277,6 +278,13 @@ class FitRun:
         stage = turned(stage, state.light_position, self._pivot(state))
         return stage.with_radiance(self.problem.lights.radiance(state.lights))
 
+    def _silhouette_term(self, phase: Phase, factor: float, frozen: np.ndarray) -> SilhouetteTerm | None:
+        """None in phases that move no shape, where the outline is as it is."""
+        layout = Layout(self._start_state())
+        if phase.face_px is None or not (layout.mask(set(phase.blocks) & set(SHAPE)) & ~frozen).any():
+            return None
+        return SilhouetteTerm(self.forward, self.problem.photo_at(factor), factor * self.problem.face_size_px)
+
     def _photo_term(self, scaled: State, factor: float, samples: int) -> PhotoTerm:
         photo = self.problem.photo_at(factor)
         return PhotoTerm(self.forward, photo, samples * self.samples_factor, self._pivot(scaled))
@@ -304,6 +312,7 @@ class FitRun:
             job.weights, problem.lights,
             photo=None if phase.face_px is None else self._photo_term(scaled, factor, phase.samples),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
+            silhouette=self._silhouette_term(phase, factor, freeze),
         )  # fmt: skip
         low, high = layout.bounds(box)
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)

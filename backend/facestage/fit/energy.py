@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import binary_erosion
@@ -16,6 +17,9 @@ from facestage.fit.parameters import Layout, LightParameters, State
 from facestage.fit.photometric import jacobian_blocks
 from facestage.fit.priors import Priors
 from facestage.fit.shading import ForwardModel, Image, Surface
+
+if TYPE_CHECKING:
+    from facestage.fit.silhouette import SilhouetteTerm
 
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
@@ -161,3 +165,4 @@ class Energy:
     light_parameters: LightParameters
     photo: PhotoTerm | None = None
     stage: LightStage | None = None  # camera frame
+    silhouette: SilhouetteTerm | None = None

@@ -16,7 +16,7 @@ FLOOR_SHARE = 0.15
 SIGMA_MIN = 0.005
 # Where a highlight falls depends on where the lamp really is, not on the nearest light of the lattice: its
 # radiance is uncertain by this share, or the geometry would bend to move it.
-HIGHLIGHT_SHARE = 0.2
+HIGHLIGHT_SHARE = 0.1
 CAUCHY_SCALE = 2.5  # standard deviations
 # Three channels of skin say no more than one about what the model misses: shape, shadow, occlusion.
 CHANNEL_CORRELATION = 3.0

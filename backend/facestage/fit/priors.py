@@ -17,8 +17,9 @@ ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
 SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
 FOCAL_SIGMA = 0.25  # of the logarithm, when the lens is unknown
-# E_light: how much the channels of one light differ, and how bright it is, relative to the mean light.
-LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA = 0.4, 3.0
+# E_light, relative to the mean light: how much the channels of one light differ, and how bright it is. Lamps may be
+# of any color; that all of them together tint the skin cannot be told from the skin's own color.
+LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA, LIGHT_TINT_SIGMA = 0.4, 3.0, 0.03
 # How far a lamp stands from the nearest light of the lattice, in spacings of the lattice.
 LIGHT_POSITION_SHARE = 0.4
 
@@ -105,19 +106,21 @@ class Priors:
 
 
 def _light_operator(lights: LightParameters, mean: float) -> tuple[sp.spmatrix, np.ndarray]:
-    """E_light = sum_j |l_j - m_j|^2 (Dib et al. 2019, eq. 5), relative to the mean radiance, and a weak level."""
+    """E_light = sum_j |l_j - m_j|^2 (Dib et al. 2019, eq. 5), relative to the mean radiance; tint and a weak level."""
     count = int(lights.fitted.sum())
     if count == 0:
         return sp.csr_matrix((0, 0)), np.zeros(0)
     if lights.uniform:
         level = sp.identity(count) / (LIGHT_LEVEL_SIGMA * mean)
-        color = sp.identity(CHANNELS) / LIGHT_COLOR_SIGMA
-        offset = np.concatenate([np.zeros(count), np.full(CHANNELS, 1.0 / LIGHT_COLOR_SIGMA)])
+        color = sp.identity(CHANNELS) / LIGHT_TINT_SIGMA
+        offset = np.concatenate([np.zeros(count), np.full(CHANNELS, 1.0 / LIGHT_TINT_SIGMA)])
         return sp.block_diag([level, color]).tocsr(), offset
     centre = np.eye(CHANNELS) - 1.0 / CHANNELS
     color = sp.kron(sp.identity(count), centre / (LIGHT_COLOR_SIGMA * mean))
+    tint = sp.kron(np.ones((1, count)), centre / (LIGHT_TINT_SIGMA * mean * count))
     level = sp.identity(count * CHANNELS) / (LIGHT_LEVEL_SIGMA * mean)
-    return sp.vstack([color, level]).tocsr(), np.zeros(2 * count * CHANNELS)
+    operator = sp.vstack([color, tint, level]).tocsr()
+    return operator, np.zeros(operator.shape[0])
 
 
 def _texel_differences(size: int) -> sp.csr_matrix:

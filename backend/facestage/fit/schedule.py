@@ -110,6 +110,14 @@ class _System:
         self.gradient += jacobian.T @ (self._landmark_weights * residual)
         self._landmark_energy = 0.5 * float(self._landmark_weights @ residual**2)
         self.terms["landmarks"] = self._landmark_energy
+        self._silhouette = energy.silhouette.find(state) if energy.silhouette is not None else None
+        if self._silhouette is not None:
+            residual = self._silhouette.residuals(state)
+            self._silhouette_weights = energy.weights.photo * self._silhouette.weights(residual)
+            jacobian = self._silhouette.jacobian(state, energy.layout)
+            self.hessian += jacobian.T @ (jacobian * self._silhouette_weights[:, None])
+            self.gradient += jacobian.T @ (self._silhouette_weights * residual)
+            self.terms["silhouette"] = 0.5 * float(self._silhouette_weights @ residual**2)
         if evaluation is not None:
             assert energy.photo is not None
             self.noise = energy.photo.noise(evaluation)
@@ -128,6 +136,9 @@ class _System:
             return -np.inf
         result = self._prior_total - prior
         result += self._landmark_energy - 0.5 * float(self._landmark_weights @ residual**2)
+        if self._silhouette is not None:
+            result += self.terms["silhouette"]
+            result -= 0.5 * float(self._silhouette_weights @ self._silhouette.residuals(state) ** 2)
         if evaluation is not None and self.evaluation is not None:
             old, new = common_energy(self.evaluation, evaluation, self._weights)
             result += old - new

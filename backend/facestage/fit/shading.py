@@ -11,7 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
-from facestage.render.tracer import LightTerms, RayTracer
+from facestage.render.tracer import Hits, LightTerms, RayTracer
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,11 @@ class ForwardModel:
             normal_length=length, facing=facing, corner_normals=corner_normals, vertices=vertices,
             model_vertices=model_vertices, normal_scale=normal_scale,
         )  # fmt: skip
+
+    def hits(self, state: State, pixels: np.ndarray) -> Hits:
+        """What ``pixels`` (P, 2) see first of the rendered mesh at ``state``."""
+        self._tracer.update(self.pose(state)[1] - state.translation)
+        return self._tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
 
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, derivatives: bool = False
