@@ -17,7 +17,8 @@ SIZE = 64
 
 @pytest.fixture
 def case(scene, head: FaceModel, tmp_path: Path) -> Path:
-    from facestage_blender.synthetic import random_person, render_person
+    from facestage_blender.cases.person import random_person
+    from facestage_blender.synthetic import render_person
 
     render_person(scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE)
     return tmp_path / "case"
@@ -64,8 +65,9 @@ def test_lights_of_the_truth_face_the_head(case: Path) -> None:
 
 def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
     from facestage_blender import pipeline
+    from facestage_blender.cases.person import random_person
     from facestage_blender.render import read_pixels
-    from facestage_blender.synthetic import random_person, render_person
+    from facestage_blender.synthetic import render_person
 
     scene = pipeline.empty_scene()
     render_person(scene, head, random_person(head, 3), tmp_path / "again", samples=8, seed=3, size=SIZE)
