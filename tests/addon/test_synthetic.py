@@ -43,13 +43,13 @@ def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
     np.testing.assert_allclose(encoded, srgb(photo), atol=0.6 / 255)
 
 
-def test_landmarks_have_a_pixel_of_noise_and_true_visibility(case: Path, head: FaceModel) -> None:
+def test_landmarks_have_noise_and_true_visibility(case: Path, head: FaceModel) -> None:
     truth = read_arrays(case / "truth.npz", "truth")
     landmarks = Landmarks.read(case / "landmarks.json")
     corners, weights = head.landmark_vertices("ibug68")
     exact = Camera.read(case / "camera.json").project(np.einsum("mi,mix->mx", weights, truth["vertices"][corners]))
     noise = landmarks.points - exact
-    assert 0.7 < noise.std() < 1.3
+    assert 0.7 < noise.std() * 256 / SIZE < 1.3  # in a picture of 256 pixels
     assert landmarks.visible.all()  # the egg's landmarks surround its nose
 
 

@@ -1,4 +1,4 @@
-"""People drawn from a seed: shape, expression, skin, pose, light and what they wear. No bpy."""
+"""People drawn from a seed: shape, expression, skin, pose, light and what they wear."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def person_of(model: FaceModel, recipe: Recipe, seed: int) -> Person:
     if recipe.melanin is not None and len(delta):
         delta[0] = recipe.melanin + TONE_SPREAD * rng.uniform(-1, 1)
     expression = expression_weights(model, _everyday_expression(rng) | dict(recipe.expression))
-    albedo = skin.mottled(_painted(model, delta), recipe.mottle, rng)
+    albedo = skin.mottled(recipe.shade * _painted(model, delta), recipe.mottle, rng)
     if recipe.freckles:
         albedo = skin.freckled(albedo, model, rng)
     if recipe.beard:

@@ -27,11 +27,12 @@ class Recipe:
     distance: float = 0.78  # m; the focal length follows, so that the face fills the same part of the picture
     roughness: float | None = None
     melanin: float | None = None  # standard deviations of the model's first skin mode
+    shade: float = 1.0  # factor on the albedo besides
     mottle: float = 0.05  # relative standard deviation of the albedo that the model cannot explain
     freckles: bool = False
     beard: bool = False
     worn: tuple[str, ...] = ()
-    interreflection: bool = False
+    interreflection: bool = False  # also brings the pixel filter of a real camera instead of a box
 
 
 RECIPES = (
@@ -98,7 +99,9 @@ RECIPES = (
     Recipe("fringe", "hair hides the forehead", worn=("fringe",)),
     Recipe("glasses", "a frame on the nose, and its shadow on the cheeks", worn=("glasses",)),
     Recipe("beard", "a dark beard, which no skin tone explains", beard=True),
-    Recipe("dark_skin", "melanin 2.8 standard deviations above the mean: highlights outshine the skin", melanin=2.8),
-    Recipe("light_skin", "melanin 1.8 standard deviations below the mean: hardly any color", melanin=-1.8),
+    Recipe(
+        "dark_skin", "dark skin, beyond the model's own line of tones: highlights outshine it", melanin=1.8, shade=0.5,
+    ),
+    Recipe("light_skin", "melanin 1.3 standard deviations below the mean: hardly any color", melanin=-1.3),
     Recipe("close_up", "from 0.45 m: strong perspective", distance=0.45, pose=(12, -4, 3)),
 )  # fmt: skip

@@ -57,10 +57,10 @@ def freckled(albedo: np.ndarray, model: FaceModel, rng: np.random.Generator) -> 
     for (x, y), spread, deep in zip(centre, radius, depth, strict=True):
         reach = int(np.ceil(3 * spread))
         column, row = int(x), int(size - y)
-        rows_ = np.arange(max(0, row - reach), min(size, row + reach + 1))
+        lines = np.arange(max(0, row - reach), min(size, row + reach + 1))
         columns = np.arange(max(0, column - reach), min(size, column + reach + 1))
-        square = (columns + 0.5 - x)[None] ** 2 + (rows_ + 0.5 - (size - y))[:, None] ** 2
-        darkening[np.ix_(rows_, columns)] += deep * np.exp(-square / (2 * spread**2))
+        square = (columns + 0.5 - x)[None] ** 2 + (lines + 0.5 - (size - y))[:, None] ** 2
+        darkening[np.ix_(lines, columns)] += deep * np.exp(-square / (2 * spread**2))
     return albedo * np.exp(-darkening[..., None] * PIGMENT)
 
 

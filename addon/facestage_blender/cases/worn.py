@@ -1,6 +1,7 @@
-"""What people wear on their faces, as simple meshes that fit the head: a cap, a fringe of hair, glasses. No bpy.
+"""What people wear on their faces, as simple meshes that fit the head: a cap, a fringe of hair, glasses.
 
-All take a face model and its vertices (n, 3) for a person, metres in the model frame, and return a :class:`Worn`.
+All take a face model and its vertices (n, 3) for a person, metres in the model frame, and return a :class:`Worn`. The 68 landmarks say
+where brows, eyes, nose and ears are.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from facestage_blender.synthetic import Worn
 
 CAP_HEIGHT, CAP_THICKNESS = 0.014, 0.006  # m above the brows; off the skin
 BRIM_LENGTH, BRIM_DROP, BRIM_ANGLE = 0.065, 0.018, 62.0  # m, m, degrees to either side
-FRINGE_HEIGHT, FRINGE_JAG, FRINGE_THICKNESS = 0.002, 0.010, 0.007
+FRINGE_HEIGHT, FRINGE_JAG, FRINGE_THICKNESS = -0.006, 0.010, 0.007
 FRINGE_SLOPE = 0.12  # how fast the hair recedes beside the parting
 SKIN_GAP, TAPER = 0.0008, 0.012  # what lies on the skin does not touch it; m from the edge to the full lift
 SUBDIVISIONS = 2
@@ -73,24 +74,29 @@ def glasses(model: FaceModel, vertices: np.ndarray, _rng: np.random.Generator) -
     y = eyes[:, 1:2] - 0.003 + RIM[1] * np.sign(np.sin(around)) * np.abs(np.sin(around)) ** 0.8
     plane = max(_front(skin, rim).max() for rim in np.stack([x, y], axis=-1)) + WIRE + CLEARANCE
     parts = [_tube(np.stack([x[k], y[k], np.full(48, plane)], axis=-1), closed=True) for k in range(2)]
-    inner = np.stack([x[0].max(), x[1].min()])
-    bridge_x = np.linspace(inner[0], inner[1], 17)
-    bridge_y = np.full(17, eyes[:, 1].mean() + 0.004)
-    sits = _front(skin, np.stack([bridge_x, bridge_y], axis=-1)) + WIRE + CLEARANCE
-    arch = plane + (max(sits.max(), plane) - plane) * np.sin(np.pi * np.linspace(0, 1, 17)) ** 0.5
-    parts.append(_tube(np.stack([bridge_x, bridge_y, np.maximum(sits, arch)], axis=-1)))
-    for side, hinge in ((-1.0, x[0].min()), (1.0, x[1].max())):
-        ear = marks[0 if side < 0 else 16]
-        z = np.linspace(plane, ear[2] - 0.025, 24)
-        height = np.interp(z, [z[-1], plane], [max(ear[1], eyes[:, 1].mean()) + 0.006, eyes[:, 1].mean() + 0.006])
-        wide = [
-            _half_width(skin, side, level, depth) + WIRE + CLEARANCE for level, depth in zip(height, z, strict=True)
-        ]
-        # Straight from the hinge, and nowhere inside the head.
-        reach = np.maximum(np.linspace(abs(hinge), max(wide), 24), wide)
-        reach = np.maximum.accumulate(np.maximum(reach, abs(hinge)))
-        parts.append(_tube(np.stack([side * reach, height, z], axis=-1)))
+    level = eyes[:, 1].mean()
+    parts.append(_tube(_bridge(skin, x[0].max(), x[1].min(), level + 0.004, plane)))
+    for side, ear, hinge in ((-1.0, marks[0], x[0].min()), (1.0, marks[16], x[1].max())):
+        parts.append(_tube(_temple(skin, side, np.array([abs(hinge), level + 0.006, plane]), ear)))
     return _joined("Glasses", parts, (0.03, 0.03, 0.035), roughness=0.35)
+
+
+def _bridge(skin: np.ndarray, left: float, right: float, level: float, plane: float) -> np.ndarray:
+    """(17, 3) path between the rims, arched over the nose."""
+    x = np.linspace(left, right, 17)
+    surface = _front(skin, np.stack([x, np.full(17, level)], axis=-1)) + WIRE + CLEARANCE
+    arch = plane + max(surface.max() - plane, 0.0) * np.sin(np.pi * np.linspace(0, 1, 17)) ** 0.5
+    return np.stack([x, np.full(17, level), np.maximum(surface, arch)], axis=-1)
+
+
+def _temple(skin: np.ndarray, side: float, hinge: np.ndarray, ear: np.ndarray) -> np.ndarray:
+    """(24, 3) path from a rim's hinge (its distance from the middle, y, z) back over the ear."""
+    z = np.linspace(hinge[2], ear[2] - 0.025, 24)
+    y = np.interp(z, [z[-1], z[0]], [max(ear[1] + 0.006, hinge[1]), hinge[1]])
+    wide = np.array([_half_width(skin, side, *at) for at in zip(y, z, strict=True)]) + WIRE + CLEARANCE
+    # Straight to where the head is widest, and nowhere inside it.
+    reach = np.maximum.accumulate(np.maximum(np.linspace(hinge[0], wide.max(), 24), wide))
+    return np.stack([side * reach, y, z], axis=-1)
 
 
 KINDS: Mapping[str, Callable[[FaceModel, np.ndarray, np.random.Generator], Worn]] = {
