@@ -1,7 +1,7 @@
 """What people wear on their faces, as simple meshes that fit the head: a cap, a fringe of hair, glasses.
 
-All take a face model and its vertices (n, 3) for a person, metres in the model frame, and return a :class:`Worn`. The 68 landmarks say
-where brows, eyes, nose and ears are.
+All take a face model and its vertices (n, 3) for a person, metres in the model frame, and return a :class:`Worn`.
+The 68 landmarks say where brows, eyes, nose and ears are.
 """
 
 from __future__ import annotations
