@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +17,7 @@ for package, folder in (("facestage_blender", "addon"), ("facestage", "backend")
 from facestage.contract.errors import FacestageError  # noqa: E402
 from facestage.contract.face_model import FaceModel  # noqa: E402
 from facestage_blender import pipeline  # noqa: E402
-from facestage_blender.backend import find_backend, model_command  # noqa: E402
+from facestage_blender.backend import find_backend  # noqa: E402
 from facestage_blender.batch import own_arguments  # noqa: E402
 
 
@@ -38,7 +37,4 @@ def run(main: Callable[[], None]) -> None:
 
 def face_model(spec: str = "default") -> FaceModel:
     """A face model, exported by the backend."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "model.npz"
-        pipeline.run_backend(model_command(find_backend(), spec, file), lambda _event: None)
-        return FaceModel.load(file)
+    return pipeline.face_model(spec, find_backend(), lambda _event: None)

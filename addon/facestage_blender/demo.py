@@ -16,7 +16,6 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import FacestageError, InputError
-from facestage.contract.face_model import FaceModel
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 from facestage.contract.storage import read_json
@@ -95,17 +94,15 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
 def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
     """Photograph a made-up person, fit the photo, and compare with the truth."""
     from . import pipeline
-    from .backend import find_backend, model_command
-    from .synthetic import random_person, render_person
+    from .backend import find_backend
+    from .cases.person import random_person
+    from .synthetic import render_person
 
     print("2 of 2: a synthetic photo with known truth", file=sys.stderr)
     folder = out / "synthetic"
     folder.mkdir(parents=True, exist_ok=True)
     backend, show = find_backend(), pipeline.progress_printer()
-    model_file = folder / "model.npz"
-    pipeline.run_backend(model_command(backend, "default", model_file), show)
-    model = FaceModel.load(model_file)
-    model_file.unlink()
+    model = pipeline.face_model("default", backend, show)
     case = folder / "case"
     render_person(pipeline.empty_scene(), model, random_person(model, SEED), case, seed=SEED)
     scene = pipeline.empty_scene()

@@ -77,6 +77,17 @@ def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
     ]
 
 
+def plain_material(name: str, color: tuple[float, float, float], roughness: float) -> bpy.types.Material:
+    """A new dielectric material of one color (linear RGB), for what is not skin."""
+    material, nodes, links = _empty_material(name)
+    surface = _node(nodes, "ShaderNodeBsdfPrincipled", 0, 0)
+    surface.inputs["Base Color"].default_value = (*color, 1.0)
+    surface.inputs["Roughness"].default_value = roughness
+    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
 def _see_through() -> bpy.types.Material:
     """Tear film, lashes and the like: the fit does not trace them, so they must not hide the eyes."""
     material, nodes, links = _empty_material(f"Facestage {PARTS[OTHER].capitalize()}")

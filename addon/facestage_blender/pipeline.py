@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -98,12 +99,7 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         raise InputError(
             f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one that you may write to."
         ) from error
-    model_file = order.out / "model.npz"
-    run_backend(model_command(backend, order.model, model_file), on_event)
-    try:
-        model = FaceModel.load(model_file)
-    finally:
-        model_file.unlink(missing_ok=True)
+    model = face_model(order.model, backend, on_event)
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
     settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
     settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
@@ -114,6 +110,14 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         settings.known_lens = True
         write_camera(scene, view.data, camera)
     show_photo(scene, view, order.image)
+
+
+def face_model(spec: str, backend: list[str], on_event: Callable[[Event], None]) -> FaceModel:
+    """The face model that ``spec`` names, exported by the backend."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        run_backend(model_command(backend, spec, file), on_event)
+        return FaceModel.load(file)
 
 
 def run_backend(command: list[str], on_event: Callable[[Event], None]) -> None:

@@ -31,7 +31,8 @@ def backend() -> list[str]:
 def case(scene, backend: list[str], tmp_path: Path) -> Path:
     """A small photo of the default model's person number 7."""
     from facestage_blender import pipeline
-    from facestage_blender.synthetic import random_person, render_person
+    from facestage_blender.cases.person import random_person
+    from facestage_blender.synthetic import render_person
 
     pipeline.run_backend(model_command(backend, "default", tmp_path / "model.npz"), lambda _event: None)
     model = FaceModel.load(tmp_path / "model.npz")
