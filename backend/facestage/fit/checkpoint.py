@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ class Checkpoint:
     camera_to_stage: np.ndarray  # (4, 4)
     state: State
     trace: list[dict[str, Any]]
+    resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -39,7 +40,11 @@ class Checkpoint:
             "roughness": self.state.roughness, "trace": self.trace,
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
-        arrays |= {"camera_to_stage": self.camera_to_stage, "meta": np.array(json.dumps(finite(meta)))}
+        arrays |= {
+            "resting": self.resting,
+            "camera_to_stage": self.camera_to_stage,
+            "meta": np.array(json.dumps(finite(meta))),
+        }
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -56,7 +61,7 @@ class Checkpoint:
             )  # fmt: skip
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
-                meta["seconds"], arrays["camera_to_stage"], state, meta["trace"],
+                meta["seconds"], arrays["camera_to_stage"], state, meta["trace"], arrays["resting"],
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

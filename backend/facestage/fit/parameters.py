@@ -78,6 +78,16 @@ class LightParameters:
                 result[light, channel, light * CHANNELS + channel] = 1.0
         return result
 
+    def dark(self, parameters: np.ndarray, settled: np.ndarray) -> np.ndarray:
+        """(N,) bool: lights of radiance 0 that nothing will turn on.
+
+        ``settled`` (size,) bool marks the parameters that are at their bound and want to stay there, or may not move.
+        """
+        result = (self.radiance(parameters) == 0).all(axis=1)
+        own = (self.jacobian(parameters) != 0).any(axis=1)
+        result[self.fitted] &= own.any(axis=1) & ~(own & ~settled).any(axis=1)
+        return result
+
     def from_radiance(self, radiance: np.ndarray) -> np.ndarray:
         """Parameters whose radiance is nearest to (N, 3) ``radiance``."""
         wanted = radiance[self.fitted]
@@ -110,6 +120,10 @@ class Layout:
         for name in blocks:
             result[self.slices[name]] = True
         return result
+
+    def blocks_of(self, mask: np.ndarray) -> tuple[str, ...]:
+        """The blocks that ``mask`` (size,) bool touches."""
+        return tuple(name for name, where in self.slices.items() if mask[where].any())
 
     def values(self, state: State) -> np.ndarray:
         """(size,) the current values; pose is an increment, so it reads 0."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from facestage.fit.parameters import BLOCKS, Layout, State
-from facestage.fit.photometric import jacobian_blocks
+from facestage.fit.photometric import Jacobian
 from facestage.fit.shading import Image
+from facestage.render.tracer import Asked, LightTerms
 from reference.synthetic_scene import Scene
 
 SAMPLES, SEED = 4, 6
@@ -25,7 +27,9 @@ BOUND = 0.02
 def picture(scene: Scene, state: State, pixels: np.ndarray) -> Image:
     surface = scene.forward.surface(state, pixels)
     assert len(surface.pixels) == len(pixels), "choose pixels inside the face"
-    terms = scene.forward.light_terms(state, surface, scene.stage, SAMPLES, SEED, derivatives=True)
+    terms = scene.forward.light_terms(
+        state, surface, scene.stage, SAMPLES, SEED, Asked(by_surface=True, by_roughness=True)
+    )
     return scene.forward.shade(state, surface, terms)
 
 
@@ -47,17 +51,25 @@ def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPat
     """Visibility is held fixed by the derivative: leave it out of the difference too."""
     for each in (scene, uniform_scene):
         tracer = each.forward._tracer
-        monkeypatch.setattr(tracer, "light_terms", functools.partial(tracer.light_terms, shadows=False))
+        shadowed = tracer.light_terms
+
+        def light_terms(*rows: Any, shadowed: Any = shadowed) -> LightTerms:
+            return shadowed(*rows[:8], replace(rows[8], shadows=False), *rows[9:])
+
+        monkeypatch.setattr(tracer, "light_terms", light_terms)
 
 
 def dense_jacobian(scene: Scene, image: Image, layout: Layout, blocks: tuple[str, ...]) -> np.ndarray:
-    """(3 P, size), zero outside ``blocks``."""
-    result = np.zeros((image.color.size, layout.size))
-    start = layout.slices["specular"].start
-    for block in jacobian_blocks(scene.forward, scene.state, image, layout, layout.mask(blocks)):
-        result[block.rows, :start] = block.dense
-        result[block.rows, start:] = block.specular.toarray()
-    return result
+    """(3 P, size), zero outside ``blocks``: row 3 * pixel + channel."""
+    result = np.zeros((len(image.color), 3, layout.size))
+    jacobian = Jacobian(scene.forward, scene.state, image, layout, layout.mask(blocks))
+    for block in jacobian.blocks():
+        rows = result[block.pixels]
+        rows[:, :, jacobian.dense_columns] = block.dense.transpose(1, 0, 2)
+        rows[:, :, layout.slices["lights"]] = np.einsum("cbn,ncp->bcp", block.lights, jacobian.light_jacobian)
+        if block.texels is not None:
+            rows[:, :, layout.slices["specular"]] = block.gloss[..., None] * block.texels.toarray()[:, None]
+    return result.reshape(-1, layout.size)
 
 
 def columns(scene: Scene, block: str) -> Iterator[tuple[str, float, float]]:
