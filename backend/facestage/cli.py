@@ -121,6 +121,11 @@ def _add_fit(commands: Any) -> None:
         help="known vertices (.npz): adds errors to trace and result, changes nothing",
     )
     fit.add_argument(
+        "--plan", choices=("lean", "full"),
+        help="lean (default) leaves out what the scene does not need; full works on everything, to check that the "
+        "answer is the same",
+    )  # fmt: skip
+    fit.add_argument(
         "--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out"
     )
     fit.set_defaults(run=_run_fit)
@@ -183,6 +188,10 @@ def _add_bench(commands: Any) -> None:
         "--out", type=Path, default=Path("out/bench"), metavar="DIR",
         help="where bench.html, the pictures and the CSV files go (default: out/bench)",
     )  # fmt: skip
+    bench.add_argument(
+        "--plan", action="store_true",
+        help="instead: fit three scenes with and without what the plan leaves out, and print what it saves",
+    )  # fmt: skip
     bench.add_argument("--quick", action="store_true", help="one case, three contenders, one to two minutes")
     bench.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)")
     bench.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays")
@@ -243,6 +252,8 @@ def _override(job: Job, options: argparse.Namespace) -> Job:
         job = replace(job, budget_seconds=options.budget)
     if options.truth is not None:
         job = replace(job, truth=options.truth.absolute())
+    if options.plan is not None:
+        job = replace(job, plan=options.plan)
     return job
 
 
@@ -308,6 +319,10 @@ def _run_model(options: argparse.Namespace) -> int:
 
 
 def _run_bench(options: argparse.Namespace) -> int:
+    if options.plan:
+        from facestage.bench.plan_savings import run_plan_savings
+
+        return run_plan_savings(options.model, options.out, options.quick, sys.stdout, options.device, options.seed)
     from facestage.bench.run import run_bench
 
     return run_bench(

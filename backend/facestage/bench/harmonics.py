@@ -24,7 +24,7 @@ from facestage.fit.parameters import CHANNELS, State
 from facestage.fit.problem import Problem
 from facestage.fit.schedule import Stage
 from facestage.fit.shading import ForwardModel, Surface
-from facestage.render.tracer import LightTerms
+from facestage.render.tracer import PLAIN, Asked, LightTerms
 
 COEFFICIENTS = 9
 RIDGE = 1e-3  # of the largest eigenvalue
@@ -56,13 +56,15 @@ class HarmonicForward(ForwardModel):
     """Renders the face under nine "lights", one per harmonic; their radiance may be negative."""
 
     def light_terms(
-        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, derivatives: bool = False
-    ) -> LightTerms:
+        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
+        traced: np.ndarray | None = None,
+    ) -> LightTerms:  # fmt: skip
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)
-        nothing = np.zeros_like(values)
+        by_normal = np.pi * np.einsum("pjx,jc->pcx", gradients, self.lights.radiance(state.lights))
+        channels = np.zeros((len(values), CHANNELS))
         return LightTerms(
-            np.pi * values, nothing, np.pi * gradients, np.zeros_like(gradients), nothing, nothing, nothing
+            np.pi * values, np.zeros_like(values), by_normal, np.zeros_like(by_normal), channels, channels, channels
         )  # fmt: skip
 
 

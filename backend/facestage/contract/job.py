@@ -21,6 +21,8 @@ PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9
+LEAN, FULL = "lean", "full"  # leave out what the scene does not need | work on everything
+PLANS = (LEAN, FULL)
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Job:
     ``stage`` is in the stage frame. ``camera_to_stage`` (4, 4) fixes the camera in the stage; None
     lets the backend centre the stage on the face, its axes parallel to the camera's.
     ``initial`` holds starting values by name ("identity", "expression", "albedo", ...), optional.
+    ``plan``: "lean" leaves out what cannot matter to this job, "full" works on everything; the answer is the same.
     """
 
     image: Path
@@ -61,12 +64,15 @@ class Job:
     seed: int = 0
     device: str = "auto"
     truth: Path | None = None
+    plan: str = LEAN
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
             raise InputError(f"light_color is '{self.light_color}'; expected one of {', '.join(LIGHT_COLORS)}.")
         if self.device not in DEVICES:
             raise InputError(f"device is '{self.device}'; expected one of {', '.join(DEVICES)}.")
+        if self.plan not in PLANS:
+            raise InputError(f"The plan is '{self.plan}'; expected one of {', '.join(PLANS)}.")
         unknown = sorted(set(self.freeze) - set(PARAMETERS))
         if unknown:
             raise InputError(f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}.")
@@ -93,7 +99,7 @@ class Job:
             "camera": self.camera.to_json() if self.camera else None,
             "light_color": self.light_color, "freeze": list(self.freeze), "weights": vars(self.weights),
             "budget_seconds": self.budget_seconds, "seed": self.seed, "device": self.device,
-            "truth": str(self.truth) if self.truth else None,
+            "truth": str(self.truth) if self.truth else None, "plan": self.plan,
         }  # fmt: skip
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -135,6 +141,7 @@ class Job:
                 seed=int(data.get("seed", 0)),
                 device=str(data.get("device", "auto")),
                 truth=Path(data["truth"]) if data.get("truth") else None,
+                plan=str(data.get("plan", LEAN)),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"The job file '{folder / 'job.json'}' has a missing or wrong value ({error}).") from error

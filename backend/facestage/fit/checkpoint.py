@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ class Checkpoint:
     strong: np.ndarray  # (N,) bool, the lights whose position is fitted
     state: State
     trace: list[dict[str, Any]]
+    resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -41,8 +42,9 @@ class Checkpoint:
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
         arrays |= {
-            "camera_to_stage": self.camera_to_stage,
+            "resting": self.resting,
             "strong": self.strong,
+            "camera_to_stage": self.camera_to_stage,
             "meta": np.array(json.dumps(finite(meta))),
         }
         write_arrays(folder / FILE, arrays, compress=False)
@@ -62,6 +64,7 @@ class Checkpoint:
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
                 meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
+                arrays["resting"],
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

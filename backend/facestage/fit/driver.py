@@ -19,6 +19,7 @@ from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.light_position import AXES, strong_lights, turned
 from facestage.fit.metrics import psnr
 from facestage.fit.parameters import Layout, State
+from facestage.fit.plan import Ledger, Plan, Rules
 from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
 from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
 from facestage.fit.schedule import Iteration, Stage
@@ -114,6 +115,7 @@ class Fitted:
     in_time: bool
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
+    ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
 
 
 class FitRun:
@@ -136,6 +138,7 @@ class FitRun:
         self.camera_to_stage = problem.job.camera_to_stage
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.samples_factor = self._samples_factor()
+        self.plan = Plan(Rules.of(problem.job.plan))
 
     def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
@@ -169,6 +172,8 @@ class FitRun:
                 state = self.with_initial_lights(stage, state)
             if number == first_phase and first_step > 1:
                 stage.damping = damping
+                if checkpoint is not None and len(checkpoint.resting) and stage.energy.photo is not None:
+                    stage.energy.photo.resting = checkpoint.resting
             factor = self._factor(phase)
             scaled = replace(state, camera=state.camera.scaled(factor))
             for item in stage.run(scaled, self.problem.job.seed + number, deadline, first_step):
@@ -178,7 +183,7 @@ class FitRun:
                 self._record(phase, item, stage, state, seconds)
                 done = number + 1 if item.finished else number
                 step = 0 if item.finished else item.number
-                self._save(done, step, item.damping, state, seconds)
+                self._save(done, step, item.damping, state, seconds, stage)
                 self.listen(self._progress(number, item, stage, state, seconds))
             first_step = 1
         seconds = time.monotonic() - started
@@ -186,8 +191,7 @@ class FitRun:
             state, self._anchor(state),
             self._stage_in_camera(state, as_fitted=True),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
-            time.monotonic() <= deadline, self._certainty(state, last),
-            self._shading_doubt(last),
+            time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last), self.plan.ledger,
         )  # fmt: skip
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
@@ -285,10 +289,6 @@ class FitRun:
             return None
         return SilhouetteTerm(self.forward, self.problem.photo_at(factor), factor * self.problem.face_size_px)
 
-    def _photo_term(self, scaled: State, factor: float, samples: int) -> PhotoTerm:
-        photo = self.problem.photo_at(factor)
-        return PhotoTerm(self.forward, photo, samples * self.samples_factor, self._pivot(scaled))
-
     def _pivot(self, state: State) -> np.ndarray:
         """(3,) the stage's centre in the camera frame."""
         return np.linalg.inv(self._anchor(state))[:3, 3]
@@ -310,12 +310,21 @@ class FitRun:
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
-            photo=None if phase.face_px is None else self._photo_term(scaled, factor, phase.samples),
+            photo=None if phase.face_px is None else self._photo_term(phase, layout, freeze, scaled, factor),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
             silhouette=self._silhouette_term(phase, factor, freeze),
         )  # fmt: skip
         low, high = layout.bounds(box)
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
+
+    def _photo_term(self, phase: Phase, layout: Layout, freeze: np.ndarray, scaled: State, factor: float) -> PhotoTerm:
+        """The photo's residuals, with derivatives by what the phase may move."""
+        wanted = layout.mask(phase.blocks)
+        free = wanted & ~freeze if self.plan.rules.columns else wanted
+        held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
+        photo = self.problem.photo_at(factor)
+        samples = phase.samples * self.samples_factor
+        return PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
@@ -351,11 +360,11 @@ class FitRun:
             row |= self.truth.geometry_errors(state)
         self.trace.append(row)
 
-    def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float) -> None:
+    def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float, stage: Stage) -> None:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, self.strong, state, self.trace,
+            seconds, anchor, self.strong, state, self.trace, stage.resting,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,10 +14,13 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.light_position import AXES, PositionDerivatives, position_derivatives, turned
 from facestage.fit.noise import NoiseModel, estimate_noise
-from facestage.fit.parameters import Layout, LightParameters, State
-from facestage.fit.photometric import jacobian_blocks
+from facestage.fit.normal_equations import NormalEquations
+from facestage.fit.parameters import BLOCKS, Layout, LightParameters, State
+from facestage.fit.photometric import SHAPE, Jacobian
+from facestage.fit.plan import Plan
 from facestage.fit.priors import Priors
 from facestage.fit.shading import ForwardModel, Image, Surface
+from facestage.render.tracer import Asked, LightTerms
 
 if TYPE_CHECKING:
     from facestage.fit.silhouette import SilhouetteTerm
@@ -52,50 +56,93 @@ class Evaluation:
 class PhotoTerm:
     """Residuals of the photo over the skin pixels, with weights from the noise they show."""
 
-    def __init__(self, forward: ForwardModel, photo: Photo, samples: int, pivot: np.ndarray | None = None) -> None:
-        """``pivot`` (3,): the stage's centre in the camera frame, about which lights turn."""
-        self.forward, self.photo, self.samples = forward, photo, samples
+    def __init__(
+        self, forward: ForwardModel, photo: Photo, samples: int, blocks: Collection[str] = BLOCKS,
+        plan: Plan | None = None, held: int = 0, pivot: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        """``blocks`` of parameters are those whose derivatives will be asked for; ``held`` parameters are frozen.
+
+        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn.
+        """
         self.pivot = np.zeros(3) if pivot is None else pivot
+        self.forward, self.photo, self.samples, self.blocks = forward, photo, samples, frozenset(blocks)
+        self.plan, self.held = Plan() if plan is None else plan, held
+        # (N,) bool, lights that are left out while they are dark; set by whoever knows the gradient.
+        self.resting: np.ndarray | None = None
 
     def pixels(self, state: State) -> np.ndarray:
-        """(P, 2) centres of the pixels in the face's bounding box."""
+        """(P, 2) centres of the pixels in the bounding box of the face's skin."""
         height, width = self.photo.usable.shape
-        _, vertices = self.forward.pose(state)
-        projected = state.camera.project(vertices)
-        projected = projected[np.isfinite(projected).all(1)]
-        if not len(projected):
-            return np.zeros((0, 2))
-        low = np.clip(np.floor(projected.min(0)) - 1, 0, [width, height]).astype(int)
-        high = np.clip(np.ceil(projected.max(0)) + 1, 0, [width, height]).astype(int)
+        low, high = np.array([0, 0]), np.array([width, height])
+        if self.plan.rules.pixels:
+            vertices = self.forward.pose(state)[1]
+            projected = state.camera.project(vertices[self.forward.geometry.fitted_vertices])
+            projected = projected[np.isfinite(projected).all(1)]
+            if not len(projected):
+                return np.zeros((0, 2))
+            low = np.clip(np.floor(projected.min(0)) - 1, 0, high).astype(int)
+            high = np.clip(np.ceil(projected.max(0)) + 1, 0, high).astype(int)
         y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
-    def evaluate(self, state: State, stage: LightStage, seed: int) -> Evaluation:
+    def evaluate(self, state: State, stage: LightStage, seed: int, everything: bool = False) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
 
-        ``stage``: camera frame, before its lights are turned by ``state.light_position``.
+        ``stage``: camera frame, before its lights are turned by ``state.light_position``. ``everything``: lights
+        that rest are traced too.
         """
+        rules, ledger = self.plan.rules, self.plan.ledger
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
-        placed = turned(stage, state.light_position, self.pivot)
-        terms = self.forward.light_terms(state, surface, placed, self.samples, seed, derivatives=True)
-        image = self.forward.shade(state, surface, terms)
         shape = self.photo.usable.shape
-        residual, weight = np.zeros((*shape, 3)), np.zeros(shape)
+        weight = self._base_weight(surface)
+        if rules.pixels:
+            counted = weight[self.index(surface)] > 0
+            ledger.skip("pixels", lit=int((~counted).sum()))
+            surface = surface.part(counted)
+        placed = turned(stage, state.light_position, self.pivot)
+        terms = self._light_terms(state, surface, placed, seed, everything)
+        image = self.forward.shade(state, surface, terms)
+        residual, highlight = np.zeros((*shape, 3)), np.zeros((*shape, 1))
         y, x = self.index(surface)
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
+        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
+        return Evaluation(state, image, residual, highlight, weight, stage, seed)
+
+    def _base_weight(self, surface: Surface) -> np.ndarray:
+        """(h, w) 0..1: how much a pixel counts before its residual is known."""
+        shape = self.photo.usable.shape
+        weight, seen = np.zeros(shape), np.zeros(shape, bool)
+        y, x = self.index(surface)
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
         ramp = np.clip((cosine - VIEW_COSINE_ZERO) / (VIEW_COSINE_FULL - VIEW_COSINE_ZERO), 0, 1)
         weight[y, x] = ramp * self.photo.skin[y, x]
         # Pixels beside another part (eye, mouth, background) mix both in the photo.
-        seen = np.zeros(shape, bool)
         seen[y, x] = True
-        weight *= binary_erosion(seen, border_value=1)
-        highlight = np.zeros((*shape, 1))
-        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, stage, seed)
+        return weight * binary_erosion(seen, border_value=1)
+
+    def _light_terms(
+        self, state: State, surface: Surface, stage: LightStage, seed: int, everything: bool
+    ) -> LightTerms:
+        rules, ledger = self.plan.rules, self.plan.ledger
+        asked = Asked(by_surface=True, by_roughness=True)
+        if rules.terms:
+            asked = Asked(
+                specular="specular" in self.blocks or bool(state.specular.any()),
+                by_surface=not self.blocks.isdisjoint(SHAPE), by_roughness="roughness" in self.blocks,
+            )  # fmt: skip
+        traced = np.ones(len(stage), bool)
+        if rules.lights and self.resting is not None and not everything:
+            traced = ~self.resting
+        pixels = len(surface.pixels)
+        with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
+            terms = self.forward.light_terms(state, surface, stage, self.samples, seed, asked, traced)
+            done["rays"] = terms.pairs * self.samples
+        ledger.skip("lights", samples=pixels * self.samples * int((~traced).sum()))
+        ledger.skip("facing", rays=(pixels * int(traced.sum()) - terms.pairs) * self.samples)
+        return terms
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -115,30 +162,28 @@ class PhotoTerm:
         self, evaluation: Evaluation, weights: np.ndarray, layout: Layout, active: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """(size, size) Hessian and (size,) gradient, accumulated in float64."""
-        hessian, gradient = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
-        y, x = self.index(evaluation.image.surface)
-        root = np.sqrt(np.repeat(weights[y, x], 3))
-        residual = evaluation.residual[y, x].ravel() * root
-        texture = layout.slices["specular"]
-        dense_columns = np.flatnonzero(active[: texture.start])
-        grid = np.ix_(dense_columns, dense_columns)
-        positions = self._position_derivatives(evaluation, active[layout.slices["light_position"]])
-        for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active, positions):
-            scale = root[block.rows]
-            dense = (block.dense[:, dense_columns] * scale[:, None]).astype(np.float64)
-            hessian[grid] += dense.T @ dense
-            gradient[dense_columns] += dense.T @ residual[block.rows]
-            if active[texture].any():
-                specular = block.specular.multiply(scale[:, None]).tocsr()
-                cross = specular.T @ dense
-                hessian[texture, dense_columns] += cross
-                hessian[dense_columns, texture] += cross.T
-                hessian[texture, texture] += (specular.T @ specular).toarray()
-                gradient[texture] += specular.T @ residual[block.rows]
-        return hessian, gradient
+        rules, ledger = self.plan.rules, self.plan.ledger
+        wanted = active if rules.columns else active | layout.mask(self.blocks)
+        pixels = len(evaluation.image.color)
+        with ledger.timed(lit=0) as done:
+            jacobian = Jacobian(
+                self.forward, evaluation.state, evaluation.image, layout, wanted, all_columns=not rules.columns,
+                positions=self.position_derivatives(evaluation, wanted[layout.slices["light_position"]]),
+            )  # fmt: skip
+            columns = len(jacobian.dense_columns) + len(jacobian.light_index)
+            done["cells"] = pixels * columns
+            system = NormalEquations(jacobian, layout)
+            y, x = self.index(evaluation.image.surface)
+            residual, weights = evaluation.residual[y, x], weights[y, x]
+            for block in jacobian.blocks():
+                system.add(block, residual[block.pixels], weights[block.pixels])
+        if rules.columns:
+            ledger.skip("columns", cells=pixels * (jacobian.unseen + self.held))
+        return system.assembled()
 
-    def _position_derivatives(self, evaluation: Evaluation, active: np.ndarray) -> PositionDerivatives | None:
-        moving = active.reshape(-1, AXES).any(axis=1)
+    def position_derivatives(self, evaluation: Evaluation, wanted: np.ndarray) -> PositionDerivatives | None:
+        """By the places of the ``wanted`` (2 N,) bool lights; None when there are none."""
+        moving = wanted.reshape(-1, AXES).any(axis=1)
         if not moving.any():
             return None
         return position_derivatives(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.face_model import OTHER, SKIN, FaceModel
+
+# Metres per standard deviation or unit weight: a mode that moves a vertex less does not move it.
+INFLUENCE_MIN = 1e-7
 
 
 class FaceGeometry:
@@ -39,6 +44,21 @@ class FaceGeometry:
         self.identity_count = len(model.identity_names)
         self.log_albedo = np.log(model.albedo_mean[used])
         self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
+
+    @cached_property
+    def influence(self) -> np.ndarray:
+        """(m, k + e) bool: which modes move a vertex by more than INFLUENCE_MIN per unit weight."""
+        return np.abs(self.basis).reshape(len(self.mean), 3, -1).max(axis=1) > INFLUENCE_MIN
+
+    @cached_property
+    def fitted_vertices(self) -> np.ndarray:
+        """(k,) int: the vertices of the triangles that are compared with the photo."""
+        return np.unique(self.triangles[self.fitted])
+
+    @cached_property
+    def albedo_columns(self) -> np.ndarray:
+        """(3, m, d) float32: the albedo modes by channel, contiguous for sparse products."""
+        return np.ascontiguousarray(self.albedo_basis.transpose(2, 1, 0), np.float32)
 
     def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
         """(m, 3) float64 model-frame positions."""

@@ -69,14 +69,14 @@ def position_derivatives(
     ``stage`` is in the camera frame and not yet turned; ``strong`` (N,) bool selects the lights.
     """
     number = np.flatnonzero(strong)
-    chosen = replace(stage, **{name: getattr(stage, name)[number] for name in vars(stage)})
     diffuse = np.zeros((len(surface.pixels), len(number), AXES), np.float32)
     specular = np.zeros_like(diffuse)
     for axis in range(AXES):
         for sign in (1.0, -1.0):
-            angles = state.light_position[number].copy()
-            angles[:, axis] += sign * HALF_STEP
-            terms = forward.light_terms(state, surface, turned(chosen, angles, pivot), samples, seed)
-            diffuse[..., axis] += sign / (2 * HALF_STEP) * terms.diffuse
-            specular[..., axis] += sign / (2 * HALF_STEP) * terms.specular
+            angles = state.light_position.copy()
+            angles[number, axis] += sign * HALF_STEP
+            placed = turned(stage, angles, pivot)
+            terms = forward.light_terms(state, surface, placed, samples, seed, traced=strong)
+            diffuse[..., axis] += sign / (2 * HALF_STEP) * terms.diffuse[:, number]
+            specular[..., axis] += sign / (2 * HALF_STEP) * terms.specular[:, number]
     return PositionDerivatives(number, diffuse, specular)

@@ -19,9 +19,9 @@ from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
 from facestage.contract.storage import finite
 from facestage.fit.driver import Fitted
+from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
 from facestage.fit.parameters import State
-from facestage.fit.plan import left_out
 from facestage.fit.problem import Problem
 from facestage.fit.rendering import Picture, Textures, light_probe, render_picture
 from facestage.fit.shading import ForwardModel, sample_bilinear

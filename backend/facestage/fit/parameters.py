@@ -73,12 +73,29 @@ class LightParameters:
         result = np.zeros((count, CHANNELS, self.size))
         light = np.arange(count)
         for channel in range(CHANNELS):
-            if self.uniform:
+            if self.uniform and count:
                 result[light, channel, light] = parameters[count + channel]
                 result[:, channel, count + channel] = parameters[:count]
             else:
                 result[light, channel, light * CHANNELS + channel] = 1.0
         return result
+
+    def dark(self, parameters: np.ndarray, settled: np.ndarray) -> np.ndarray:
+        """(N,) bool: lights of radiance 0 that nothing will turn on.
+
+        ``settled`` (size,) bool marks the parameters that are at their bound and want to stay there, or may not move.
+        """
+        result = (self.radiance(parameters) == 0).all(axis=1)
+        own = (self.jacobian(parameters) != 0).any(axis=1)
+        result[self.fitted] &= own.any(axis=1) & ~(own & ~settled).any(axis=1)
+        return result
+
+    def of_lights(self, chosen: np.ndarray) -> np.ndarray:
+        """(size,) bool, the parameters that belong to the ``chosen`` (N,) lights alone."""
+        own = chosen[self.fitted]
+        if not self.uniform or not self.size:
+            return np.repeat(own, CHANNELS)
+        return np.concatenate([own, np.zeros(CHANNELS, bool)])
 
     def from_radiance(self, radiance: np.ndarray) -> np.ndarray:
         """Parameters whose radiance is nearest to (N, 3) ``radiance``."""
@@ -113,6 +130,10 @@ class Layout:
         for name in blocks:
             result[self.slices[name]] = True
         return result
+
+    def blocks_of(self, mask: np.ndarray) -> tuple[str, ...]:
+        """The blocks that ``mask`` (size,) bool touches."""
+        return tuple(name for name, where in self.slices.items() if mask[where].any())
 
     def values(self, state: State) -> np.ndarray:
         """(size,) the current values; pose is an increment, so it reads 0."""

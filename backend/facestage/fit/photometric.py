@@ -21,72 +21,120 @@ from facestage.fit.parameters import CHANNELS, Layout, State
 from facestage.fit.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
+# What moves points and normals.
+SHAPE = ("pose", "focal", "identity", "expression")
 
 
 @dataclass(frozen=True)
 class JacobianBlock:
-    """Rows of the Jacobian for a block of pixels: row 3 * pixel + channel."""
+    """Rows of the Jacobian for B pixels, kept in the factors that it is made of.
 
-    rows: slice  # of the (3 P) residual vector
-    dense: np.ndarray  # (3 B, columns up to and including roughness) float32
-    specular: sp.csr_matrix  # (3 B, specular texels)
+    d color / d radiance is one (B, n) matrix per channel, because light of one color lights that color only;
+    d color / d specular texels is ``gloss`` times ``texels``.
+    """
 
-
-def jacobian_blocks(
-    forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
-    positions: PositionDerivatives | None = None,
-) -> Iterator[JacobianBlock]:  # fmt: skip
-    """d color / d parameters in blocks of pixels. Columns of inactive parameters stay zero."""
-    differential = _Differential(forward, state, image, layout, active, positions)
-    for start in range(0, len(image.color), BLOCK_PIXELS):
-        yield differential.block(start, min(start + BLOCK_PIXELS, len(image.color)))
+    pixels: slice
+    dense: np.ndarray  # (3, B, columns) float32, the columns of _Differential.dense_columns
+    lights: np.ndarray  # (3, B, n) float32, d color by the radiance of the lights of _Differential.light_index
+    gloss: np.ndarray  # (B, 3) specular radiance at c_spec = 1
+    texels: sp.csr_matrix | None  # (B, texels) bilinear weights; None when the map is not asked for
 
 
-class _Differential:
-    """Quantities shared by all blocks of one evaluation."""
+class Jacobian:
+    """d color / d parameters of one evaluation, in blocks of pixels.
+
+    ``active`` (size,) bool marks the wanted parameters. What is zero for every pixel has no column: a mode that
+    moves nothing seen (unless ``all_columns``), a light that reaches nothing.
+    """
 
     def __init__(
         self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
-        positions: PositionDerivatives | None,
+        all_columns: bool = False, positions: PositionDerivatives | None = None,
     ) -> None:  # fmt: skip
-        self.forward, self.state, self.image, self.layout = forward, state, image, layout
+        """``positions``: needed where ``active`` asks for places of lights."""
         self.positions = positions
+        self.forward, self.state, self.image, self.layout = forward, state, image, layout
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
+        chosen = active.copy()
+        shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
         if self.active["identity"] or self.active["expression"]:
-            wanted = np.zeros(len(self.geometry.mean), bool)
-            wanted[image.surface.corners] = True
-            self.normal_operator = self.geometry.normal_operator(image.surface.model_vertices, wanted)
-        if self.active["lights"]:
-            self.light_jacobian = forward.lights.jacobian(state.lights)
+            self._prepare_shape(chosen, shape, all_columns)
+        if any(self.active[name] for name in SHAPE):
+            self._logs = forward.log_albedo(state)
+        if self.active["albedo"]:
+            self._albedo_modes = self.geometry.albedo_columns[:, :, active[layout.slices["albedo"]]]
+        for name in ("lights", "specular"):
+            chosen[layout.slices[name]] = False
+        if positions is None:
+            chosen[layout.slices["light_position"]] = False
+        self.dense_columns = np.flatnonzero(chosen)  # entries of the parameter vector
+        self.unseen = int(active[shape].sum() - chosen[shape].sum())  # wanted, but zero for every pixel
+        reach = np.ones(len(image.radiance), bool)
+        if not all_columns:
+            reach = image.terms.diffuse.any(axis=0) | image.terms.specular.any(axis=0)
+        # Among the fitted lights; their radiance by the light parameters.
+        index = np.flatnonzero(forward.lights.fitted & reach) if self.active["lights"] else np.zeros(0, int)
+        self.light_index = index
+        self.unseen += (int(forward.lights.fitted.sum()) - len(index)) * self.active["lights"]
+        place = np.cumsum(forward.lights.fitted) - 1
+        self.light_jacobian = forward.lights.jacobian(state.lights)[place[index]]  # (n, 3, light parameters)
+
+    def _prepare_shape(self, chosen: np.ndarray, shape: slice, all_columns: bool) -> None:
+        """The modes' motion of the seen vertices and of their normals, and which modes have any."""
+        surface, geometry = self.image.surface, self.geometry
+        seen = np.zeros(len(geometry.mean), bool)
+        seen[surface.corners] = True
+        around = np.zeros(len(geometry.mean), bool)
+        around[geometry.triangles[seen[geometry.triangles].any(axis=1)]] = True
+        if not all_columns:
+            moving = geometry.influence[around].any(axis=0)
+            chosen[shape] &= moving
+        modes = np.flatnonzero(chosen[shape])
+        self._local = np.cumsum(seen) - 1
+        self._seen_count = int(seen.sum())
+        basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[around][:, :, modes].reshape(-1, len(modes))
+        rows = (3 * np.flatnonzero(seen)[:, None] + np.arange(3)).ravel()
+        columns = (3 * np.flatnonzero(around)[:, None] + np.arange(3)).ravel()
+        operator = geometry.normal_operator(surface.model_vertices, seen)[rows][:, columns]
+        positions = basis.reshape(-1, 3, len(modes))[seen[around]].reshape(-1, len(modes))
+        self._shape_basis = np.concatenate([positions, operator @ basis])  # (6 seen vertices, modes)
+
+    def blocks(self) -> Iterator[JacobianBlock]:
+        """All pixels, BLOCK_PIXELS at a time."""
+        for start in range(0, len(self.image.color), BLOCK_PIXELS):
+            yield self.block(start, min(start + BLOCK_PIXELS, len(self.image.color)))
 
     def block(self, start: int, end: int) -> JacobianBlock:
-        image, layout, active = self.image, self.layout, self.active
+        """The rows of the pixels from ``start`` to ``end``."""
+        image, active = self.image, self.active
         part = slice(start, end)
-        count = end - start
-        dense = np.zeros((count * CHANNELS, layout.slices["specular"].start), np.float32)
-        by_normal, slide = self._surface_derivatives(part)
-        if active["pose"]:
-            dense[:, layout.slices["pose"]] = self._pose(part, by_normal, slide)
-        if active["focal"]:
-            dense[:, layout.slices["focal"]] = self._focal(part, slide)
-        if active["identity"] or active["expression"]:
-            shape = self._shape(part, by_normal, slide)
-            dense[:, layout.slices["identity"]] = shape[:, : self.geometry.identity_count]
-            dense[:, layout.slices["expression"]] = shape[:, self.geometry.identity_count :]
-        if active["lights"]:
-            dense[:, layout.slices["lights"]] = self._lights(part)
-        if self.positions is not None:
-            columns = layout.slices["light_position"].start + AXES * self.positions.lights[:, None] + np.arange(AXES)
-            dense[:, columns.ravel()] = self._light_positions(part, self.positions)
+        parts: list[np.ndarray] = []
+        if any(active[name] for name in SHAPE):
+            by_normal, slide = self._surface_derivatives(part)
+            if active["pose"]:
+                parts.append(self._pose(part, by_normal, slide)[..., self._wanted("pose")])
+            if active["focal"]:
+                parts.append(self._focal(part, slide))
+            if active["identity"] or active["expression"]:
+                parts.append(self._shape(part, by_normal, slide))
+        if active["light_position"] and self.positions is not None:
+            parts.append(self._light_positions(part, self.positions))
         if active["albedo"]:
-            dense[:, layout.slices["albedo"]] = self._albedo(part)
+            parts.append(self._albedo(part))
         if active["roughness"]:
-            by_roughness = image.terms.specular_by_roughness[part] @ image.radiance
-            dense[:, layout.slices["roughness"]] = (brdf.K_SPECULAR * image.c_spec[part, None] * by_roughness).reshape(
-                -1, 1
-            )
-        return JacobianBlock(slice(start * CHANNELS, end * CHANNELS), dense, self._specular(part))
+            by_roughness = brdf.K_SPECULAR * image.c_spec[part, None] * image.terms.specular_by_roughness[part]
+            parts.append(by_roughness.T[..., None])
+        dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
+        if parts:
+            np.concatenate(parts, axis=2, out=dense, casting="same_kind")
+        texels = self._texels(part) if active["specular"] else None
+        return JacobianBlock(part, dense, self._lights(part), brdf.K_SPECULAR * image.specular[part], texels)
+
+    def _wanted(self, name: str) -> np.ndarray:
+        where = self.layout.slices[name]
+        inside = (self.dense_columns >= where.start) & (self.dense_columns < where.stop)
+        return self.dense_columns[inside] - where.start
 
     def _surface_derivatives(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
         """d color by the interpolated normal (B, 3, 3) and by surface motion (B, 3, 3).
@@ -94,14 +142,9 @@ class _Differential:
         The motion term already contains what sliding across the triangle changes.
         """
         image, surface, terms = self.image, self.image.surface, self.image.terms
-        albedo, radiance = image.albedo[part] * (brdf.K_DIFFUSE / np.pi), image.radiance
-        c_spec = brdf.K_SPECULAR * image.c_spec[part, None]
-        by_depth = albedo * (terms.diffuse_by_depth[part] @ radiance) + c_spec * (
-            terms.specular_by_depth[part] @ radiance
-        )
-        diffuse_n = np.einsum("pjx,jc->pcx", terms.diffuse_by_normal[part], radiance, optimize=True)
-        specular_n = np.einsum("pjx,jc->pcx", terms.specular_by_normal[part], radiance, optimize=True)
-        by_unit = albedo[..., None] * diffuse_n + c_spec[..., None] * specular_n
+        albedo, c_spec = image.albedo[part] * (brdf.K_DIFFUSE / np.pi), brdf.K_SPECULAR * image.c_spec[part, None]
+        by_depth = albedo * terms.diffuse_by_depth[part] + c_spec * terms.specular_by_depth[part]
+        by_unit = albedo[..., None] * terms.diffuse_by_normal[part] + c_spec[..., None] * terms.specular_by_normal[part]
         # Through the normalisation of the interpolated normal: tangential part only, over its length.
         normal, length = surface.normals[part], surface.normal_length[part]
         along = np.einsum("pcx,px->pc", by_unit, normal)
@@ -112,10 +155,10 @@ class _Differential:
         inverse = _inverse3(edges)  # rows: db1, db2, dt per -dx
         by_edge = []
         corner_normals = surface.corner_normals[part]
-        logs = self.forward.log_albedo(self.state)[surface.corners[part]]
+        logs = self._logs[surface.corners[part]]
         diffuse_color = albedo * image.diffuse[part] * (image.albedo[part] < brdf.ALBEDO_MAX)
         uvs = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle[part]]]
-        gradient = _texture_gradient(self.state.specular, self.forward.uvs(surface)[part])
+        gradient = _texture_gradient(self.state.specular, self.forward.uvs(surface.part(part)))
         for edge in (1, 2):
             change = diffuse_color * (logs[:, edge] - logs[:, 0])
             change += np.einsum("pcx,px->pc", by_normal, corner_normals[:, edge] - corner_normals[:, 0])
@@ -126,86 +169,87 @@ class _Differential:
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
 
     def _pose(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
-        """(3 B, 6): rotation about the model's origin, then translation. a.(w x b) = w.(b x a)."""
+        """(3, B, 6): rotation about the model's origin, then translation. a.(w x b) = w.(b x a)."""
         surface = self.image.surface
         arm = (surface.points[part] - self.state.translation)[:, None]
         normal = (surface.normals[part] * surface.normal_length[part, None])[:, None]
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
-        return np.concatenate([rotation, slide], axis=2).reshape(-1, 6)
+        return np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
 
     def _focal(self, part: slice, slide: np.ndarray) -> np.ndarray:
-        """(3 B, 1) by log focal: rays turn towards the axis, as if the surface moved the other way."""
+        """(3, B, 1) by log focal: rays turn towards the axis, as if the surface moved the other way."""
         surface = self.image.surface
         ray = surface.rays[part]
         flat = np.stack([-ray[:, 0], -ray[:, 1], np.zeros(len(ray))], axis=1)
         turn = flat - ray * np.einsum("px,px->p", flat, ray)[:, None]
-        return -np.einsum("pcx,px->pc", slide, turn * surface.depth[part, None]).reshape(-1, 1)
+        return -np.einsum("pcx,px->cp", slide, turn * surface.depth[part, None])[..., None]
 
     def _shape(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
-        """(3 B, k + e) by identity and expression weights, through sparse corner coefficients."""
+        """(3, B, modes) by the chosen identity and expression weights, through sparse corner coefficients."""
         surface, rotation = self.image.surface, self.state.rotation
         corners, weights = surface.corners[part], surface.weights[part]
-        count, vertices = len(corners), len(self.geometry.mean)
-        moved = (slide @ rotation)[:, :, None] * weights[:, None, :, None]  # (B, channel, corner, xyz)
-        turned = (by_normal @ rotation)[:, :, None] * weights[:, None, :, None]
+        count = len(corners)
+        coefficients = np.empty((CHANNELS, count, 2, 3, 3), np.float32)  # position or normal, corner, xyz
+        coefficients[:, :, 0] = (slide @ rotation).transpose(1, 0, 2)[:, :, None] * weights[:, :, None]
+        turned = (by_normal @ rotation)[:, :, None] * weights[:, None, :, None]  # (B, channel, corner, xyz)
         unit = (surface.corner_normals[part] @ rotation)[:, None]
         turned -= (turned * unit).sum(-1, keepdims=True) * unit
         turned /= np.maximum(surface.normal_scale[corners], 1e-20)[:, None, :, None]
-        column = (3 * corners[:, None, :, None] + np.arange(3)).astype(np.int32)
-        column = np.broadcast_to(column, moved.shape).reshape(-1)
-        pointer = np.arange(0, count * CHANNELS * 9 + 1, 9)
-        shape = (count * CHANNELS, 3 * vertices)
-        by_position = sp.csr_matrix((moved.astype(np.float32).ravel(), column, pointer), shape=shape)
-        by_vertex_normal = sp.csr_matrix((turned.astype(np.float32).ravel(), column, pointer), shape=shape)
-        return (by_position + by_vertex_normal @ self.normal_operator) @ self.geometry.basis
+        coefficients[:, :, 1] = turned.transpose(1, 0, 2, 3)
+        column = 3 * self._local[corners][:, None, :, None] + np.arange(3)
+        column = (column + 3 * self._seen_count * np.arange(2)[:, None, None]).astype(np.int32)
+        column = np.broadcast_to(column, coefficients.shape).ravel()
+        pointer = np.arange(0, CHANNELS * count * 18 + 1, 18)
+        shape = (CHANNELS * count, len(self._shape_basis))
+        product = sp.csr_matrix((coefficients.ravel(), column, pointer), shape=shape) @ self._shape_basis
+        return product.reshape(CHANNELS, count, -1)
 
     def _lights(self, part: slice) -> np.ndarray:
-        """(3 B, light parameters): the color is linear in the radiance."""
-        image, fitted = self.image, self.forward.lights.fitted
-        diffuse = image.terms.diffuse[part][:, fitted]
-        specular = image.terms.specular[part][:, fitted] * (brdf.K_SPECULAR * image.c_spec[part, None])
-        albedo = image.albedo[part] * (brdf.K_DIFFUSE / np.pi)
-        per_channel = [
-            (albedo[:, channel, None] * diffuse + specular) @ self.light_jacobian[:, channel]
-            for channel in range(CHANNELS)
-        ]
-        return np.stack(per_channel, axis=1).reshape(-1, self.light_jacobian.shape[2])
+        """(3, B, n): the color is linear in the radiance."""
+        image = self.image
+        # Row by row in memory: BLAS takes no other order.
+        diffuse = np.ascontiguousarray(image.terms.diffuse[part][:, self.light_index])
+        specular = np.ascontiguousarray(image.terms.specular[part][:, self.light_index])
+        specular *= (brdf.K_SPECULAR * image.c_spec[part, None]).astype(np.float32)
+        result = np.empty((CHANNELS, *diffuse.shape), np.float32)
+        for channel in range(CHANNELS):
+            albedo = (image.albedo[part, channel, None] * (brdf.K_DIFFUSE / np.pi)).astype(np.float32)
+            np.multiply(albedo, diffuse, out=result[channel])
+            result[channel] += specular
+        return result
 
     def _light_positions(self, part: slice, positions: PositionDerivatives) -> np.ndarray:
-        """(3 B, 2 K): each light's own terms change, times its radiance."""
+        """(3, B, angles): each light's own terms change, times its radiance."""
         image = self.image
-        albedo = image.albedo[part] * (brdf.K_DIFFUSE / np.pi)
-        by_angle = albedo[:, :, None, None] * positions.diffuse[part][:, None]
-        by_angle += brdf.K_SPECULAR * image.c_spec[part, None, None, None] * positions.specular[part][:, None]
-        by_angle *= image.radiance[positions.lights].T[None, :, :, None]
-        return by_angle.reshape(CHANNELS * len(albedo), -1)
+        albedo = image.albedo[part].T * (brdf.K_DIFFUSE / np.pi)  # (3, B)
+        by_angle = albedo[..., None, None] * positions.diffuse[part]
+        by_angle += brdf.K_SPECULAR * image.c_spec[part, None, None] * positions.specular[part]
+        by_angle *= image.radiance[positions.lights].T[:, None, :, None]
+        first = self.layout.slices["light_position"].start + AXES * positions.lights
+        return by_angle.reshape(CHANNELS, -1, AXES * len(positions.lights))[
+            ..., np.isin((first[:, None] + np.arange(AXES)).ravel(), self.dense_columns)
+        ]
 
     def _albedo(self, part: slice) -> np.ndarray:
-        """(3 B, d): d color = diffuse part * d log albedo."""
-        image, surface, basis = self.image, self.image.surface, self.geometry.albedo_basis
+        """(3, B, d): d color = diffuse part * d log albedo."""
+        image, surface, modes = self.image, self.image.surface, self._albedo_modes
         corners, count = surface.corners[part], part.stop - part.start
         pick = sp.csr_matrix(
             (surface.weights[part].astype(np.float32).ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)),
-            shape=(count, basis.shape[1]),
+            shape=(count, modes.shape[1]),
         )
         color = image.albedo[part] * image.diffuse[part] * (brdf.K_DIFFUSE / np.pi)
         color = (color * (image.albedo[part] < brdf.ALBEDO_MAX)).astype(np.float32)
-        result = np.empty((count, CHANNELS, len(basis)), np.float32)
-        for channel in range(CHANNELS):
-            result[:, channel] = (pick @ basis[:, :, channel].T) * color[:, channel, None]
-        return result.reshape(-1, len(basis))
+        return np.stack([(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)])
 
-    def _specular(self, part: slice) -> sp.csr_matrix:
-        """(3 B, texels): bilinear weights times the specular radiance."""
+    def _texels(self, part: slice) -> sp.csr_matrix:
+        """(B, texels): bilinear weights."""
         size = self.state.specular.shape[0]
-        index, weight = bilinear_weights(self.forward.uvs(self.image.surface)[part], size)
+        index, weight = bilinear_weights(self.forward.uvs(self.image.surface.part(part)), size)
         count = len(index)
-        data = (brdf.K_SPECULAR * self.image.specular[part])[:, :, None] * weight[:, None]
-        column = np.broadcast_to(index[:, None], data.shape)
-        pointer = np.arange(0, count * CHANNELS * 4 + 1, 4)
-        data = data.astype(np.float32).ravel() * self.active["specular"]
-        return sp.csr_matrix((data, column.ravel(), pointer), shape=(count * CHANNELS, size * size))
+        pointer = np.arange(0, count * 4 + 1, 4)
+        return sp.csr_matrix((weight.astype(np.float32).ravel(), index.ravel(), pointer), shape=(count, size * size))
 
 
 def _inverse3(matrix: np.ndarray) -> np.ndarray:

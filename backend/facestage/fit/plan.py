@@ -1,54 +1,84 @@
-"""What a job does not need, left out before and during the fit, and listed in the result."""
+"""What a job does not need: the rules that leave it out, and the ledger of what was done and what was not."""
 
 from __future__ import annotations
 
-from typing import Any
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
 
-import numpy as np
-
-from facestage.contract.face_model import OTHER
-from facestage.contract.light_stage import OFF
-from facestage.fit.driver import Fitted
-from facestage.fit.problem import FINE_FACE_PX, Problem
+from facestage.contract.job import LEAN
 
 
-def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
-    """One entry per omission: what, why, and what it saved (a count that was not worked on)."""
-    entries: list[dict[str, Any]] = []
+@dataclass(frozen=True)
+class Rules:
+    """Which omissions are made. None of them changes the answer beyond rounding; each can be turned off."""
 
-    def add(what: str, why: str, saved: str) -> None:
-        entries.append({"what": what, "why": why, "saved": saved})
+    pixels: bool = True  # pixels of weight zero are not lit, nor looked for outside the face's bounding box
+    lights: bool = True  # lights that are off, or were fitted to zero and want to stay there, are not traced
+    columns: bool = True  # no column of the Jacobian for what is frozen, or moves nothing that is seen
+    terms: bool = True  # no derivative by the surface while it rests, no highlight while there is none
 
-    off = int((problem.stage.state == OFF).sum())
-    if off:
-        add(f"{off} lights", "switched off", f"{off} of {len(problem.stage)} lights never traced")
-    dark = int((fitted.stage.radiance.max(axis=1) <= 0).sum())
-    if dark:
-        add(f"{dark} lights in the final picture", "fitted to exactly zero", "no radiance to add")
-    for name in problem.job.freeze:
-        add(name, "frozen by the job", "its columns of the Jacobian")
-    if problem.job.camera is not None:
-        add("focal length", "the camera is known", "one column of the Jacobian")
-    camera = fitted.state.camera
-    shape = problem.geometry.vertices(fitted.state.identity, fitted.state.expression)
-    pixels = camera.project(shape @ fitted.state.rotation.T + fitted.state.translation)
-    pixels = pixels[np.isfinite(pixels).all(1)]
-    size = np.array([camera.width, camera.height])
-    low, high = np.clip(pixels.min(0), 0, size), np.clip(pixels.max(0), 0, size)
-    outside = int(size.prod() - (high - low).prod())
-    if outside > 0:
-        add("pixels outside the head's bounding box", "they cannot show the face", f"{outside} of {size.prod()} pixels")
-    factor = problem.scale(FINE_FACE_PX)
-    if factor < 1:
-        add(
-            f"photo resolution beyond a face of {FINE_FACE_PX:.0f} px", "it adds texture, not shape",
-            f"a factor of {1 / factor**2:.1f} in pixels while fitting",
-        )  # fmt: skip
-    hidden = int((problem.geometry.model.triangle_part == OTHER).sum())
-    if hidden:
-        add("see-through shells of the model (tear film, lashes)", "no opaque surface", f"{hidden} triangles")
-    add(
-        "gradient of silhouettes and shadow edges", "their pixels are down-weighted; landmarks hold the outline",
-        "boundary sampling in every step",
-    )  # fmt: skip
-    return entries
+    @classmethod
+    def of(cls, plan: str) -> Rules:
+        """The rules of a job's ``plan``: all of them, or none."""
+        return cls(**{rule.name: plan == LEAN for rule in fields(cls)})
+
+
+@dataclass
+class Work:
+    """Seconds of one kind of work, and the units that were done in them."""
+
+    seconds: float = 0.0
+    units: float = 0.0
+
+
+@dataclass
+class Ledger:
+    """What a run worked on, by kind, and what each rule left out, in units of a kind of work.
+
+    Kinds are views: the same seconds may be counted once by pixel and once by light sample.
+    """
+
+    work: dict[str, Work] = field(default_factory=dict)
+    skipped: dict[tuple[str, str], float] = field(default_factory=dict)  # (rule, kind) -> units
+
+    @contextmanager
+    def timed(self, **units: float) -> Iterator[dict[str, float]]:
+        """Time a block of work; ``units`` by kind, to which the block may add what it learns."""
+        found = dict(units)
+        began = time.perf_counter()
+        yield found
+        seconds = time.perf_counter() - began
+        for kind, count in found.items():
+            work = self.work.setdefault(kind, Work())
+            work.seconds += seconds
+            work.units += count
+
+    def skip(self, rule: str, **units: float) -> None:
+        """Count units of work that ``rule`` left out."""
+        for kind, count in units.items():
+            if count > 0:
+                self.skipped[rule, kind] = self.skipped.get((rule, kind), 0.0) + float(count)
+
+    def rate(self, kind: str) -> float | None:
+        """Units per second of a kind of work in this run; None when there was none."""
+        work = self.work.get(kind)
+        return None if work is None or work.seconds <= 0 or work.units <= 0 else work.units / work.seconds
+
+    def saved(self, rule: str) -> dict[str, tuple[float, float | None]]:
+        """By kind: the units that ``rule`` left out, and the seconds they would have taken at this run's rate."""
+        result = {}
+        for (name, kind), units in self.skipped.items():
+            if name == rule:
+                rate = self.rate(kind)
+                result[kind] = (units, None if rate is None else units / rate)
+        return result
+
+
+@dataclass
+class Plan:
+    """The rules of a run and its ledger."""
+
+    rules: Rules = field(default_factory=Rules)
+    ledger: Ledger = field(default_factory=Ledger)

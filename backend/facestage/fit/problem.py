@@ -12,7 +12,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.job import Job
+from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
 from facestage.contract.storage import finite
@@ -47,8 +47,8 @@ class Problem:
 
     @property
     def lit(self) -> np.ndarray:
-        """(N,) bool, the lights that are not off."""
-        return self.stage.state != OFF
+        """(N,) bool, the lights that may be traced: those that are not off, or all where nothing is left out."""
+        return (self.stage.state != OFF) | (self.job.plan == FULL)
 
     @cached_property
     def lit_stage(self) -> LightStage:

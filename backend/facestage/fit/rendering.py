@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from facestage.contract.light_stage import LightStage
 from facestage.fit.parameters import State
-from facestage.fit.shading import ForwardModel, Surface, sample_bilinear
+from facestage.fit.shading import ForwardModel, sample_bilinear
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
 RAY_BUDGET = 2.5e7
@@ -76,7 +76,7 @@ def render_picture(
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
             surface = forward.surface(state, pixels + offset)
             for start in range(0, len(surface.pixels), BLOCK_POINTS):
-                block = _slice(surface, start, start + BLOCK_POINTS)
+                block = surface.part(slice(start, start + BLOCK_POINTS))
                 x, y = block.pixels.astype(int).T
                 terms = forward.light_terms(state, block, stage, each, seed + sub)
                 uvs = forward.uvs(block)
@@ -86,12 +86,6 @@ def render_picture(
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors)
-
-
-def _slice(surface: Surface, start: int, end: int) -> Surface:
-    """Some of a surface's pixels; what belongs to the whole mesh is kept."""
-    whole = {"vertices", "model_vertices", "normal_scale"}
-    return replace(surface, **{name: value[start:end] for name, value in vars(surface).items() if name not in whole})
 
 
 def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:

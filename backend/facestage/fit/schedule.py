@@ -17,6 +17,8 @@ CONVERGED_SHARE = 1e-3
 # Shadows and silhouettes jump between steps; what three dampings cannot lower is as low as it gets.
 MAX_REJECTIONS = 3
 HOPELESS_SHARE = 5e-3
+# Steps after which lights that were fitted to zero are asked whether they want to come back.
+LIGHTS_ASKED_EVERY = 4
 
 
 @dataclass(frozen=True)
@@ -54,18 +56,22 @@ class Stage:
     ) -> Iterator[Iteration]:
         """Accepted steps, numbered from ``first``, until converged, out of steps, or past the ``deadline``."""
         active = self.energy.layout.mask(self.blocks) & ~self.freeze
-        evaluation = self._evaluate(state, seed)
+        evaluation = self._evaluate(state, seed, everything=self._asks_lights(first))
         for number in range(first, self.steps + 1):
             system = _System(self.energy, state, evaluation, active)
+            if self._asks_lights(number):
+                self._rest_lights(state, system.gradient, active)
+            # The photo does not see a light that rests; the priors alone must not wake it.
+            free = active & ~self._parameters_at_rest()
             accepted = False
             for _ in range(MAX_REJECTIONS):
                 values = self.energy.layout.values(state)
                 proposal = bounded_step(
-                    system.hessian, system.gradient, self.damping.value, values, self.low, self.high, active
+                    system.hessian, system.gradient, self.damping.value, values, self.low, self.high, free
                 )
                 candidate = self.energy.layout.apply(state, proposal.step)
                 # The same random numbers on both sides of a comparison.
-                trial = self._evaluate(candidate, seed)
+                trial = self._evaluate(candidate, seed, everything=self._asks_lights(number + 1))
                 decrease = system.decrease(candidate, trial)
                 if decrease > 0 and proposal.predicted > 0:
                     self.damping.accept(decrease / proposal.predicted)
@@ -86,10 +92,37 @@ class Stage:
             if finished or clock() > deadline:
                 return
 
-    def _evaluate(self, state: State, seed: int) -> Evaluation | None:
+    def _evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
         if self.energy.photo is None or self.energy.stage is None:
             return None
-        return self.energy.photo.evaluate(state, self.energy.stage, seed)
+        return self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
+
+    @property
+    def resting(self) -> np.ndarray:
+        """(N,) bool, the lights that rest; empty when none was asked yet."""
+        photo = self.energy.photo
+        return np.zeros(0, bool) if photo is None or photo.resting is None else photo.resting
+
+    def _parameters_at_rest(self) -> np.ndarray:
+        """(size,) bool, the parameters of the lights that rest, color of all lights left out."""
+        result = np.zeros(self.energy.layout.size, bool)
+        if self.resting.any():
+            where = self.energy.layout.slices["lights"]
+            result[where] = self.energy.light_parameters.of_lights(self.resting)
+        return result
+
+    def _asks_lights(self, number: int) -> bool:
+        """Whether step ``number`` asks every dark light anew if it wants to come back."""
+        return number % LIGHTS_ASKED_EVERY == 1
+
+    def _rest_lights(self, state: State, gradient: np.ndarray, active: np.ndarray) -> None:
+        """Lights at radiance 0 that the energy would only lower further rest until they are asked again."""
+        photo = self.energy.photo
+        if photo is None:
+            return
+        where = self.energy.layout.slices["lights"]
+        settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~active[where]
+        photo.resting = self.energy.light_parameters.dark(state.lights, settled)
 
 
 class _System:

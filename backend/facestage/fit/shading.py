@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
-from facestage.render.tracer import Hits, LightTerms, RayTracer
+from facestage.render.tracer import PLAIN, Asked, Hits, LightTerms, RayTracer
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,11 @@ class Surface:
     vertices: np.ndarray  # (m, 3) camera frame
     model_vertices: np.ndarray  # (m, 3) model frame
     normal_scale: np.ndarray  # (m,) lengths of the unnormalised vertex normals
+
+    def part(self, where: np.ndarray | slice) -> Surface:
+        """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is kept."""
+        whole = {"vertices", "model_vertices", "normal_scale"}
+        return replace(self, **{name: value[where] for name, value in vars(self).items() if name not in whole})
 
 
 @dataclass(frozen=True)
@@ -95,14 +100,20 @@ class ForwardModel:
         return self._tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
 
     def light_terms(
-        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, derivatives: bool = False
-    ) -> LightTerms:
-        """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame)."""
+        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
+        traced: np.ndarray | None = None,
+    ) -> LightTerms:  # fmt: skip
+        """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
+
+        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out.
+        """
         centred = np.eye(4)
         centred[:3, 3] = -state.translation
         return self._tracer.light_terms(
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-            stage.transformed(centred), state.roughness, samples, seed, derivatives, keys=_pixel_keys(surface.pixels),
+            stage.transformed(centred), state.roughness, samples, seed, asked,
+            self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
+            traced, _pixel_keys(surface.pixels),
         )  # fmt: skip
 
     def shade(

@@ -12,7 +12,7 @@ from facestage.contract import brdf
 from facestage.fit.energy import Evaluation
 from facestage.fit.noise import HIGHLIGHT_SHARE
 from facestage.fit.parameters import Layout
-from facestage.fit.photometric import jacobian_blocks
+from facestage.fit.photometric import Jacobian
 from facestage.fit.shading import ForwardModel
 
 SHAPE_BLOCKS = ("pose", "identity", "expression")
@@ -28,13 +28,14 @@ def shading_doubt(forward: ForwardModel, evaluation: Evaluation, layout: Layout,
     """
     image = evaluation.image
     free = layout.mask(SHAPE_BLOCKS) & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance))
-    columns = np.flatnonzero(free)
+    if not len(image.terms.diffuse_by_depth):
+        free[:] = False  # the last phase moved no shape and asked for no derivative by it
+    jacobian = Jacobian(forward, evaluation.state, image, layout, free)
+    columns = jacobian.dense_columns
     shape = covariance[np.ix_(columns, columns)].astype(np.float32)
     variance = np.zeros(len(image.color))
-    for block in jacobian_blocks(forward, evaluation.state, image, layout, free):
-        dense = block.dense[:, columns]
-        pixels = slice(block.rows.start // 3, block.rows.stop // 3)
-        variance[pixels] = np.einsum("ij,ij->i", dense @ shape, dense).reshape(-1, 3).mean(axis=1)
+    for block in jacobian.blocks():
+        variance[block.pixels] = np.einsum("cbi,cbi->b", block.dense @ shape, block.dense) / len(block.dense)
     diffuse = brdf.K_DIFFUSE / np.pi * (image.albedo * image.diffuse).mean(axis=1)
     gloss = brdf.K_SPECULAR * image.c_spec * image.specular.mean(axis=1)
     doubt = np.sqrt(np.maximum(variance, 0.0) + (HIGHLIGHT_SHARE * gloss) ** 2) / np.maximum(diffuse, 1e-9)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from facestage.fit.light_position import position_derivatives, turned
 from facestage.fit.parameters import BLOCKS, Layout, State
-from facestage.fit.photometric import jacobian_blocks
+from facestage.fit.photometric import Jacobian
 from facestage.fit.shading import Image
+from facestage.render.tracer import Asked, LightTerms
 from reference.synthetic_scene import Scene
 
 SAMPLES, SEED = 4, 6
@@ -28,7 +30,8 @@ def picture(scene: Scene, state: State, pixels: np.ndarray) -> Image:
     surface = scene.forward.surface(state, pixels)
     assert len(surface.pixels) == len(pixels), "choose pixels inside the face"
     placed = turned(scene.stage, state.light_position, PIVOT)
-    terms = scene.forward.light_terms(state, surface, placed, SAMPLES, SEED, derivatives=True)
+    asked = Asked(by_surface=True, by_roughness=True)
+    terms = scene.forward.light_terms(state, surface, placed, SAMPLES, SEED, asked)
     return scene.forward.shade(state, surface, terms)
 
 
@@ -50,23 +53,31 @@ def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPat
     """Visibility is held fixed by the derivative: leave it out of the difference too."""
     for each in (scene, uniform_scene):
         tracer = each.forward._tracer
-        monkeypatch.setattr(tracer, "light_terms", functools.partial(tracer.light_terms, shadows=False))
+        shadowed = tracer.light_terms
+
+        def light_terms(*rows: Any, shadowed: Any = shadowed) -> LightTerms:
+            return shadowed(*rows[:8], replace(rows[8], shadows=False), *rows[9:])
+
+        monkeypatch.setattr(tracer, "light_terms", light_terms)
 
 
 def dense_jacobian(scene: Scene, image: Image, layout: Layout, blocks: tuple[str, ...]) -> np.ndarray:
-    """(3 P, size), zero outside ``blocks``."""
-    result = np.zeros((image.color.size, layout.size))
-    start = layout.slices["specular"].start
-    every = np.ones(len(scene.stage), bool)
+    """(3 P, size), zero outside ``blocks``: row 3 * pixel + channel."""
+    result = np.zeros((len(image.color), 3, layout.size))
     positions = None
     if "light_position" in blocks:
+        every = np.ones(len(scene.stage), bool)
         positions = position_derivatives(
             scene.forward, scene.state, image.surface, scene.stage, PIVOT, every, SAMPLES, SEED
         )
-    for block in jacobian_blocks(scene.forward, scene.state, image, layout, layout.mask(blocks), positions):
-        result[block.rows, :start] = block.dense
-        result[block.rows, start:] = block.specular.toarray()
-    return result
+    jacobian = Jacobian(scene.forward, scene.state, image, layout, layout.mask(blocks), positions=positions)
+    for block in jacobian.blocks():
+        rows = result[block.pixels]
+        rows[:, :, jacobian.dense_columns] = block.dense.transpose(1, 0, 2)
+        rows[:, :, layout.slices["lights"]] = np.einsum("cbn,ncp->bcp", block.lights, jacobian.light_jacobian)
+        if block.texels is not None:
+            rows[:, :, layout.slices["specular"]] = block.gloss[..., None] * block.texels.toarray()[:, None]
+    return result.reshape(-1, layout.size)
 
 
 def columns(scene: Scene, block: str) -> Iterator[tuple[str, float, float]]:

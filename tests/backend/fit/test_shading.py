@@ -10,6 +10,7 @@ import pytest
 from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.shading import bilinear_weights, pixel_rays, sample_bilinear
+from facestage.render.tracer import Asked
 from reference.area_light import direct_light, tea
 from reference.cook_torrance import normalize
 from reference.intersect import first_hits
@@ -142,6 +143,6 @@ def test_a_face_outside_the_picture_gives_no_pixels(scene: Scene):
     away = replace(scene.state, translation=np.array([3.0, 0, -0.6]))
     surface = scene.forward.surface(away, PIXELS)
     assert len(surface.pixels) == 0
-    terms = scene.forward.light_terms(away, surface, scene.stage, 2, 0, derivatives=True)
+    terms = scene.forward.light_terms(away, surface, scene.stage, 2, 0, Asked(by_surface=True))
     assert scene.forward.shade(away, surface, terms).color.shape == (0, 3)
     assert scene.forward.surface(scene.state, np.zeros((0, 2))).points.shape == (0, 3)

@@ -1,4 +1,4 @@
-"""Derivative fields of the light terms against central finite differences of the same kernel."""
+"""Derivatives of the summed light terms against central finite differences of the same kernel."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.render.tracer import Asked
 from reference.cook_torrance import normalize
 from reference.meshes import plane, seen_points, sphere
 
 SAMPLES, SEED = 4, 9
+# Every light has a color of its own, so that no channel can stand for another.
+RADIANCE = np.random.default_rng(2).uniform(0.2, 2.0, (5, 3))
 ROUGHNESSES = [0.2, 0.4, 0.8]
 
 
@@ -31,7 +34,8 @@ class Kernel:
     def __call__(self, points=None, normals=None, roughness=0.4, derivatives=False):
         return self.tracer.light_terms(
             self.points if points is None else points, self.normals if normals is None else normals, self.facing,
-            self.views, self.stage, roughness, SAMPLES, SEED, derivatives, shadows=False,
+            self.views, self.stage, roughness, SAMPLES, SEED,
+            Asked(shadows=False, by_surface=derivatives, by_roughness=derivatives), RADIANCE,
         )  # fmt: skip
 
 
@@ -61,9 +65,9 @@ def test_by_normal(kernel: Kernel, roughness: float):
             for sign in (1, -1)
         )
         for kind in ("diffuse", "specular"):
-            along = np.einsum("plx,px->pl", getattr(terms, f"{kind}_by_normal"), tangent)
+            along = np.einsum("pcx,px->pc", getattr(terms, f"{kind}_by_normal"), tangent)
             name = f"{kind} by normal, roughness {roughness}, direction {trial}"
-            check(name, along, getattr(plus, kind), getattr(minus, kind), step, 5e-3)
+            check(name, along, getattr(plus, kind) @ RADIANCE, getattr(minus, kind) @ RADIANCE, step, 5e-3)
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
@@ -73,7 +77,8 @@ def test_by_depth(kernel: Kernel, roughness: float):
     plus, minus = (kernel(points=kernel.points - sign * step * kernel.views, roughness=roughness) for sign in (1, -1))
     for kind in ("diffuse", "specular"):
         name = f"{kind} by depth, roughness {roughness}"
-        check(name, getattr(terms, f"{kind}_by_depth"), getattr(plus, kind), getattr(minus, kind), step, 5e-3)
+        sums = getattr(plus, kind) @ RADIANCE, getattr(minus, kind) @ RADIANCE
+        check(name, getattr(terms, f"{kind}_by_depth"), *sums, step, 5e-3)
 
 
 @pytest.mark.parametrize("roughness", [0.06, *ROUGHNESSES, 0.99])
@@ -81,14 +86,13 @@ def test_by_roughness(kernel: Kernel, roughness: float):
     terms = kernel(roughness=roughness, derivatives=True)
     step = 2e-3 * roughness
     plus, minus = kernel(roughness=roughness + step), kernel(roughness=roughness - step)
-    check(
-        f"specular by roughness at {roughness}", terms.specular_by_roughness, plus.specular, minus.specular, step, 5e-3
-    )
+    sums = plus.specular @ RADIANCE, minus.specular @ RADIANCE
+    check(f"specular by roughness at {roughness}", terms.specular_by_roughness, *sums, step, 5e-3)
     np.testing.assert_array_equal(plus.diffuse, minus.diffuse)
 
 
 def test_the_diffuse_term_is_linear_in_the_normal(kernel: Kernel):
     terms = kernel(derivatives=True)
     np.testing.assert_allclose(
-        np.einsum("plx,px->pl", terms.diffuse_by_normal, kernel.normals), terms.diffuse, rtol=1e-4, atol=1e-7
+        np.einsum("pcx,px->pc", terms.diffuse_by_normal, kernel.normals), terms.diffuse @ RADIANCE, rtol=1e-4, atol=1e-7
     )

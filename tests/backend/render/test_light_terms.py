@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.render.tracer import Asked
 from reference.area_light import direct_light, grid, lattice
 from reference.meshes import Mesh, Points, plane, seen_points, sphere, stage_at
 
 ROUGHNESS = 0.35
 OFFSET = 2e-4
+OPEN, MATTE = Asked(shadows=False), Asked(specular=False)
+DERIVED = Asked(by_surface=True, by_roughness=True)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +33,7 @@ def test_unshadowed_terms_equal_the_reference_sample_for_sample(tracer_of, scene
     mesh, seen = scene
     stage = fibonacci_stage(6, radius=0.8, side=0.25)
     terms = tracer_of(mesh).light_terms(
-        seen.points, seen.normals, seen.facing, seen.views, stage, roughness, 3, seed=11, shadows=False
+        seen.points, seen.normals, seen.facing, seen.views, stage, roughness, 3, seed=11, asked=OPEN
     )
     square = lattice(len(seen.points), len(stage), 3, 11)
     diffuse, specular = direct_light(seen.points, seen.normals, seen.views, stage, roughness, square)
@@ -54,7 +57,7 @@ def test_area_lights_converge_to_the_integral(tracer_of, scene):
     print("samples, error of the mean light over the mean (diffuse, specular)")
     errors = []
     for samples in (4, 32, 512):
-        terms = tracer.light_terms(*points, stage, ROUGHNESS, samples, seed=2, shadows=False)
+        terms = tracer.light_terms(*points, stage, ROUGHNESS, samples, seed=2, asked=OPEN)
         pair = [
             float(np.sqrt(((found - want) ** 2).mean()) / want.mean())
             for found, want in zip((terms.diffuse, terms.specular), wanted, strict=True)
@@ -95,12 +98,12 @@ def test_lights_are_one_sided_and_light_only_what_faces_them(tracer_of):
     tracer = tracer_of(plane(0.0))
     for stage, lit in ((front, True), (turned, False), (behind, False)):
         terms = tracer.light_terms(
-            np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4, seed=0, derivatives=True, shadows=False
+            np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4, seed=0, asked=replace(DERIVED, shadows=False)
         )
         for name, value in vars(terms).items():
             assert np.isfinite(value).all(), name
             if not lit:
-                assert not value.any(), f"{name} must be exactly zero"
+                assert not np.any(value), f"{name} must be exactly zero"
         assert (terms.diffuse[0, 0] > 0) == lit
 
 
@@ -110,7 +113,7 @@ def test_no_points_and_no_derivatives(tracer_of):
     tracer = tracer_of(plane())
     terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0)
     assert terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal.size == 0
-    terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, derivatives=True)
+    terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, asked=DERIVED)
     assert terms.diffuse_by_normal.shape == (0, 3, 3) and terms.specular_by_roughness.shape == (0, 3)
     hits = tracer.first_hits(np.zeros(3), empty)
     assert hits.triangle.shape == (0,) and hits.barycentric.shape == (0, 3)
@@ -147,10 +150,10 @@ def test_derivatives_do_not_change_the_values(tracer_of, scene):
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     plain = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5)
-    derived = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, derivatives=True)
+    derived = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
     np.testing.assert_allclose(plain.diffuse, derived.diffuse, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(plain.specular, derived.specular, rtol=1e-4, atol=1e-7)
-    matte = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, specular=False)
+    matte = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=MATTE)
     np.testing.assert_allclose(matte.diffuse, plain.diffuse, rtol=1e-5, atol=1e-7)
     assert not matte.specular.any()
 
@@ -159,12 +162,12 @@ def test_far_from_the_origin_nothing_but_rounding_changes(tracer_of, scene):
     mesh, seen = scene
     stage = fibonacci_stage(3, radius=0.8, side=0.2)
     near = tracer_of(mesh).light_terms(
-        seen.points, seen.normals, seen.facing, seen.views, stage, ROUGHNESS, 4, seed=1, shadows=False
+        seen.points, seen.normals, seen.facing, seen.views, stage, ROUGHNESS, 4, seed=1, asked=OPEN
     )
     shift = np.array([8.0, -16.0, 4.0])
     far = tracer_of(Mesh(mesh.vertices + shift, mesh.triangles)).light_terms(
         seen.points + shift, seen.normals, seen.facing, seen.views, replace(stage, position=stage.position + shift),
-        ROUGHNESS, 4, seed=1, shadows=False,
+        ROUGHNESS, 4, seed=1, asked=OPEN,
     )  # fmt: skip
     assert relative(far.diffuse, near.diffuse).max() < 1e-3
 
@@ -180,3 +183,51 @@ def test_a_point_keeps_its_samples_when_others_go(tracer_of, scene):
     fewer = tracer.light_terms(*(array[some] for array in rows), stage, ROUGHNESS, 2, seed=5, keys=keys[some])
     np.testing.assert_allclose(fewer.diffuse, every.diffuse[some], rtol=1e-6)
     np.testing.assert_allclose(fewer.specular, every.specular[some], rtol=1e-4, atol=1e-7)
+
+
+def test_lights_that_are_left_out_are_zero_and_change_no_other(tracer_of, scene):
+    mesh, seen = scene
+    stage = fibonacci_stage(7, radius=0.6, side=0.3)
+    tracer = tracer_of(mesh)
+    rows = (seen.points, seen.normals, seen.facing, seen.views)
+    every = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5)
+    traced = np.array([True, False, True, True, False, False, True])
+    some = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, traced=traced)
+    for name in ("diffuse", "specular"):
+        np.testing.assert_array_equal(getattr(some, name)[:, traced], getattr(every, name)[:, traced])
+        assert not getattr(some, name)[:, ~traced].any()
+    none = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED, traced=np.zeros(7, bool))
+    assert not none.diffuse.any() and none.diffuse_by_normal.shape == (len(seen.points), 3, 3)
+
+
+@pytest.mark.parametrize("lanes", [1, 1 << 12, 1 << 20])
+def test_how_the_work_is_split_changes_nothing(tracer_of, scene, monkeypatch: pytest.MonkeyPatch, lanes: int):
+    mesh, seen = scene
+    stage = fibonacci_stage(7, radius=0.6, side=0.3, radiance=2.0)
+    rows = (seen.points, seen.normals, seen.facing, seen.views)
+    tracer = tracer_of(mesh)
+    usual = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    monkeypatch.setattr("facestage.render.tracer.LANES", lanes)
+    other = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    assert other.pairs == usual.pairs
+    np.testing.assert_array_equal(other.diffuse, usual.diffuse)
+    for name in ("diffuse_by_normal", "specular_by_normal", "specular_by_depth", "specular_by_roughness"):
+        wanted = getattr(usual, name)
+        np.testing.assert_allclose(getattr(other, name), wanted, atol=1e-5 * np.abs(wanted).max(), err_msg=name)
+
+
+def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene):
+    mesh, seen = scene
+    stage = fibonacci_stage(8, radius=0.6, side=0.3)
+    tracer = tracer_of(mesh)
+    rows = (seen.points, seen.normals, seen.facing, seen.views)
+    lean = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    full = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=replace(DERIVED, behind=True))
+    # A square reaches over the horizon with a corner at least.
+    corner = np.einsum("px,plcx->plc", seen.normals, stage.corners[None] - seen.points[:, None, None])
+    before = np.einsum("lx,plx->pl", stage.direction, seen.points[:, None] - stage.position) > 0
+    assert full.pairs == lean.diffuse.size
+    assert lean.pairs == int((before & (corner.max(axis=2) > 0)).sum()) < full.pairs
+    np.testing.assert_array_equal(lean.diffuse, full.diffuse)
+    np.testing.assert_array_equal(lean.specular, full.specular)
+    np.testing.assert_allclose(lean.diffuse_by_normal, full.diffuse_by_normal, rtol=1e-5, atol=1e-7)

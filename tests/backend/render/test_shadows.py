@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import LightStage
+from facestage.render.tracer import Asked
 from reference.area_light import direct_light, lattice
 from reference.cook_torrance import normalize
 from reference.intersect import first_hits, intersections
@@ -48,7 +49,7 @@ def test_hard_shadows_pixel_by_pixel(tracer_of, name: str, tmp_path: Path):
     shadowed, agree = clear_of_edges(seen, mesh, LIGHTS)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    lit = tracer.light_terms(*rows, LIGHTS, 0.4, 1, seed=0, shadows=False).diffuse > 0
+    lit = tracer.light_terms(*rows, LIGHTS, 0.4, 1, seed=0, asked=Asked(shadows=False)).diffuse > 0
     found = tracer.light_terms(*rows, LIGHTS, 0.4, 1, seed=0).diffuse > 0
     wanted = lit & ~shadowed
     counted = lit & agree
@@ -89,7 +90,7 @@ def test_a_smooth_shaded_mesh_does_not_shadow_its_lit_side(tracer_of):
     tracer = tracer_of(mesh)
     # Where the light sees the facet at 12 degrees or more, the offset clears the facet's own plane.
     upright = seen.facing[:, 2] > 0.2
-    open_sky = tracer.light_terms(*rows, stage, 0.4, 4, seed=0, shadows=False).diffuse[upright]
+    open_sky = tracer.light_terms(*rows, stage, 0.4, 4, seed=0, asked=Asked(shadows=False)).diffuse[upright]
     shadowed = tracer.light_terms(*rows, stage, 0.4, 4, seed=0).diffuse[upright]
     np.testing.assert_allclose(shadowed, open_sky, rtol=1e-5)
 
