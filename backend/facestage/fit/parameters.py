@@ -48,6 +48,7 @@ class LightParameters:
     fitted: np.ndarray  # (N,) bool
     fixed_radiance: np.ndarray  # (N, 3), zero where fitted or off
     uniform: bool
+    numbers: np.ndarray | None = None  # (N,) int, what names a light when others come or go; None: 0, 1, 2, ...
 
     @property
     def size(self) -> int:
