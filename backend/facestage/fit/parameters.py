@@ -70,6 +70,8 @@ class LightParameters:
         """(fitted lights, 3, size) derivative of the fitted lights' radiance."""
         count = int(self.fitted.sum())
         result = np.zeros((count, CHANNELS, self.size))
+        if not count:
+            return result
         light = np.arange(count)
         for channel in range(CHANNELS):
             if self.uniform:
