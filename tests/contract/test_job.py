@@ -78,6 +78,7 @@ def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, j
         ({"budget_seconds": -3.0}, ["budget", "-3.0", "greater than 0"]),
         ({"budget_seconds": float("nan")}, ["budget", "nan", "greater than 0"]),
         ({"seed": -1}, ["seed", "-1", "0 to"]),
+        ({"plan": "some"}, ["plan", "some", "lean", "full"]),
         ({"seed": 2**40}, ["seed", str(2**40), "0 to"]),
     ],
 )
@@ -188,3 +189,13 @@ def test_saving_without_the_photo_leaves_nothing(tmp_path: Path, job: Job):
     with pytest.raises((InputError, FileNotFoundError)):
         job.save(tmp_path / "job")
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("plan", ["lean", "full"])
+def test_the_plan_round_trips_and_older_jobs_are_lean(tmp_path: Path, photo: Path, plan: str):
+    Job(photo, plan=plan).save(tmp_path / "job")
+    assert Job.load(tmp_path / "job").plan == plan
+    data = json.loads((tmp_path / "job" / "job.json").read_text())
+    assert data.pop("plan") == plan
+    (tmp_path / "job" / "job.json").write_text(json.dumps(data))
+    assert Job.load(tmp_path / "job").plan == "lean"

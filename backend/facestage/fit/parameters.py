@@ -50,6 +50,7 @@ class LightParameters:
     fitted: np.ndarray  # (N,) bool
     fixed_radiance: np.ndarray  # (N, 3), zero where fitted or off
     uniform: bool
+    numbers: np.ndarray | None = None  # (N,) int, what names a light when others come or go; None: 0, 1, 2, ...
 
     @property
     def size(self) -> int:
@@ -71,6 +72,8 @@ class LightParameters:
         """(fitted lights, 3, size) derivative of the fitted lights' radiance."""
         count = int(self.fitted.sum())
         result = np.zeros((count, CHANNELS, self.size))
+        if not count:
+            return result
         light = np.arange(count)
         for channel in range(CHANNELS):
             if self.uniform and count:

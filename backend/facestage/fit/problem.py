@@ -60,7 +60,8 @@ class Problem:
         """How the lit lights are parametrised."""
         fitted = (self.lit_stage.state == ON) & ("lights" not in self.job.freeze)
         held = np.where(fitted[:, None], 0.0, self.lit_stage.radiance)
-        return LightParameters(fitted, held, self.job.light_color == "uniform")
+        uniform = self.job.light_color == "uniform"
+        return LightParameters(fitted, held, uniform, np.flatnonzero(self.lit))
 
     @cached_property
     def skin(self) -> np.ndarray:
@@ -122,7 +123,7 @@ class Problem:
         settings = {
             "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
             "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
-            "model": self.job.model, "fit_focal": self.fit_focal,
+            "model": self.job.model, "fit_focal": self.fit_focal, "plan": self.job.plan,
         }  # fmt: skip
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()

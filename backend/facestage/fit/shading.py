@@ -113,7 +113,7 @@ class ForwardModel:
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
             stage.transformed(centred), state.roughness, samples, seed, asked,
             self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
-            traced, _pixel_keys(surface.pixels),
+            traced, _pixel_keys(surface.pixels), self.lights.numbers,
         )  # fmt: skip
 
     def shade(

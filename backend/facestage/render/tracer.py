@@ -114,6 +114,7 @@ class RayTracer:
         radiance: np.ndarray | None = None,
         traced: np.ndarray | None = None,
         keys: np.ndarray | None = None,
+        numbers: np.ndarray | None = None,
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
@@ -123,7 +124,8 @@ class RayTracer:
         ``radiance`` (N, 3), the stage's own when None, is what derivatives are summed with.
         ``traced`` (N,) bool: the lights to work on; the others' terms are zero.
         ``keys`` (P,) int, by default 0, 1, 2, ...: give what names a point across calls, such as its pixel,
-        so that it keeps its random numbers when other points come or go (common random numbers).
+        so that it keeps its random numbers when other points come or go (common random numbers). ``numbers``
+        (N,) int, by default 0, 1, 2, ..., do the same for the lights.
         """
         count, lights = len(points), len(stage)
         index = np.arange(lights) if traced is None else np.flatnonzero(traced)
@@ -144,7 +146,10 @@ class RayTracer:
         x, n, v = gather(points), gather(normals), gather(views)
         origin = x + SHADOW_OFFSET * gather(facing)
         names = np.arange(count) if keys is None else keys
-        squares = _Squares(stage, stage.radiance if radiance is None else radiance, index, samples)
+        squares = _Squares(
+            stage, stage.radiance if radiance is None else radiance, index, samples,
+            np.arange(lights) if numbers is None else numbers,
+        )  # fmt: skip
         kept = _PerLight(count, lights, asked.specular)
         sums = _accumulate(
             self._scene, squares, kept, group * dr.opaque(mi.UInt32, each), dr.opaque(mi.UInt32, each),
@@ -180,8 +185,12 @@ class RayTracer:
 class _Squares:
     """The traced lights on the device. No dataclass: Dr.Jit would take it apart as a loop variable."""
 
-    def __init__(self, stage: LightStage, radiance: np.ndarray, traced: np.ndarray, samples: int) -> None:
+    def __init__(
+        self, stage: LightStage, radiance: np.ndarray, traced: np.ndarray, samples: int, numbers: np.ndarray
+    ) -> None:
         self.index = mi.UInt32(traced.astype(np.uint32))
+        # The factor keeps the lights' random numbers apart.
+        self._salt = mi.UInt32((numbers.astype(np.uint64) * LIGHT_SALT).astype(np.uint32))
         self._vectors = [
             _floats(array)
             for array in (
@@ -190,6 +199,10 @@ class _Squares:
             )
         ]  # fmt: skip
         self._area = _floats(stage.side**2 / samples)
+
+    def salt(self, light: mi.UInt32) -> mi.UInt32:
+        """What a light's random numbers depend on."""
+        return dr.gather(mi.UInt32, self._salt, light)
 
     def at(self, light: mi.UInt32) -> tuple[Any, ...]:
         """Centre, emitting direction, both sides as vectors, radiance, and area per sample."""
@@ -232,8 +245,7 @@ def _accumulate(
     while (i < each) & (first + i < count):
         number = dr.gather(mi.UInt32, squares.index, first + i)
         centre, emit, axis_x, axis_y, radiance, area = squares.at(number)
-        # The factor keeps the lights' numbers apart.
-        salt = number * mi.UInt32(LIGHT_SALT) + seed
+        salt = squares.salt(number) + seed
         shift_x, shift_y = _hash_to_unit(key, salt + 1), _hash_to_unit(key, salt + 2)
         diffuse, gloss = mi.Float(0), mi.Float(0)
         diffuse_n, gloss_n = mi.Vector3f(0), mi.Vector3f(0)

@@ -22,6 +22,7 @@ from reference.synthetic_case import Case
         (["--device", "cpu"], lambda job: job.device, "cpu"),
         (["--model", "npz:x.npz"], lambda job: job.model, "npz:x.npz"),
         (["--focal-px", "333"], lambda job: job.camera.focal_px, 333.0),
+        (["--plan", "full"], lambda job: job.plan, "full"),
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
     ],
 )
@@ -33,3 +34,12 @@ def test_every_option_reaches_the_job(case: Case, arguments: list[str], attribut
         assert attribute(cli._job(parser.parse_args(plain))) != value
     else:
         assert cli._job(parser.parse_args(plain)).camera is None
+
+
+@pytest.mark.parametrize("plan", ["lean", "full"])
+def test_the_plan_of_a_job_folder_holds_unless_the_command_line_says_otherwise(case: Case, tmp_path: Path, plan: str):
+    parser = cli.build_parser()
+    cli._job(parser.parse_args(["fit", str(case.photo), "--out", "o", "--plan", plan])).save(tmp_path / "job")
+    from_folder = ["fit", "--job", str(tmp_path / "job"), "--out", "o"]
+    assert cli._job(parser.parse_args(from_folder)).plan == plan
+    assert cli._job(parser.parse_args([*from_folder, "--plan", "full"])).plan == "full"

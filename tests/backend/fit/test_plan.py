@@ -35,9 +35,9 @@ def without(rule: str) -> Rules:
 
 @pytest.fixture(scope="module")
 def job(case: Case) -> Job:
-    """Six lights of which the last is off; the skin is matte and its roughness known; a known mode is held."""
+    """Six lights of which the first is off; the skin is matte and its roughness known; a known mode is held."""
     stage = fibonacci_stage(6)
-    stage = replace(stage, state=np.array([ON] * 5 + [OFF])).with_radiance(stage.radiance)
+    stage = replace(stage, state=np.array([OFF] + [ON] * 5)).with_radiance(stage.radiance)
     return Job(
         case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), stage=stage,
         device="cpu", freeze=("roughness",), initial={"specular": np.full((6, 6), 0.8)},
