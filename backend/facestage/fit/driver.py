@@ -305,8 +305,9 @@ class FitRun:
         box = problem.geometry.model.expression_prior == "box"
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
         priors = Priors(
-            layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale
-        )
+            layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale,
+            len(problem.stage),
+        )  # fmt: skip
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
@@ -314,7 +315,7 @@ class FitRun:
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
             silhouette=self._silhouette_term(phase, factor, freeze),
         )  # fmt: skip
-        low, high = layout.bounds(box)
+        low, high = layout.bounds(box, len(problem.stage))
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
 
     def _photo_term(self, phase: Phase, layout: Layout, freeze: np.ndarray, scaled: State, factor: float) -> PhotoTerm:

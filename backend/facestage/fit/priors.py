@@ -37,13 +37,17 @@ class Priors:
     """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the lights."""
 
     def __init__(
-        self, layout: Layout, state: State, expression_box: bool, weights: Weights, light_scale: float = 1.0
-    ) -> None:
-        """``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape."""
+        self, layout: Layout, state: State, expression_box: bool, weights: Weights, light_scale: float = 1.0,
+        stage_lights: int | None = None,
+    ) -> None:  # fmt: skip
+        """``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
+
+        ``stage_lights``: lights of the whole stage, those that are off too; by default those of ``state``.
+        """
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
         self.expression_sigma = EXPRESSION_SIGMA if expression_box else 1.0
         self.focal_px = state.camera.focal_px
-        self._lights = len(state.light_position)
+        self._lights = len(state.light_position) if stage_lights is None else stage_lights
         self.smoothness = _texel_differences(state.specular.shape[0])
 
     def _residual_operators(self, lights: LightParameters) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:

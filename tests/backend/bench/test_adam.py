@@ -81,10 +81,10 @@ def test_adam_lowers_the_energy(start):
     layout = adam.energy.layout
     descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.light_scale))
     before = adam.loss(state, seed=1000)[0]
-    for number in range(20):
+    for number in range(60):
         state = layout.apply(state, descent.step(adam.loss(state, seed=2 * number)[1]))
     after = adam.loss(state, seed=1000)[0]
-    print(f"energy {before:.2f} -> {after:.2f} in 20 steps")
+    print(f"energy {before:.2f} -> {after:.2f} in 60 steps")
     assert after < before
 
 

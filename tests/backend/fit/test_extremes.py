@@ -45,7 +45,7 @@ def test_white_is_1_for_a_photo_exposed_for_a_display(bright: float) -> None:
     assert white_level(np.full((4, 4, 3), 1e6), np.zeros((4, 4), bool)) == 1.0
 
 
-def test_a_model_without_modes_has_an_empty_basis() -> None:
+def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
     model = synthetic_face()
     model = replace(
         model, identity_names=(), identity_basis=model.identity_basis[:0], expression_names=(),
@@ -56,6 +56,8 @@ def test_a_model_without_modes_has_an_empty_basis() -> None:
     np.testing.assert_allclose(geometry.vertices(np.zeros(0), np.zeros(0)), model.vertices)
     points = np.zeros((68, 2))
     term = LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0)
+    state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0))
+    assert term.on_face.jacobian(state, Layout(state)).shape[:2] == (68, 2)
 
 
 def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:

@@ -69,10 +69,10 @@ def fit(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Rules |
 
 def assert_agree(found: Fitted, wanted: Fitted) -> None:
     states = (found.state, wanted.state)
-    # A light that is off stands where it stands; only the full plan carries it along, last.
+    # A light that is off stands where it stands; only the full plan carries it along, first.
     lights = min(len(state.light_position) for state in states)
-    assert not any(state.light_position[lights:].any() for state in states)
-    states = tuple(replace(state, light_position=state.light_position[:lights]) for state in states)
+    assert not any(state.light_position[:-lights].any() for state in states)
+    states = tuple(replace(state, light_position=state.light_position[-lights:]) for state in states)
     layout = Layout(states[1])
     difference = np.abs(layout.values(states[0]) - layout.values(states[1]))
     deviation = np.concatenate([
