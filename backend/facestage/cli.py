@@ -150,7 +150,7 @@ def _add_render(commands: Any) -> None:
         "--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}'
     )
     render.add_argument(
-        "--spp", type=int, metavar="N", help="shadow samples per light and pixel (default: the cache's, else 16)"
+        "--spp", type=int, metavar="N", help="at least so many shadow samples per light (default: the cache's, else 16)"
     )
     render.add_argument(
         "--cache",
