@@ -91,6 +91,8 @@ def remove_image() -> None:
         for background in list(camera.background_images):
             if background.image is not None and background.image.get(MARK):
                 camera.background_images.remove(background)
+                # Blender draws its evaluated copy of the camera, which would still have the image.
+                camera.update_tag()
     for image in [image for image in bpy.data.images if image.get(MARK)]:
         bpy.data.images.remove(image)
 

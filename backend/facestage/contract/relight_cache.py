@@ -74,7 +74,8 @@ class RelightCache:
         weights = (radiance * self.scale[:, None]).astype(np.float32)
         result = np.empty((len(self.pixels), 3), np.float32)
         for channel in range(3):
-            result[:, channel] = weights[:, channel] @ self.images[channel]
+            # Not BLAS: it is bound by memory either way, and BLAS waits for its threads where others keep them busy.
+            result[:, channel] = np.einsum("j,jp->p", weights[:, channel], self.images[channel])
         return result
 
     def relight(self, radiance: np.ndarray) -> np.ndarray:
