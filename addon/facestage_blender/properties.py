@@ -172,7 +172,14 @@ class RunState(bpy.types.PropertyGroup):
     cancel: BoolProperty(name="Cancel", description="Set to ask the running process to stop")
 
 
-CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState)
+class PreviewState(bpy.types.PropertyGroup):
+    """The live relight preview, as the panel shows it. Lives on the window manager: neither saved nor undone."""
+
+    active: BoolProperty(name="Active", description="The relight preview is on")
+    status: StringProperty(name="Status", description="Why the preview shows the photo as it is; empty when it follows")
+
+
+CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState, PreviewState)
 
 
 def attach() -> None:
@@ -181,10 +188,12 @@ def attach() -> None:
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
+    bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
 
 
 def detach() -> None:
     """Undo :func:`attach`."""
+    del bpy.types.WindowManager.facestage_preview
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
     del bpy.types.Object.facestage_face

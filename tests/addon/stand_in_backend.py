@@ -22,6 +22,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
+from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.storage import atomic_folder
 
@@ -49,6 +50,8 @@ def main() -> int:
             Path(options["--out"] + ".partial").mkdir(parents=True, exist_ok=True)
             time.sleep(600)
         fit(Path(options["--job"]), Path(options["--out"]))
+    elif verb == "render":
+        relight_cache(Path(sys.argv[2]))
     elif verb == "doctor":
         print("everything works", flush=True)
     say("done", 1.0)
@@ -70,6 +73,17 @@ def fit(job_folder: Path, out: Path) -> None:
             pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
             assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
         (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
+
+
+def relight_cache(folder: Path) -> None:
+    """Random images on a rectangle of the picture."""
+    result, rng = Result.load(folder), np.random.default_rng(4)
+    width, height = result.camera.width, result.camera.height
+    pixels = (np.arange(10, 50)[:, None] * width + np.arange(20, 70)).ravel()
+    images = rng.uniform(0, 0.01, (3, len(result.stage), len(pixels)))
+    RelightCache.of_images(
+        width, height, pixels, rng.uniform(0.2, 1, len(pixels)), images, 4, relight_fingerprint(result)
+    ).save(folder)
 
 
 def made_up(job: Job, model: FaceModel) -> Result:

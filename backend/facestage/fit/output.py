@@ -16,14 +16,16 @@ from facestage import __version__
 from facestage.contract import brdf
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
 from facestage.contract.storage import finite
 from facestage.fit.driver import Fitted
 from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
+from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import State
 from facestage.fit.problem import Problem
-from facestage.fit.rendering import Picture, Textures, light_probe, render_picture
+from facestage.fit.rendering import Picture, Textures, face_pixels, light_probe, render_picture
 from facestage.fit.shading import ForwardModel, sample_bilinear
 from facestage.fit.texture import Atlas, detail_texture
 from facestage.fit.truth import Truth
@@ -62,8 +64,9 @@ def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
     picture = render_picture(
-        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage)
-    )
+        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage),
+        by_light=_relightable(problem, forward, fitted),
+    )  # fmt: skip
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
     errors = _errors(problem, fitted, albedo, picture, truth)
     last: dict[str, Any] = {
@@ -79,6 +82,12 @@ def _rms(problem: Problem, picture: Picture) -> float | None:
     if not seen.any():
         return None
     return float(np.sqrt(((picture.color - problem.photograph.color)[seen] ** 2).mean()))
+
+
+def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
+    """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
+    box = len(face_pixels(forward, fitted.state))
+    return bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
 
 
 def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
@@ -177,6 +186,9 @@ def write_result(
     write_exr(folder / "albedo.exr", finished.textures.albedo)
     write_exr(folder / "specular.exr", finished.textures.specular)
     write_exr(folder / "render.exr", finished.picture.color)
+    cache = finished.picture.relight_cache(relight_fingerprint(result))
+    if cache is not None:
+        cache.save(folder)
     probe = light_probe(stage)
     write_exr(folder / "light_probe.exr", probe)
     lines = [json.dumps(finite(row)) for row in finished.trace]
