@@ -329,6 +329,8 @@ def _run_model(options: argparse.Namespace) -> int:
 
 
 def _run_bench(options: argparse.Namespace) -> int:
+    if options.plan and options.case:
+        raise InputError("bench --plan renders its own scenes; leave out --case, or leave out --plan.")
     if options.plan:
         from facestage.bench.plan_savings import run_plan_savings
 
