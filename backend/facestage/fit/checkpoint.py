@@ -30,6 +30,7 @@ class Checkpoint:
     camera_to_stage: np.ndarray  # (4, 4)
     state: State
     trace: list[dict[str, Any]]
+    hidden: np.ndarray | None = None  # (h, w) bool at the size of the first photo phase
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -40,6 +41,8 @@ class Checkpoint:
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
         arrays |= {"camera_to_stage": self.camera_to_stage, "meta": np.array(json.dumps(finite(meta)))}
+        if self.hidden is not None:
+            arrays["hidden"] = self.hidden
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -56,7 +59,7 @@ class Checkpoint:
             )  # fmt: skip
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
-                meta["seconds"], arrays["camera_to_stage"], state, meta["trace"],
+                meta["seconds"], arrays["camera_to_stage"], state, meta["trace"], arrays.get("hidden"),
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

@@ -13,10 +13,12 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
 from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.energy import Energy, Evaluation, PhotoTerm
+from facestage.fit.energy import Energy, Evaluation, Photo, PhotoTerm
+from facestage.fit.guard import doubt, informative_share, landmark_statistic, statistic_limit
 from facestage.fit.initialize import initial_lights, initial_pose
 from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.metrics import psnr
+from facestage.fit.occlusion import flat_occluders, without
 from facestage.fit.parameters import Layout, State
 from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
 from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
@@ -25,6 +27,7 @@ from facestage.fit.shading import ForwardModel
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.uncertainty import Certainty, describe, deviations
+from facestage.image_io import resize
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
@@ -32,6 +35,8 @@ CHANNEL_NAMES = ("red", "green", "blue")
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their noise would
 # otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
+# Share of the face that must be left to see; with less, the photo says nothing of the shape.
+VISIBLE_SHARE_MIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,9 @@ class Fitted:
     seconds: float
     in_time: bool
     certainty: Certainty
+    hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
+    doubt: str  # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
 
 
 class FitRun:
@@ -128,6 +136,8 @@ class FitRun:
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
+        # (h, w) bool at the size of the first photo phase, what something flat hides; None before it was looked for.
+        self.hidden: np.ndarray | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         self.samples_factor = self._samples_factor()
 
@@ -144,10 +154,13 @@ class FitRun:
             state, first_phase, first_step = checkpoint.state, checkpoint.phase, checkpoint.step + 1
             damping = Damping(*checkpoint.damping)
             self.trace, self.light_scale = list(checkpoint.trace), checkpoint.light_scale
+            self.hidden = checkpoint.hidden
             started -= checkpoint.seconds
             if np.isfinite(checkpoint.camera_to_stage).all():
                 self.camera_to_stage = checkpoint.camera_to_stage
         last: Iteration | None = None
+        landmarks_only = [number for number, phase in enumerate(self.phases) if phase.face_px is None]
+        anchor = self._landmark_state() if first_phase > max(landmarks_only, default=-1) else None
         for number in range(first_phase, len(self.phases)):
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
@@ -171,13 +184,65 @@ class FitRun:
                 self._save(done, step, item.damping, state, seconds)
                 self.listen(self._progress(number, item, stage, state, seconds))
             first_step = 1
+            if number == max(landmarks_only, default=-1):
+                anchor = state
+        reason, statistic = self._doubt(anchor or state, state, last)
+        if reason:
+            state, last = self._hold_shape(anchor or state, state, last, deadline, started)
         seconds = time.monotonic() - started
         stage_camera = self._stage_in_camera(state)
         return Fitted(
             state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last),
+            self._hidden_at(self.problem.camera.height, self.problem.camera.width), reason, statistic,
         )  # fmt: skip
+
+    def _landmark_state(self) -> State:
+        """Where the phases without the photo end, for a run that was resumed after them."""
+        state = self._start_state()
+        for number, phase in enumerate(self.phases):
+            stage = self.solver_stage(phase, state) if phase.face_px is None else None
+            if stage is not None:
+                for item in stage.run(state, self.problem.job.seed + number, np.inf):
+                    state = item.state
+        return state
+
+    def _doubt(self, start: State, end: State, last: Iteration | None) -> tuple[str, float]:
+        """Why the photo is not believed about the shape at ``end``, if so, and the landmark statistic."""
+        layout = Layout(end)
+        free = int((layout.mask(SHAPE) & ~layout.mask(self._frozen())).sum())
+        if last is None or last.evaluation is None or not free:
+            return "", 0.0
+        stage = self.solver_stage(Phase("landmarks", SHAPE, None, 0), start)
+        assert stage is not None
+        statistic = landmark_statistic(stage.energy, start, end)
+        width = last.evaluation.base_weight.shape[1]
+        share = informative_share(self._photo_at(width / self.problem.camera.width), last.evaluation)
+        return doubt(statistic, statistic_limit(free), self.trace[-1].get("psnr"), share), statistic
+
+    def _hold_shape(
+        self, start: State, end: State, last: Iteration | None, deadline: float, started: float
+    ) -> tuple[State, Iteration | None]:
+        """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the checkpoint."""
+        state = replace(
+            end, rotation=start.rotation, translation=start.translation, camera=start.camera,
+            identity=start.identity, expression=start.expression,
+        )  # fmt: skip
+        for number, phase in enumerate(self.phases):
+            blocks = tuple(name for name in phase.blocks if name not in SHAPE)
+            if phase.face_px is None or not blocks or time.monotonic() > deadline:
+                continue
+            held = replace(phase, name=f"{phase.name}, shape held", blocks=blocks)
+            stage = self.solver_stage(held, state)
+            if stage is None:
+                continue
+            factor = self._factor(held)
+            scaled = replace(state, camera=state.camera.scaled(factor))
+            for item in stage.run(scaled, self.problem.job.seed + number, deadline):
+                state, last = self._full_size(item.state, state, factor), item
+                self._record(held, item, stage, state, time.monotonic() - started)
+        return state, last
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
         """What the last normal equations say of each parameter that was free."""
@@ -267,7 +332,7 @@ class FitRun:
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
-            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), samples),
+            photo=None if phase.face_px is None else PhotoTerm(self.forward, self._photo_at(factor), samples),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
         )  # fmt: skip
         low, high = layout.bounds(box)
@@ -289,9 +354,44 @@ class FitRun:
                 "check the landmarks and the photo's alpha mask."
             )
         radiance = initial_lights(evaluation, photo, problem.lights)
+        radiance = self._without_occluders(energy, evaluation, radiance)
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         energy.priors.light_scale = self.light_scale
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def _without_occluders(self, energy: Energy, evaluation: Evaluation, radiance: np.ndarray) -> np.ndarray:
+        """Look for what hides the face under the first estimate of the light; if found, estimate without it."""
+        problem, photo, image = self.problem, energy.photo, evaluation.image
+        assert photo is not None and energy.stage is not None
+        shaded = self.forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
+        model = np.zeros_like(photo.photo.color)
+        model[photo.index(image.surface)] = shaded.color
+        used = (evaluation.base_weight > 0) & ~photo.photo.clipped.any(axis=2)
+        factor = photo.photo.usable.shape[1] / problem.camera.width
+        self.hidden = flat_occluders(photo.photo.color, model, used, factor * problem.face_size_px)
+        if not (self.hidden & used).any():
+            return radiance
+        if (self.hidden & used).sum() > (1 - VISIBLE_SHARE_MIN) * used.sum():
+            # Nothing hides all of a face that has landmarks: photo and light do not belong together, and the few
+            # pixels that are left would bend the shape until they did.
+            self.hidden = np.ones_like(self.hidden)
+        photo.photo = without(photo.photo, self.hidden)
+        if self.hidden.all():
+            return radiance
+        return initial_lights(photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights)
+
+    def _photo_at(self, factor: float) -> Photo:
+        """The photo resized by ``factor``, without what something flat hides."""
+        photo = self.problem.photo_at(factor)
+        if self.hidden is None or not self.hidden.any():
+            return photo
+        return without(photo, self._hidden_at(*photo.usable.shape))
+
+    def _hidden_at(self, height: int, width: int) -> np.ndarray:
+        """(height, width) bool, the pixels that something flat hides."""
+        if self.hidden is None or not self.hidden.any():
+            return np.zeros((height, width), bool)
+        return resize(self.hidden.astype(np.float32), width, height) > 0
 
     def _record(self, phase: Phase, item: Iteration, stage: Stage, state: State, seconds: float) -> None:
         row: dict[str, Any] = {
@@ -311,7 +411,7 @@ class FitRun:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, state, self.trace,
+            seconds, anchor, state, self.trace, self.hidden,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:
