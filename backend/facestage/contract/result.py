@@ -14,6 +14,7 @@ from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
+# Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
 

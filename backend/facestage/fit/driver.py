@@ -17,6 +17,7 @@ from facestage.fit.energy import Energy, Evaluation, Photo, PhotoTerm
 from facestage.fit.guard import doubt, informative_share, landmark_statistic, statistic_limit
 from facestage.fit.initialize import initial_lights, initial_pose
 from facestage.fit.landmark_term import LandmarkTerm
+from facestage.fit.lens_check import LensCheck, check_lens
 from facestage.fit.metrics import psnr
 from facestage.fit.occlusion import flat_occluders, without
 from facestage.fit.parameters import Layout, State
@@ -37,6 +38,9 @@ CHANNEL_NAMES = ("red", "green", "blue")
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 # Share of the face that must be left to see; with less, the photo says nothing of the shape.
 VISIBLE_SHARE_MIN = 0.1
+LENS_STEPS = 6
+# A phase that ends at its last step has settled when this step lowered the photo's residual by less than this share.
+SETTLED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class Fitted:
     certainty: Certainty
     hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
     doubt: str  # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    settled: bool  # the last phase ended by itself, not at a limit or a wall
+    lens: LensCheck | None  # None when the focal length was fitted
     landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
 
 
@@ -186,8 +192,8 @@ class FitRun:
             first_step = 1
             if number == max(landmarks_only, default=-1):
                 anchor = state
-        reason, statistic = self._doubt(anchor or state, state, last)
-        if reason:
+        clause, statistic = self._doubt(anchor or state, state, last)
+        if clause:
             state, last = self._hold_shape(anchor or state, state, last, deadline, started)
         seconds = time.monotonic() - started
         stage_camera = self._stage_in_camera(state)
@@ -195,7 +201,9 @@ class FitRun:
             state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last),
-            self._hidden_at(self.problem.camera.height, self.problem.camera.width), reason, statistic,
+            self._hidden_at(self.problem.camera.height, self.problem.camera.width), clause,
+            self._settled(), self._lens(anchor or state),
+            statistic,
         )  # fmt: skip
 
     def _landmark_state(self) -> State:
@@ -220,6 +228,26 @@ class FitRun:
         width = last.evaluation.base_weight.shape[1]
         share = informative_share(self._photo_at(width / self.problem.camera.width), last.evaluation)
         return doubt(statistic, statistic_limit(free), self.trace[-1].get("psnr"), share), statistic
+
+    def _settled(self) -> bool:
+        """Whether the last phase converged, rather than stop at its last step, or without a single one."""
+        phase = self.phases[-1]
+        if phase.face_px is None or not Layout(self._start_state()).mask(set(phase.blocks) - self._frozen()).any():
+            return True
+        errors = [row["photo_rms"] for row in self.trace if row["stage"] == phase.name]
+        if len(errors) < min(phase.steps, 2):
+            return bool(errors)
+        if len(errors) < phase.steps or None in errors[-2:]:
+            return True
+        return bool(errors[-1] > (1 - SETTLED_SHARE) * errors[-2])
+
+    def _lens(self, start: State) -> LensCheck | None:
+        """Whether the landmarks speak against the known lens; ``start`` is where the landmark stage ended."""
+        weights = self.problem.job.weights
+        if self.problem.fit_focal or not weights.landmarks or not weights.prior:
+            return None
+        phase = Phase("lens", SHAPE, None, LENS_STEPS)
+        return check_lens(lambda state: self.solver_stage(phase, state), start, self.problem.job.seed)
 
     def _hold_shape(
         self, start: State, end: State, last: Iteration | None, deadline: float, started: float

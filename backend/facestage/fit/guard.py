@@ -26,16 +26,18 @@ INFORMATIVE_SHARE_MIN = 0.2
 def landmark_statistic(energy: Energy, start: State, end: State) -> float:
     """Twice the rise of landmark and shape prior energy from ``start``, the landmark stage's state, to ``end``.
 
-    ``energy``: the landmark stage's, at the photo's own size. Robust, so a wrong landmark weighs little in both.
+    ``energy``: the landmark stage's, at the photo's own size.
     """
-    return 2.0 * (_shape_energy(energy, end) - _shape_energy(energy, start))
+    focal = [energy.priors.energies(state, energy.light_parameters)["focal"] for state in (start, end)]
+    return 2.0 * (landmark_energy(energy, end) - landmark_energy(energy, start) + focal[1] - focal[0])
 
 
-def _shape_energy(energy: Energy, state: State) -> float:
+def landmark_energy(energy: Energy, state: State) -> float:
+    """Energy of landmarks and shape priors; robust, so that a wrong landmark weighs little."""
     squared = (energy.landmarks.residuals(state).reshape(-1, 2) ** 2).sum(axis=1)
     landmarks = 0.5 * energy.weights.landmarks * CAUCHY_SCALE**2 * float(np.log1p(squared / CAUCHY_SCALE**2).sum())
     priors = energy.priors.energies(state, energy.light_parameters)
-    return landmarks + sum(priors[name] for name in ("identity", "expression", "focal"))
+    return landmarks + priors["identity"] + priors["expression"]
 
 
 def statistic_limit(parameters: int) -> float:

@@ -16,8 +16,9 @@ from facestage import __version__
 from facestage.contract import brdf
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
-from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
+from facestage.contract.result import Result
 from facestage.contract.storage import finite
+from facestage.fit.advice import verdict
 from facestage.fit.driver import Fitted
 from facestage.fit.metrics import psnr
 from facestage.fit.parameters import State
@@ -34,8 +35,6 @@ from facestage.report import ReportData, write_report
 TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
 SPECULAR_TEXTURE = 256
 DETAIL_SAMPLES = 16
-# With less of the face to see, a fit is a guess.
-INFORMATIVE_SHARE_MIN = 0.2
 WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
@@ -105,7 +104,7 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
         image = forward.shade(fitted.state, surface, terms)
         column, row = surface.pixels.astype(int).T
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * problem.paintable[row, column]
+        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * (problem.paintable * ~fitted.hidden)[row, column]
         weights = weights[:, None] * ~problem.photograph.clipped[row, column]
         photo = problem.photograph.color[row, column]
         detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights)
@@ -120,8 +119,8 @@ def _errors(
     seen = picture.fitted & photo.mask
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
-        # Without what the color model took for hair, cloth or glasses.
-        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5), problem.white),
+        # Without what the color model took for hair, cloth or glasses, and what something flat hides.
+        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white),
     }
     vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
@@ -146,8 +145,9 @@ def write_result(
     model, state = problem.geometry.model, finished.state
     stage = _whole_stage(problem, fitted.stage)
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
-        status=CONVERGED if fitted.in_time else BUDGET_SPENT, advice=_advice(problem, fitted, finished),
+        status=status, advice=advice,
         model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
         model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
         albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
@@ -190,44 +190,6 @@ def _specular_texture(problem: Problem, state: State) -> np.ndarray:
     vertex_wet = np.zeros(len(problem.geometry.mean), np.float32)
     vertex_wet[problem.geometry.triangles[wet]] = 1.0
     return np.where(atlas.bake(vertex_wet[:, None])[..., 0] > 0.5, WET_SPECULAR, texture).astype(np.float32)
-
-
-def _informative_share(problem: Problem, picture: Picture) -> float:
-    """Share of the rendered skin's pixels where the photo says more than "masked", "black" or "saturated"."""
-    photo = problem.photograph
-    says = photo.mask & (photo.color > 0).any(axis=2) & ~photo.clipped.all(axis=2)
-    return float(says[picture.fitted].mean()) if picture.fitted.any() else 0.0
-
-
-def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
-    share = _informative_share(problem, finished.picture)
-    value = finished.errors.get("psnr_skin", np.nan)
-    pixels = finished.errors.get("landmark_px", np.nan)
-    if not fitted.in_time:
-        return (
-            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so far); "
-            "give more --budget, or continue with --resume."
-        )
-    if not np.isfinite(pixels):
-        return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
-    if pixels > 0.05 * problem.face_size_px:
-        return (
-            f"The fit converged, but its landmarks are {pixels:.1f} px off (median); check the landmark file, "
-            "or free the pose and expression."
-        )
-    if not np.isfinite(value):
-        return "The face covers no usable pixel of the photo; check the landmarks and the photo's mask."
-    if share < INFORMATIVE_SHARE_MIN:
-        return (
-            f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
-            "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
-        )
-    if value < 22.0:
-        return (
-            f"The fit converged but explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong make-up or "
-            "wrong landmarks are the usual reasons: mask them with an alpha channel."
-        )
-    return f"Converged: the render explains the skin with a PSNR of {value:.1f} dB."
 
 
 def _versions() -> dict[str, str]:

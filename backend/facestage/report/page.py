@@ -17,7 +17,7 @@ from facestage.report.pictures import landmark_distances
 from facestage.report.report_data import ReportData
 from facestage.report.tables import Row
 
-STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped early"}
+STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped with advice"}
 # Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG beside the page.
 EMBED_LIMIT = 250_000
 FACE_WIDTH = 560  # CSS pixels of the slider at most
