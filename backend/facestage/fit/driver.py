@@ -13,6 +13,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
 from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.directions import find_null_directions
 from facestage.fit.energy import Energy, Evaluation, Photo, PhotoTerm
 from facestage.fit.guard import doubt, informative_share, landmark_statistic, statistic_limit
 from facestage.fit.initialize import initial_lights, initial_pose
@@ -27,7 +28,8 @@ from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
-from facestage.fit.uncertainty import Certainty, describe, deviations
+from facestage.fit.uncertainty import Certainty, covariance, describe, deviations
+from facestage.fit.vertex_certainty import vertex_deviation
 from facestage.image_io import resize
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
@@ -273,12 +275,23 @@ class FitRun:
         return state, last
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
-        """What the last normal equations say of each parameter that was free."""
-        layout = Layout(state)
-        free = ~layout.mask(self._frozen())
+        """What the last normal equations say of each parameter that was free, and of every vertex."""
         if last is None:
             return Certainty({}, {})
-        return describe(deviations(last.hessian, last.prior_hessian, free), layout, self._names())
+        layout, problem, names = Layout(state), self.problem, self._names()
+        free = ~layout.mask(self._frozen())
+        found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
+        shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
+        model = problem.geometry.model
+        region = model.regions.get("narrow_face", problem.geometry.used)
+        vertices = vertex_deviation(
+            model, model.shape(state.identity, state.expression), state.rotation,
+            covariance(last.hessian, free)[shape, shape], region,
+        )  # fmt: skip
+        directions = find_null_directions(
+            last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
+        )
+        return replace(found, vertices_mm=vertices, directions=directions.to_json())
 
     def _names(self) -> dict[str, list[str]]:
         """Names of the parameters by block, where they have any."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from facestage import __version__
 from facestage.contract import brdf
-from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.face_model import EYES, OTHER, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.contract.result import Result
 from facestage.contract.storage import finite
@@ -126,6 +126,7 @@ def _errors(
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
     points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
     distance = np.linalg.norm(state.camera.project(points) - problem.landmarks.points, axis=1)
+    errors["landmark_statistic"] = fitted.landmark_statistic
     errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible]))
     if truth is not None:
         errors |= truth.geometry_errors(state)
@@ -133,6 +134,8 @@ def _errors(
         start = [row for row in fitted.trace if row["stage"] == "landmarks"]
         if start:
             errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
+        if fitted.certainty.vertices_mm is not None:
+            errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)
         errors["albedo"] = truth.albedo_error(texture)
     return {name: value for name, value in errors.items() if value is not None and np.isfinite(value)}
@@ -155,9 +158,11 @@ def write_result(
         identity_names=model.identity_names, expression_names=model.expression_names,
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
+        null_directions=fitted.certainty.directions,
         versions=_versions(), seed=problem.job.seed,
-        arrays={"condition": np.array(fitted.condition)}
-        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()},
+        arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
+        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
+        | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
         folder=folder,
     )  # fmt: skip
     result.write_into(folder)
@@ -171,6 +176,12 @@ def write_result(
     (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
     write_report(folder, _report_data(problem, fitted, finished, result, probe))
     return result
+
+
+def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:
+    """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter was fitted."""
+    found = fitted.certainty.vertices_mm
+    return {} if found is None else {"vertex_deviation_mm": found}
 
 
 def _whole_stage(problem: Problem, lit: LightStage) -> LightStage:
@@ -213,4 +224,5 @@ def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: R
         specular=finished.textures.specular, texture_coverage=finished.texture_coverage, light_probe=probe,
         relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=state.camera.project(points),
         visible=problem.landmarks.visible, trace=finished.trace, title=problem.job.image.stem,
+        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("face"),
     )  # fmt: skip

@@ -8,7 +8,8 @@ has learned nothing from photo and landmarks: a hidden expression, a light behin
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -41,22 +42,31 @@ class Deviations:
 
 def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
     """From the Hessian of all terms and that of the priors alone (size, size), for the ``active`` (size,) entries."""
-    return Deviations(_marginal(hessian, active, np.nan), _marginal(prior, active, np.nan))
+    return Deviations(*(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior)))
 
 
-def _marginal(hessian: np.ndarray, active: np.ndarray, unknown: float) -> np.ndarray:
-    """(size,) square roots of the diagonal of the inverse over ``active``; infinite where the diagonal is 0."""
-    result = np.full(len(hessian), unknown)
+def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size, size) inverse of ``hessian`` over the ``active`` (size,) entries whose diagonal is not 0.
+
+    Rows and columns of the others are 0; on the diagonal an active entry that nothing holds has infinity.
+    """
+    result = np.zeros_like(hessian, dtype=float)
     diagonal = np.diag(hessian)
-    result[active] = np.inf
     index = np.flatnonzero(active & (diagonal > 0))
     if len(index):
         scale = 1.0 / np.sqrt(diagonal[index])
         matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
         matrix[np.diag_indices_from(matrix)] += RIDGE
         inverse = cho_solve(_factor(matrix), np.eye(len(index)), check_finite=False)
-        result[index] = scale * np.sqrt(np.maximum(np.diag(inverse), 0.0))
+        result[np.ix_(index, index)] = inverse * scale[:, None] * scale[None, :]
+    open_entries = np.flatnonzero(active & (diagonal <= 0))
+    result[open_entries, open_entries] = np.inf
     return result
+
+
+def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size,) square roots of a covariance's diagonal; NaN where not ``active``."""
+    return np.where(active, np.sqrt(np.maximum(np.diag(matrix), 0.0)), np.nan)
 
 
 def _factor(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -76,6 +86,9 @@ class Certainty:
 
     deviations: dict[str, np.ndarray]  # standard deviation of each entry; 0 where frozen, infinite where unknown
     unobserved: dict[str, list[str]]  # names of the entries that neither photo nor landmarks say anything of
+    before: dict[str, np.ndarray] = field(default_factory=dict)  # the priors' standard deviations, likewise
+    vertices_mm: np.ndarray | None = None  # (n, 3) float32, along the camera's axes, similarity-aligned
+    directions: dict[str, Any] = field(default_factory=dict)  # what is seen only together, or not at all
 
 
 def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
@@ -83,9 +96,10 @@ def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str
 
     Of a block as large as the specular map, whose entries nobody names, the count is given.
     """
-    after, unobserved = {}, {}
+    after, before, unobserved = {}, {}, {}
     for block, where in layout.slices.items():
         after[block] = np.nan_to_num(found.after[where], nan=0.0, posinf=np.inf)
+        before[block] = np.nan_to_num(found.before[where], nan=0.0, posinf=np.inf)
         entries = np.flatnonzero(found.unobserved[where]).tolist()
         count = where.stop - where.start
         if entries and count > NAMED_MAX and block not in names:
@@ -93,4 +107,4 @@ def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str
         elif entries:
             known = names.get(block, ())
             unobserved[block] = [known[i] if i < len(known) else str(i) for i in entries]
-    return Certainty(after, unobserved)
+    return Certainty(after, unobserved, before)

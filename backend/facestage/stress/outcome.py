@@ -139,6 +139,6 @@ def _arrays(result: Result) -> dict[str, np.ndarray]:
     named |= {"roughness": np.array(result.roughness), "focal": np.array(result.camera.focal_px)}
     # A standard deviation may be infinite, where nothing is known.
     return named | {
-        name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation/") else value
+        name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation") else value
         for name, value in result.arrays.items()
     }
