@@ -24,7 +24,7 @@ GROWTH_FACTOR, GROWTH_FLOOR = 3.0, 0.004
 # Least change of log radiance per pixel of a face of 64 pixels that the model must predict to be held to it.
 MODEL_CONTRAST_MIN, REFERENCE_PX = 0.01, 64.0
 # Radiance over the face's median below which shadow, not a board, is why there is no contrast; and the floor of logs.
-DARK_SHARE, FLOOR_SHARE = 0.05, 0.1
+DARK_SHARE, FLOOR_SHARE = 0.35, 0.1
 # Share of the face below which a flat spot is left to the robust weights.
 AREA_MIN = 0.02
 BORDER_PX = 2
@@ -64,7 +64,7 @@ def flat_occluders(photo: np.ndarray, model: np.ndarray, used: np.ndarray, face_
     everywhere, _ = _squared_change(mean, np.ones_like(used), FLOOR_SHARE * median)
     flatness = GROWTH_FACTOR * float(np.sqrt(np.median(everywhere[seeds]))) + GROWTH_FLOOR
     # A board's own pixels in a seed's window are flat; those of the face beside it are not.
-    flat = uniform_filter(everywhere, 3) <= flatness**2
+    flat = (uniform_filter(everywhere, 3) <= flatness**2) & (mean > DARK_SHARE * median)
     grown = binary_propagation(seeds & flat, mask=flat)
     return _large_regions(binary_dilation(grown, iterations=BORDER_PX), used)
 

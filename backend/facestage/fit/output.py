@@ -224,5 +224,5 @@ def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: R
         specular=finished.textures.specular, texture_coverage=finished.texture_coverage, light_probe=probe,
         relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=state.camera.project(points),
         visible=problem.landmarks.visible, trace=finished.trace, title=problem.job.image.stem,
-        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("face"),
+        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),
     )  # fmt: skip
