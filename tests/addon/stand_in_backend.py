@@ -89,7 +89,8 @@ def made_up(job: Job, model: FaceModel) -> Result:
     identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
-        status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.", model=job.model, camera=camera,
+        status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.",
+        model=job.model, camera=camera,
         camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
         albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
         stage=job.stage.with_radiance(rng.uniform(0, 9, (len(job.stage), 3))), vertices=vertices.astype(np.float32),
