@@ -200,7 +200,8 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
         if state.message and not state.task:
-            draw_wrapped(layout.box(), state.message, "INFO", _line_length(context))
+            icon = "ERROR" if state.doubtful else "INFO"
+            draw_wrapped(layout.box(), state.message, icon, _line_length(context))
 
 
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:

@@ -163,6 +163,7 @@ class RunState(bpy.types.PropertyGroup):
     task: StringProperty(name="Task", description="What is running; empty when nothing is")
     stage: StringProperty(name="Stage", description="Stage of the fit")
     message: StringProperty(name="Message", description="Last message of the backend")
+    doubtful: BoolProperty(name="Doubtful", description="The last fit did not simply converge: its message says why")
     failure: StringProperty(name="Error", description="Why the last run ended without a result")
     fraction: FloatProperty(name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR")
     photo_error: FloatProperty(

@@ -2,6 +2,7 @@
 
 STAND_IN_MOOD: works, refuses (exit 2 with a sentence), hangs (until it is stopped), stubborn (ignores
 being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
+STAND_IN_STATUS: the result's status, converged if not set.
 """
 
 from __future__ import annotations
@@ -102,7 +103,8 @@ def made_up(job: Job, model: FaceModel) -> Result:
     identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
-        status=CONVERGED, advice="The stand-in is content.", model=job.model, camera=camera,
+        status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.",
+        model=job.model, camera=camera,
         camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
         albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
         stage=job.stage.with_radiance(rng.uniform(0, 9, (len(job.stage), 3))), vertices=vertices.astype(np.float32),

@@ -91,7 +91,17 @@ def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
     assert by_operator != before
     apply_result(ready, Result.load(tmp_path / "work" / "result"))
     assert describe(ready) == by_operator
-    assert bpy.context.window_manager.facestage.message == "The stand-in is content."
+    state = bpy.context.window_manager.facestage
+    assert state.message == "The stand-in is content." and not state.doubtful
+
+
+def test_a_result_with_a_but_is_shown_as_a_warning(ready, capfd: pytest.CaptureFixture[str], monkeypatch) -> None:
+    import bpy
+
+    monkeypatch.setenv("STAND_IN_STATUS", "stopped")
+    assert bpy.ops.facestage.fit(apply=False) == {"FINISHED"}
+    assert bpy.context.window_manager.facestage.doubtful
+    assert "Warning: The stand-in is content." in capfd.readouterr().out
 
 
 def test_apply_is_one_undo_step(ready) -> None:

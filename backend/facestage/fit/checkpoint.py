@@ -32,6 +32,7 @@ class Checkpoint:
     state: State
     trace: list[dict[str, Any]]
     resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
+    hidden: np.ndarray | None = None  # (h, w) bool at the size of the first photo phase
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -42,11 +43,11 @@ class Checkpoint:
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
         arrays |= {
-            "resting": self.resting,
-            "strong": self.strong,
-            "camera_to_stage": self.camera_to_stage,
+            "resting": self.resting, "strong": self.strong, "camera_to_stage": self.camera_to_stage,
             "meta": np.array(json.dumps(finite(meta))),
-        }
+        }  # fmt: skip
+        if self.hidden is not None:
+            arrays["hidden"] = self.hidden
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -64,7 +65,7 @@ class Checkpoint:
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
                 meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
-                arrays["resting"],
+                arrays["resting"], arrays.get("hidden"),
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(
