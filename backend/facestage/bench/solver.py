@@ -27,12 +27,12 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
     forward = ForwardModel(problem.geometry, problem.lights)
-    schedule = Schedule().scaled(settings.resolution, settings.samples)
+    schedule = Schedule.of(settings.quality).scaled(settings.resolution, settings.samples)
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget
         fitted = run.run(time.monotonic() + budget)
-    track = Track(snapshots, forward, fitted.stage)
+    track = Track(snapshots, forward, fitted.stage, run.placed_stage)
     return finished_track(track, problem, truth, fitted) if detail else track
 
 
