@@ -37,8 +37,6 @@ from facestage.report import ReportData, write_report
 TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
 SPECULAR_TEXTURE = 256
 DETAIL_SAMPLES = 16
-# Doubt of the shading, relative to it, at which a residual is as likely wrong shading as pigment.
-PAINT_DOUBT = 0.04
 WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
@@ -117,20 +115,19 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
         weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * (problem.paintable * ~fitted.hidden)[row, column]
         weights = weights[:, None] * ~problem.photograph.clipped[row, column]
-        weights = weights * _paint_share(problem, fitted)[row, column, None]
+        doubt = _shading_doubt(problem, fitted)[row, column]
         photo = problem.photograph.color[row, column]
-        detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights)
+        detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights, doubt)
         logs = logs + detail
     return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32), coverage
 
 
-def _paint_share(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """(h, w) 0..1, how much of a residual is more likely pigment than wrong shading."""
+def _shading_doubt(problem: Problem, fitted: Fitted) -> np.ndarray:
+    """(h, w) at the photo's size, see shading_doubt.py; 0 where nothing is known of it."""
     width, height = problem.photograph.size
     if fitted.shading_doubt is None:
-        return np.ones((height, width))
-    doubt = resize(fitted.shading_doubt.astype(np.float32), width, height)
-    return 1.0 / (1.0 + (doubt / PAINT_DOUBT) ** 2)
+        return np.zeros((height, width))
+    return resize(fitted.shading_doubt.astype(np.float32), width, height)
 
 
 def _errors(

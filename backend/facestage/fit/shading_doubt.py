@@ -15,7 +15,8 @@ from facestage.fit.parameters import Layout
 from facestage.fit.photometric import Jacobian
 from facestage.fit.shading import ForwardModel
 
-SHAPE_BLOCKS = ("pose", "identity", "expression")
+# With an unknown lens, distance and focal length are uncertain together and cancel in the picture.
+SHAPE_BLOCKS = ("pose", "focal", "identity", "expression")
 # Beyond this there is nothing left to tell.
 DOUBT_MAX = 2.0
 

@@ -26,6 +26,8 @@ LIT_FULL = 0.4
 LOG_CHROMA_MAX = 0.5
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
+# How much skin differs from the albedo basis, and beyond how many times the doubt of its shading it surely does.
+PIGMENT_SIGMA, PLAIN_FACTOR = 0.06, 2.0
 CONJUGATE_GRADIENT_STEPS = 200
 COVERED_CONFIDENCE = 0.05
 
@@ -68,13 +70,14 @@ class Atlas:
 
 
 def detail_texture(
-    atlas: Atlas, log_albedo: np.ndarray, image: Image, uvs: np.ndarray, photo: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    atlas: Atlas, log_albedo: np.ndarray, image: Image, uvs: np.ndarray, photo: np.ndarray, weights: np.ndarray,
+    doubt: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """(S, S, 3) log-albedo correction that explains what the basis left of the photo, and (S, S) bool coverage.
 
     ``log_albedo`` (S, S, 3) is the basis' texture; ``uvs`` (P, 2), ``photo`` (P, 3) and confidence
-    ``weights`` (P, 3) belong to the pixels of ``image``. A smooth, shrunken least-squares fit: where the
-    face is dark or unseen it says nothing and decays to zero.
+    ``weights`` (P, 3) belong to the pixels of ``image``, ``doubt`` (P,) is that of their shading (shading_doubt.py).
+    A smooth, shrunken least-squares fit: where the face is dark or unseen it says nothing and decays to zero.
     """
     diffuse = brdf.K_DIFFUSE / np.pi * image.diffuse
     specular = brdf.K_SPECULAR * image.c_spec[:, None] * image.specular
@@ -89,6 +92,7 @@ def detail_texture(
     robust = 1.0 / (1.0 + (target / reach) ** 4)
     confidence = weights * np.minimum(lit / LIT_FULL, 1.0) ** 3 * share**2 * robust
     brightness = target.mean(axis=1, keepdims=True)
+    confidence *= pigment_share(brightness[:, 0], doubt)[:, None]
     chroma = np.clip(target - brightness, -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
     target = np.clip(brightness, -LOG_DARKER_MAX, LOG_LIGHTER_MAX) + chroma
 
@@ -111,6 +115,16 @@ def detail_texture(
     gap = 2 * int(np.ceil(np.sqrt(density))) + 1
     covered = binary_closing(seen.reshape(atlas.size, atlas.size), np.ones((gap, gap)))
     return result.reshape(atlas.size, atlas.size, 3), covered & atlas.skin
+
+
+def pigment_share(brightness: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+    """(P,) 0..1, how much of a residual of the log albedo is more likely pigment than wrong shading.
+
+    What is small may be either; what is many times larger than the shading's ``doubt`` (P,) can only be pigment.
+    """
+    common = PIGMENT_SIGMA**2 / (PIGMENT_SIGMA**2 + doubt**2)
+    plain = brightness**2 / (brightness**2 + (PLAIN_FACTOR * doubt) ** 2 + 1e-12)
+    return np.maximum(common, plain)
 
 
 def _sparse_rows(index: np.ndarray, weight: np.ndarray, columns: int) -> sp.csr_matrix:

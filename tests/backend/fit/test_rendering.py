@@ -13,7 +13,7 @@ from facestage.fit.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.problem import select_lights
 from facestage.fit.rendering import Textures, light_probe, render_picture
 from facestage.fit.skin_mask import hull_pixels, skin_weight
-from facestage.fit.texture import Atlas, detail_texture
+from facestage.fit.texture import Atlas, detail_texture, pigment_share
 from reference.synthetic_scene import Scene
 
 
@@ -144,7 +144,7 @@ def test_a_spot_that_the_basis_lacks_appears_in_the_texture(scene: Scene):
     dark = image.albedo * np.where(spot, 0.7, 1.0)[:, None]
     photo = scene.forward.shade(scene.state, surface, terms, dark).color
     logs = atlas.bake(scene.forward.log_albedo(scene.state))
-    detail, seen = detail_texture(atlas, logs, image, uvs, photo, np.ones_like(photo))
+    detail, seen = detail_texture(atlas, logs, image, uvs, photo, np.ones_like(photo), np.zeros(len(photo)))
     row, column = int(0.38 * 64), 32
     print(f"spot: log albedo {detail[row, column].round(3)}, true {np.log(0.7):.3f}")
     assert seen[row, column]
@@ -166,3 +166,11 @@ def test_hull_pixels_and_points_that_are_no_numbers():
     points[:4] = [[2.5, 2.5], [12.5, 2.5], [12.5, 8.5], [2.5, 8.5]]
     inside = hull_pixels((16, 20), Landmarks("ibug68", points, np.arange(68) < 4))
     assert inside[2:9, 2:13].all() and inside.sum() == 7 * 11
+
+
+def test_what_may_be_shading_is_not_painted_unless_it_is_too_large_for_that():
+    small, large = np.full(3, 0.05), np.full(3, 1.0)
+    sure, doubtful = np.full(3, 0.005), np.full(3, 0.2)
+    assert (pigment_share(small, sure) > 0.9).all()
+    assert (pigment_share(small, doubtful) < 0.2).all()
+    assert (pigment_share(large, doubtful) > 0.8).all()
