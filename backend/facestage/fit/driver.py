@@ -44,6 +44,7 @@ class Phase:
     steps: int
     samples: int = 2
     share: float = 0.1  # of the whole work, for the progress bar
+    shadow_edges: bool = False  # whether the derivatives know how cast shadows move
 
 
 SHAPE = ("pose", "focal", "identity", "expression")
@@ -72,6 +73,17 @@ class Schedule:
                 phase
                 if phase.face_px is None
                 else replace(phase, face_px=phase.face_px * resolution, samples=max(round(phase.samples * samples), 1))
+                for phase in self.phases
+            )
+        )
+
+    def with_shadow_edges(self, on: bool) -> Schedule:
+        """Every photo phase that moves the shape with, or without, the motion of cast shadows in its derivatives."""
+        return Schedule(
+            tuple(
+                phase
+                if phase.face_px is None
+                else replace(phase, shadow_edges=on and not set(phase.blocks).isdisjoint(SHAPE))
                 for phase in self.phases
             )
         )
@@ -267,7 +279,9 @@ class FitRun:
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights, problem.lights,
-            photo=None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), samples),
+            photo=None
+            if phase.face_px is None
+            else PhotoTerm(self.forward, problem.photo_at(factor), samples, phase.shadow_edges),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
         )  # fmt: skip
         low, high = layout.bounds(box)

@@ -15,6 +15,7 @@ from facestage.fit.parameters import Layout, LightParameters, State
 from facestage.fit.photometric import jacobian_blocks
 from facestage.fit.priors import Priors
 from facestage.fit.shading import ForwardModel, Image, Surface
+from facestage.fit.shadow_edges import MOVES_SHADOWS, ShadowEdges, shadow_edges
 
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
@@ -41,13 +42,15 @@ class Evaluation:
     highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
     base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
     seed: int
+    stage: LightStage  # camera frame
 
 
 class PhotoTerm:
     """Residuals of the photo over the skin pixels, with weights from the noise they show."""
 
-    def __init__(self, forward: ForwardModel, photo: Photo, samples: int) -> None:
-        self.forward, self.photo, self.samples = forward, photo, samples
+    def __init__(self, forward: ForwardModel, photo: Photo, samples: int, shadow_edges: bool = False) -> None:
+        """``samples`` per light; ``shadow_edges``: whether the derivatives know how cast shadows move."""
+        self.forward, self.photo, self.samples, self.shadow_edges = forward, photo, samples, shadow_edges
 
     def pixels(self, state: State) -> np.ndarray:
         """(P, 2) centres of the pixels in the face's bounding box."""
@@ -83,7 +86,7 @@ class PhotoTerm:
         weight *= binary_erosion(seen, border_value=1)
         highlight = np.zeros((*shape, 1))
         highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, seed)
+        return Evaluation(state, image, residual, highlight, weight, seed, stage)
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -110,7 +113,8 @@ class PhotoTerm:
         texture = layout.slices["specular"]
         dense_columns = np.flatnonzero(active[: texture.start])
         grid = np.ix_(dense_columns, dense_columns)
-        for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active):
+        edges = self._edges(evaluation, weights[y, x] > 0, layout, active)
+        for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active, edges):
             scale = root[block.rows]
             dense = (block.dense[:, dense_columns] * scale[:, None]).astype(np.float64)
             hessian[grid] += dense.T @ dense
@@ -123,6 +127,15 @@ class PhotoTerm:
                 hessian[texture, texture] += (specular.T @ specular).toarray()
                 gradient[texture] += specular.T @ residual[block.rows]
         return hessian, gradient
+
+    def _edges(
+        self, evaluation: Evaluation, wanted: np.ndarray, layout: Layout, active: np.ndarray
+    ) -> ShadowEdges | None:
+        if not self.shadow_edges or not active[layout.mask(MOVES_SHADOWS)].any():
+            return None
+        return shadow_edges(
+            self.forward, evaluation.state, evaluation.image, evaluation.stage, evaluation.seed, wanted
+        )
 
 
 def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """The photometric term: derivatives of the rendered radiance by every parameter, streamed in blocks.
 
-The visibility of lights is held fixed; everything else is exact but for the focal length, whose column leaves
+The visibility of lights is held fixed unless shadow edges are given (shadow_edges.py); everything else is exact but for the focal length, whose column leaves
 out that the lit point also shifts sideways and is seen from elsewhere (a tenth of it, with lights a metre away;
 the landmarks carry most of what is known of the lens). At a fixed pixel, moving the surface
 by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray], which moves albedo,
@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from facestage.contract import brdf
 from facestage.fit.parameters import CHANNELS, Layout, State
 from facestage.fit.shading import ForwardModel, Image, bilinear_weights
+from facestage.fit.shadow_edges import ShadowEdges
 
 BLOCK_PIXELS = 8192
 
@@ -32,10 +33,14 @@ class JacobianBlock:
 
 
 def jacobian_blocks(
-    forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray
-) -> Iterator[JacobianBlock]:
-    """d color / d parameters in blocks of pixels. Columns of inactive parameters stay zero."""
-    differential = _Differential(forward, state, image, layout, active)
+    forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
+    edges: ShadowEdges | None = None,
+) -> Iterator[JacobianBlock]:  # fmt: skip
+    """d color / d parameters in blocks of pixels. Columns of inactive parameters stay zero.
+
+    With ``edges``, what moving the shadows changes is part of it.
+    """
+    differential = _Differential(forward, state, image, layout, active, edges)
     for start in range(0, len(image.color), BLOCK_PIXELS):
         yield differential.block(start, min(start + BLOCK_PIXELS, len(image.color)))
 
@@ -43,8 +48,12 @@ def jacobian_blocks(
 class _Differential:
     """Quantities shared by all blocks of one evaluation."""
 
-    def __init__(self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray) -> None:
+    def __init__(
+        self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
+        edges: ShadowEdges | None = None,
+    ) -> None:  # fmt: skip
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
+        self.edges = edges
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
         if self.active["identity"] or self.active["expression"]:
@@ -60,6 +69,8 @@ class _Differential:
         count = end - start
         dense = np.zeros((count * CHANNELS, layout.slices["specular"].start), np.float32)
         by_normal, slide = self._surface_derivatives(part)
+        if self.edges is not None:
+            slide += self.edges.by_surface[part]
         if active["pose"]:
             dense[:, layout.slices["pose"]] = self._pose(part, by_normal, slide)
         if active["focal"]:
@@ -123,7 +134,8 @@ class _Differential:
         normal = (surface.normals[part] * surface.normal_length[part, None])[:, None]
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
-        return np.concatenate([rotation, slide], axis=2).reshape(-1, 6)
+        result = np.concatenate([rotation, slide], axis=2).reshape(-1, 6)
+        return result if self.edges is None else result + self.edges.pose(part, self.state.translation)
 
     def _focal(self, part: slice, slide: np.ndarray) -> np.ndarray:
         """(3 B, 1) by log focal: rays turn towards the axis, as if the surface moved the other way."""
@@ -131,7 +143,12 @@ class _Differential:
         ray = surface.rays[part]
         flat = np.stack([-ray[:, 0], -ray[:, 1], np.zeros(len(ray))], axis=1)
         turn = flat - ray * np.einsum("px,px->p", flat, ray)[:, None]
-        return -np.einsum("pcx,px->pc", slide, turn * surface.depth[part, None]).reshape(-1, 1)
+        sideways = turn * surface.depth[part, None]
+        result = -np.einsum("pcx,px->pc", slide, sideways)
+        if self.edges is not None:
+            # Shadows stay where they are in space: the lit point crosses them.
+            result += np.einsum("pcx,px->pc", self.edges.by_point[part], sideways)
+        return result.reshape(-1, 1)
 
     def _shape(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
         """(3 B, k + e) by identity and expression weights, through sparse corner coefficients."""
@@ -149,7 +166,8 @@ class _Differential:
         shape = (count * CHANNELS, 3 * vertices)
         by_position = sp.csr_matrix((moved.astype(np.float32).ravel(), column, pointer), shape=shape)
         by_vertex_normal = sp.csr_matrix((turned.astype(np.float32).ravel(), column, pointer), shape=shape)
-        return (by_position + by_vertex_normal @ self.normal_operator) @ self.geometry.basis
+        result = (by_position + by_vertex_normal @ self.normal_operator) @ self.geometry.basis
+        return result if self.edges is None else result + self.edges.shape(part, rotation, self.geometry.basis)
 
     def _lights(self, part: slice) -> np.ndarray:
         """(3 B, light parameters): the color is linear in the radiance."""

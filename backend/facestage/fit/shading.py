@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
+from facestage.render.shadow_edges import Crossings, shadow_crossings
 from facestage.render.tracer import LightTerms, RayTracer
 
 
@@ -99,6 +100,21 @@ class ForwardModel:
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
             stage.transformed(centred), state.roughness, samples, seed, derivatives, keys=_pixel_keys(surface.pixels),
         )  # fmt: skip
+
+    def shadow_crossings(
+        self, state: State, surface: Surface, stage: LightStage, pairs: tuple[np.ndarray, np.ndarray], lines: int,
+        seed: int,
+    ) -> Crossings:  # fmt: skip
+        """Where shadow edges cross ``lines`` scan lines on the lights, for ``pairs`` of pixel and light (camera frame)."""
+        # The last state that was traced may have been a trial that was given up.
+        self._tracer.update(surface.vertices - state.translation)
+        centred = np.eye(4)
+        centred[:3, 3] = -state.translation
+        found = shadow_crossings(
+            self._tracer, surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
+            stage.transformed(centred), state.roughness, pairs, _pixel_keys(surface.pixels), lines, seed,
+        )  # fmt: skip
+        return replace(found, target=found.target + state.translation)
 
     def shade(
         self,

@@ -60,8 +60,8 @@ class RayTracer:
         start = np.linspace(0.0, 1.0, vertex_count * 3, dtype=np.float32)
         self._parameters["vertex_positions"] = mi.Float(start)
         self._parameters.update()
-        self._scene = mi.load_dict({"type": "scene", "face": self._mesh})
-        self._scene_parameters = mi.traverse(self._scene)
+        self.scene = mi.load_dict({"type": "scene", "face": self._mesh})
+        self._scene_parameters = mi.traverse(self.scene)
 
     def update(self, vertices: np.ndarray) -> None:
         """Move the mesh to ``vertices`` (n, 3) metres."""
@@ -74,7 +74,7 @@ class RayTracer:
             # A trace of no ray at all aborts the process inside Dr.Jit.
             return Hits(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
         ray = mi.Ray3f(mi.Point3f(_vector(np.broadcast_to(origin, directions.shape))), _vector(directions))
-        hit = self._scene.ray_intersect_preliminary(ray)
+        hit = self.scene.ray_intersect_preliminary(ray)
         valid = hit.is_valid()
         u, v = dr.select(valid, hit.prim_uv.x, 0), dr.select(valid, hit.prim_uv.y, 0)
         index = dr.select(valid, mi.Int32(hit.prim_index), -1)
@@ -129,12 +129,12 @@ class RayTracer:
         key = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(names, np.uint32)), point_index)
         # Opaque: another seed must not compile another kernel. The factor keeps the lights' numbers apart.
         salt = light_index * mi.UInt32(LIGHT_SALT) + dr.opaque(mi.UInt32, 2 * seed)
-        shift_x, shift_y = _hash_to_unit(key, salt + 1), _hash_to_unit(key, salt + 2)
+        shift_x, shift_y = hash_to_unit(key, salt + 1), hash_to_unit(key, salt + 2)
         rough = dr.opaque(mi.Float, float(roughness))
         nv = view_cosine(n, v)
 
         total = _accumulate(
-            self._scene, dr.opaque(mi.UInt32, samples), x, n, v, nv, origin, centre, emit, axis_x, axis_y,
+            self.scene, dr.opaque(mi.UInt32, samples), x, n, v, nv, origin, centre, emit, axis_x, axis_y,
             area_each, shift_x, shift_y, rough, derivatives, specular, shadows,
         )  # fmt: skip
         dr.eval(*total)
@@ -214,7 +214,7 @@ def _vector(array: np.ndarray) -> mi.Vector3f:
     return mi.Vector3f(mi.Float(columns[0]), mi.Float(columns[1]), mi.Float(columns[2]))
 
 
-def _hash_to_unit(key: mi.UInt32, salt: mi.UInt32) -> mi.Float:
+def hash_to_unit(key: mi.UInt32, salt: mi.UInt32) -> mi.Float:
     """A number in [0, 1) per lane that depends on nothing but its key and salt (TEA hash)."""
     return mi.sample_tea_float32(key, salt, 4)
 
