@@ -54,8 +54,14 @@ def card_and_wall(rows: int = 21) -> FaceModel:
         uvs=uvs.astype(np.float32), identity_names=IDENTITY, identity_basis=np.stack(identity).astype(np.float32),
         expression_names=EXPRESSION, expression_basis=np.stack(expression).astype(np.float32),
         albedo_mean=np.full((count, 3), 0.4, np.float32), albedo_basis=np.zeros((0, count, 3), np.float32),
-        landmarks={}, expression_prior="gaussian",
+        landmarks={"ibug68": _landmarks()}, expression_prior="gaussian",
     )  # fmt: skip
+
+
+def _landmarks() -> np.ndarray:
+    """(68, 6): corners of the wall's grid along its border."""
+    zeros = np.zeros(68)
+    return np.stack([np.arange(68)] * 3 + [zeros + 1, zeros, zeros], axis=1)
 
 
 def shadow_scene(side_of_light: float = 0.12) -> Scene:

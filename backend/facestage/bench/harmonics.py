@@ -85,7 +85,8 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
             factor = problem.scale(phase.face_px)
             if not state.lights.any():
                 state = _initial_harmonics(run, run.solver_stage(replace(phase, blocks=blocks), state), state, factor)
-            stage = run.solver_stage(replace(phase, blocks=blocks), state)
+            # Harmonics throw no shadows.
+            stage = run.solver_stage(replace(phase, blocks=blocks, shadow_edges=False), state)
             if stage is None:
                 continue
             stage.low[stage.energy.layout.slices["lights"]] = -np.inf

@@ -22,6 +22,7 @@ from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
 from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
+from facestage.fit.shadow_edges import PENUMBRA_MIN
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.uncertainty import Certainty, describe, deviations
@@ -121,6 +122,7 @@ class Fitted:
     seconds: float
     in_time: bool
     certainty: Certainty
+    penumbra: float | None  # share of the light on the face that comes from partly hidden lights; None: not asked
 
 
 class FitRun:
@@ -140,6 +142,7 @@ class FitRun:
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
+        self.penumbra: float | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         self.samples_factor = self._samples_factor()
 
@@ -189,6 +192,7 @@ class FitRun:
             state, self._anchor(state), stage_camera.with_radiance(self.problem.lights.radiance(state.lights)),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last),
+            self.penumbra,
         )  # fmt: skip
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
@@ -276,13 +280,14 @@ class FitRun:
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale
         )
         samples = phase.samples * self.samples_factor
+        photo = None if phase.face_px is None else PhotoTerm(self.forward, problem.photo_at(factor), samples)
+        lights = None if phase.face_px is None else self._stage_in_camera(scaled)
+        if photo is not None and lights is not None and phase.shadow_edges:
+            self.penumbra = photo.penumbra_share(scaled, lights, job.seed)
+            photo.shadow_edges = self.penumbra >= PENUMBRA_MIN
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
-            job.weights, problem.lights,
-            photo=None
-            if phase.face_px is None
-            else PhotoTerm(self.forward, problem.photo_at(factor), samples, phase.shadow_edges),
-            stage=None if phase.face_px is None else self._stage_in_camera(scaled),
+            job.weights, problem.lights, photo=photo, stage=lights,
         )  # fmt: skip
         low, high = layout.bounds(box)
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)

@@ -15,7 +15,7 @@ from facestage.fit.parameters import Layout, LightParameters, State
 from facestage.fit.photometric import jacobian_blocks
 from facestage.fit.priors import Priors
 from facestage.fit.shading import ForwardModel, Image, Surface
-from facestage.fit.shadow_edges import MOVES_SHADOWS, ShadowEdges, shadow_edges
+from facestage.fit.shadow_edges import MOVES_SHADOWS, Penumbra, ShadowEdges, find_penumbra, refined, shadow_edges
 
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
@@ -43,6 +43,7 @@ class Evaluation:
     base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
     seed: int
     stage: LightStage  # camera frame
+    penumbra: Penumbra | None = None  # found where the motion of shadows counts
 
 
 class PhotoTerm:
@@ -70,6 +71,9 @@ class PhotoTerm:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept."""
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
         terms = self.forward.light_terms(state, surface, stage, self.samples, seed, derivatives=True)
+        penumbra = find_penumbra(self.forward, state, surface, stage, seed) if self.shadow_edges else None
+        if penumbra is not None:
+            terms = refined(self.forward, state, surface, stage, terms, penumbra, self.samples, seed)
         image = self.forward.shade(state, surface, terms)
         shape = self.photo.usable.shape
         residual, weight = np.zeros((*shape, 3)), np.zeros(shape)
@@ -86,7 +90,12 @@ class PhotoTerm:
         weight *= binary_erosion(seen, border_value=1)
         highlight = np.zeros((*shape, 1))
         highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, seed, stage)
+        return Evaluation(state, image, residual, highlight, weight, seed, stage, penumbra)
+
+    def penumbra_share(self, state: State, stage: LightStage, seed: int) -> float:
+        """Share of the light on the compared pixels, unshadowed, that comes from partly hidden lights."""
+        surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
+        return find_penumbra(self.forward, state, surface, stage, seed).share
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -113,7 +122,7 @@ class PhotoTerm:
         texture = layout.slices["specular"]
         dense_columns = np.flatnonzero(active[: texture.start])
         grid = np.ix_(dense_columns, dense_columns)
-        edges = self._edges(evaluation, weights[y, x] > 0, layout, active)
+        edges = self._edges(evaluation, layout, active)
         for block in jacobian_blocks(self.forward, evaluation.state, evaluation.image, layout, active, edges):
             scale = root[block.rows]
             dense = (block.dense[:, dense_columns] * scale[:, None]).astype(np.float64)
@@ -128,14 +137,10 @@ class PhotoTerm:
                 gradient[texture] += specular.T @ residual[block.rows]
         return hessian, gradient
 
-    def _edges(
-        self, evaluation: Evaluation, wanted: np.ndarray, layout: Layout, active: np.ndarray
-    ) -> ShadowEdges | None:
-        if not self.shadow_edges or not active[layout.mask(MOVES_SHADOWS)].any():
+    def _edges(self, evaluation: Evaluation, layout: Layout, active: np.ndarray) -> ShadowEdges | None:
+        if evaluation.penumbra is None or not active[layout.mask(MOVES_SHADOWS)].any():
             return None
-        return shadow_edges(
-            self.forward, evaluation.state, evaluation.image, evaluation.stage, evaluation.seed, wanted
-        )
+        return shadow_edges(self.forward, evaluation.state, evaluation.image, evaluation.stage, evaluation.penumbra)
 
 
 def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:

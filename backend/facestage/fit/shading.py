@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
-from facestage.render.shadow_edges import Crossings, shadow_crossings
+from facestage.render.shadow_edges import LitPoints
 from facestage.render.tracer import LightTerms, RayTracer
 
 
@@ -55,7 +55,7 @@ class ForwardModel:
     def __init__(self, geometry: FaceGeometry, lights: LightParameters) -> None:
         self.geometry = geometry
         self.lights = lights
-        self._tracer = RayTracer(geometry.triangles, len(geometry.mean))
+        self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
 
     def pose(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (m, 3) in the model frame and in the camera frame."""
@@ -66,9 +66,9 @@ class ForwardModel:
         """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are dropped."""
         model_vertices, vertices = self.pose(state)
         # The tracer works around the face, where float32 has the most digits.
-        self._tracer.update(vertices - state.translation)
+        self.tracer.update(vertices - state.translation)
         rays = pixel_rays(state.camera, pixels)
-        hits = self._tracer.first_hits(-state.translation, rays)
+        hits = self.tracer.first_hits(-state.translation, rays)
         keep = hits.triangle >= 0
         if only_fitted:
             keep &= self.geometry.fitted[hits.triangle]
@@ -96,25 +96,19 @@ class ForwardModel:
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame)."""
         centred = np.eye(4)
         centred[:3, 3] = -state.translation
-        return self._tracer.light_terms(
+        return self.tracer.light_terms(
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
             stage.transformed(centred), state.roughness, samples, seed, derivatives, keys=_pixel_keys(surface.pixels),
         )  # fmt: skip
 
-    def shadow_crossings(
-        self, state: State, surface: Surface, stage: LightStage, pairs: tuple[np.ndarray, np.ndarray], lines: int,
-        seed: int,
-    ) -> Crossings:  # fmt: skip
-        """Where shadow edges cross ``lines`` scan lines on the lights, for ``pairs`` of pixel and light (camera frame)."""
-        # The last state that was traced may have been a trial that was given up.
-        self._tracer.update(surface.vertices - state.translation)
+    def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:
+        """The surface and its lights as the tracer takes them; ``stage`` is in the camera frame."""
         centred = np.eye(4)
         centred[:3, 3] = -state.translation
-        found = shadow_crossings(
-            self._tracer, surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-            stage.transformed(centred), state.roughness, pairs, _pixel_keys(surface.pixels), lines, seed,
+        return LitPoints(
+            surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
+            stage.transformed(centred), state.roughness, _pixel_keys(surface.pixels),
         )  # fmt: skip
-        return replace(found, target=found.target + state.translation)
 
     def shade(
         self,

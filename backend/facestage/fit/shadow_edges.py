@@ -17,7 +17,7 @@ than CLOSEST to the point they shade (the terminator, whose facets shadow themse
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,13 +26,17 @@ from facestage.contract import brdf
 from facestage.contract.light_stage import LightStage
 from facestage.fit.parameters import CHANNELS, State
 from facestage.fit.shading import ForwardModel, Image, Surface
-from facestage.render.shadow_edges import Crossings
-from facestage.render.tracer import SHADOW_OFFSET
+from facestage.render.shadow_edges import Cells, shadow_cells, shadow_crossings
+from facestage.render.tracer import SHADOW_OFFSET, LightTerms
 
 # The blocks of parameters that move the mesh, or the view of it.
 MOVES_SHADOWS = ("pose", "focal", "identity", "expression")
 # Scan lines along each side of a light.
 LINES = 1
+# Samples where a light is partly hidden.
+PENUMBRA_SAMPLES = 16
+# Share of the light in penumbra below which the fit ends the same without.
+PENUMBRA_MIN = 0.003
 # Metres from the lit point to its occluder.
 CLOSEST = 2e-3
 # A light that gives a pixel less than this share of what all its lights would has no edge worth a ray.
@@ -53,7 +57,6 @@ class ShadowEdges:
     color: np.ndarray  # (M, 3) radiance of the pixel per metre of scan line
     by_point: np.ndarray  # (P, 3, 3) d color by the motion of the lit point in space
     by_surface: np.ndarray  # (P, 3, 3) d color by the motion of the surface under the pixel
-    penumbra: float  # share of the light on the pixels, unshadowed, that comes from partly hidden lights
 
     def part(self, part: slice) -> slice:
         """The places that shade the pixels of ``part``."""
@@ -85,82 +88,115 @@ class ShadowEdges:
         return sp.csr_matrix((data, (row.ravel(), column.ravel())), ((part.stop - part.start) * CHANNELS, count))
 
 
+@dataclass(frozen=True)
+class Penumbra:
+    """The pixels from which a light is partly hidden, as scan lines on the light tell."""
+
+    cells: Cells
+    share: float  # of the light on the pixels, unshadowed, that comes from partly hidden lights
+
+    @property
+    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """(K,) pixels and (K,) lights, each pair once."""
+        pairs = np.unique(np.stack([self.cells.point, self.cells.light]), axis=1)
+        return pairs[0], pairs[1]
+
+
+def find_penumbra(
+    forward: ForwardModel, state: State, surface: Surface, stage: LightStage, seed: int, lines: int = LINES
+) -> Penumbra:
+    """Where the shadows of ``stage`` (camera frame) have their edges; the mesh is the one traced last."""
+    light = _unshadowed(surface, stage, forward.lights.radiance(state.lights))
+    total = light.sum(axis=1, keepdims=True)
+    pairs = np.nonzero(light > SHARE_MIN * np.maximum(total, 1e-30))
+    cells = shadow_cells(forward.tracer, forward.lit_points(state, surface, stage), pairs, lines, seed)
+    penumbra = Penumbra(cells, 0.0)
+    return replace(penumbra, share=float(light[penumbra.pairs].sum() / max(total.sum(), 1e-30)))
+
+
+def refined(
+    forward: ForwardModel, state: State, surface: Surface, stage: LightStage, terms: LightTerms, penumbra: Penumbra,
+    samples: int, seed: int,
+) -> LightTerms:  # fmt: skip
+    """``terms`` of ``samples`` per light with PENUMBRA_SAMPLES where a light is partly hidden.
+
+    A few would make the edge of a shadow jump from pixel to pixel, by more than a good step of the fit gains.
+    """
+    lit = forward.lit_points(state, surface, stage)
+    better = forward.tracer.light_terms(
+        lit.points, lit.normals, lit.facing, lit.views, lit.stage, lit.roughness,
+        max(PENUMBRA_SAMPLES, samples), seed, derivatives=True, keys=lit.keys, pairs=penumbra.pairs,
+    )  # fmt: skip
+    result = {}
+    for field in fields(LightTerms):
+        values = getattr(terms, field.name).copy()
+        values[penumbra.pairs] = getattr(better, field.name)[:, 0]
+        result[field.name] = values
+    return LightTerms(**result)
+
+
 def shadow_edges(
-    forward: ForwardModel, state: State, image: Image, stage: LightStage, seed: int, wanted: np.ndarray,
-    lines: int = LINES,
-) -> ShadowEdges:  # fmt: skip
-    """The edges of the shadows on the ``wanted`` (P,) bool pixels of ``image``, lit by ``stage`` (camera frame)."""
-    surface = image.surface
-    light = _unshadowed(surface, stage, image.radiance) * wanted[:, None]
-    pairs = np.nonzero(light > SHARE_MIN * np.maximum(light.sum(axis=1, keepdims=True), 1e-30))
-    found = forward.shadow_crossings(state, surface, stage, pairs, lines, seed)
-    partly = np.zeros(light.shape, bool)
-    partly[found.point, found.light] = True
-    penumbra = float(light[partly].sum() / max(light.sum(), 1e-30))
-    return _edges(found, forward, image, stage, penumbra)
+    forward: ForwardModel, state: State, image: Image, stage: LightStage, penumbra: Penumbra
+) -> ShadowEdges:
+    """The edges of the shadows on ``image``, lit by ``stage`` (camera frame), in its penumbra."""
+    surface, cells = image.surface, penumbra.cells
+    # The mesh that was traced last may have been a trial that was given up.
+    forward.tracer.update(surface.vertices - state.translation)
+    found = shadow_crossings(forward.tracer, forward.lit_points(state, surface, stage), cells)
+    target = found.target + state.translation
+    # Where the shadow rays start.
+    point = surface.points[cells.point] + SHADOW_OFFSET * surface.facing[cells.point]
+    ray = target - point
+    corners, along, normal = _silhouette(forward.geometry.triangles[found.triangle], surface.vertices, point, ray)
+    ends = surface.vertices[corners]
+    place = ends[:, 0] + along[:, None] * (ends[:, 1] - ends[:, 0])
+    share = np.einsum("mx,mx->m", place - point, ray) / np.einsum("mx,mx->m", ray, ray)
+    # The edge's normal in the square, and the two lines' weights: rate = n / s * m_axis / (m_x^2 + m_y^2).
+    axes = np.stack([stage.axis_x[cells.light], stage.axis_y[cells.light]], axis=1)
+    slope = np.einsum("max,mx->ma", axes, normal)
+    steep = (slope**2).sum(axis=1)
+    chosen = np.take_along_axis(slope, cells.axis[:, None], axis=1)[:, 0]
+    far = np.linalg.norm(place - point, axis=1) > CLOSEST
+    good = np.flatnonzero(far & (share > 0) & (share < 1) & (steep > COSINE_MIN**2) & (found.diffuse > 0))
+    pixel, light = cells.point[good], cells.light[good]
+    scale = np.where(cells.visible < cells.hidden, 1.0, -1.0)[good] * (chosen / steep)[good] / share[good]
+    rate = normal[good] * scale[:, None]
+
+    albedo = image.albedo[pixel] * (brdf.K_DIFFUSE / np.pi)
+    gloss = brdf.K_SPECULAR * image.c_spec[pixel, None]
+    color = image.radiance[light] * (albedo * found.diffuse[good, None] + gloss * found.specular[good, None])
+    by_point = _by_point(pixel, -color[:, :, None] * ((1 - share[good])[:, None] * rate)[:, None], len(surface.points))
+    # At a fixed pixel the point moves along the pixel's ray: dp = ray (facing . dx) / (facing . ray).
+    incidence = np.einsum("px,px->p", surface.facing, surface.rays)
+    slide = surface.facing / np.where(incidence < -COSINE_MIN, incidence, -np.inf)[:, None]
+    by_surface = np.einsum("pcx,px->pc", by_point, surface.rays)[:, :, None] * slide[:, None]
+    weights = np.stack([1 - along, along], axis=1)[good]
+    return ShadowEdges(pixel, corners[good], weights, place[good], rate, color, by_point, by_surface)
+
+
+def _by_point(pixel: np.ndarray, each: np.ndarray, count: int) -> np.ndarray:
+    """(count, 3, 3) sums of ``each`` (M, 3, 3) over the places that shade a pixel."""
+    collect = sp.csr_matrix((np.ones(len(pixel)), (pixel, np.arange(len(pixel)))), (count, len(pixel)))
+    return (collect @ each.reshape(len(pixel), 9)).reshape(count, CHANNELS, 3)
 
 
 def _unshadowed(surface: Surface, stage: LightStage, radiance: np.ndarray) -> np.ndarray:
     """(P, N) irradiance by each light, taken at its middle and as if nothing were in the way."""
     offset = stage.position[None] - surface.points[:, None]
     square = np.einsum("pjx,pjx->pj", offset, offset)
-    distance = np.sqrt(square)
     # A light whose middle has set may still show an edge.
     height = np.einsum("pjx,px->pj", offset, surface.normals) + 0.5 * stage.side
     cosine = -np.einsum("pjx,jx->pj", offset, stage.direction)
-    brightness = stage.side**2 * radiance.mean(axis=1)
-    return brightness * np.maximum(height, 0) * np.maximum(cosine, 0) / (square * distance * distance)
-
-
-def _edges(found: Crossings, forward: ForwardModel, image: Image, stage: LightStage, penumbra: float) -> ShadowEdges:
-    surface = image.surface
-    # Where the shadow rays start.
-    point = surface.points[found.point] + SHADOW_OFFSET * surface.facing[found.point]
-    ray = found.target - point
-    corners, along, normal = _silhouette(found, forward, surface.vertices, point, ray)
-    ends = surface.vertices[corners]
-    place = ends[:, 0] + along[:, None] * (ends[:, 1] - ends[:, 0])
-    share = np.einsum("mx,mx->m", place - point, ray) / np.einsum("mx,mx->m", ray, ray)
-    # The edge's normal in the square, and the two lines' weights: rate = n / s * m_axis / (m_x^2 + m_y^2).
-    axes = np.stack([stage.axis_x[found.light], stage.axis_y[found.light]], axis=1)
-    slope = np.einsum("max,mx->ma", axes, normal)
-    steep = (slope**2).sum(axis=1)
-    chosen = np.take_along_axis(slope, found.axis[:, None], axis=1)[:, 0]
-    far = np.linalg.norm(place - point, axis=1) > CLOSEST
-    good = far & (share < 1) & (steep > COSINE_MIN**2)
-    scale = np.where(found.visible_before, 1.0, -1.0) * chosen / np.where(good, steep * share, np.inf)
-    rate = normal * scale[:, None]
-
-    radiance = image.radiance[found.light]
-    albedo = image.albedo[found.point] * (brdf.K_DIFFUSE / np.pi)
-    gloss = brdf.K_SPECULAR * image.c_spec[found.point, None]
-    color = radiance * (albedo * found.diffuse[:, None] + gloss * found.specular[:, None])
-
-    moved = -color[:, :, None] * ((1 - share)[:, None] * rate)[:, None, :]
-    count = len(found.point)
-    collect = sp.csr_matrix((np.ones(count), (found.point, np.arange(count))), (len(surface.points), count))
-    by_point = (collect @ moved.reshape(count, -1)).reshape(-1, CHANNELS, 3)
-    # At a fixed pixel the point moves along the pixel's ray: dp = ray (facing . dx) / (facing . ray).
-    incidence = np.einsum("px,px->p", surface.facing, surface.rays)
-    slide = surface.facing / np.where(incidence < -COSINE_MIN, incidence, -np.inf)[:, None]
-    by_surface = np.einsum("pcx,px->pc", by_point, surface.rays)[:, :, None] * slide[:, None]
-    order = np.argsort(found.point, kind="stable")
-    order = order[good[order]]
-    weights = np.stack([1 - along, along], axis=1)
-    return ShadowEdges(
-        found.point[order], corners[order], weights[order], place[order], rate[order], color[order],
-        by_point, by_surface, penumbra,
-    )  # fmt: skip
+    return stage.side**2 * radiance.mean(axis=1) * np.maximum(height, 0) * np.maximum(cosine, 0) / square**2
 
 
 def _silhouette(
-    found: Crossings, forward: ForwardModel, vertices: np.ndarray, point: np.ndarray, ray: np.ndarray
+    triangle: np.ndarray, vertices: np.ndarray, point: np.ndarray, ray: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The edge of the blocking triangle that the ray all but touches.
+    """The edge of the blocking ``triangle`` (M, 3) that the ray all but touches.
 
     Its two corners (M, 2), how far along it (M,), and the unit normal (M, 3) of the plane of edge and ray.
     """
-    triangle = forward.geometry.triangles[found.triangle]
     starts, ends = vertices[triangle], vertices[np.roll(triangle, -1, axis=1)]
     edge = ends - starts
     normal = np.cross(edge, ray[:, None])

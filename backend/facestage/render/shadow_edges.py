@@ -22,177 +22,156 @@ LINE_SALT = 0x5BD1E995
 
 
 @dataclass(frozen=True)
-class Crossings:
-    """M places on the lights between which and a lit point lies the edge of a shadow.
+class LitPoints:
+    """P points and N lights in the tracer's frame: the arguments of :meth:`RayTracer.light_terms`."""
 
-    Seen from its point, the light is visible on one side of ``target`` and blocked on the other, along the
-    light's ``axis`` (0: axis_x, 1: axis_y). ``triangle`` is what the last blocked ray hits first. ``diffuse`` and ``specular`` are the irradiance (n.l) and (n.l) D V F of unit
-    radiance that one metre of the scan line adds, averaged over the lines.
+    points: np.ndarray  # (P, 3) m
+    normals: np.ndarray  # (P, 3) unit
+    facing: np.ndarray  # (P, 3) unit
+    views: np.ndarray  # (P, 3) unit
+    stage: LightStage
+    roughness: float
+    keys: np.ndarray  # (P,) int
+
+
+@dataclass(frozen=True)
+class Cells:
+    """M stretches of scan lines on the lights, one end visible from a point and the other hidden.
+
+    A line runs along the light's ``axis`` (0: axis_x, 1: axis_y) at ``across`` on the other, both from 0 to 1.
     """
 
-    point: np.ndarray  # (M,) int32
-    light: np.ndarray  # (M,) int32
+    point: np.ndarray  # (M,) int
+    light: np.ndarray  # (M,) int
     axis: np.ndarray  # (M,) 0 or 1
-    visible_before: np.ndarray  # (M,) bool: visible below the crossing, blocked above
+    across: np.ndarray  # (M,) 0..1
+    visible: np.ndarray  # (M,) 0..1 along the axis, the end that is visible
+    hidden: np.ndarray  # (M,) 0..1 along the axis, the end that is not
+    lines: int  # scan lines along each axis of each light
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Where in its cell the edge of a shadow lies, and what hides the light there.
+
+    ``triangle`` is what the last blocked ray hits first. ``diffuse`` and ``specular`` are the irradiance (n.l) and
+    (n.l) D V F at unit radiance that one metre of the scan line adds, averaged over the lines; 0 where there
+    is no edge to be found.
+    """
+
     target: np.ndarray  # (M, 3) m, on the light
-    triangle: np.ndarray  # (M,) int32
+    triangle: np.ndarray  # (M,) int
     diffuse: np.ndarray  # (M,)
     specular: np.ndarray  # (M,)
 
 
-def shadow_crossings(
-    tracer: RayTracer,
-    points: np.ndarray,
-    normals: np.ndarray,
-    facing: np.ndarray,
-    views: np.ndarray,
-    stage: LightStage,
-    roughness: float,
-    pairs: tuple[np.ndarray, np.ndarray],
-    keys: np.ndarray,
-    lines: int,
-    seed: int,
-) -> Crossings:
-    """Crossings of shadow edges with ``lines`` scan lines along each side of a light, for ``pairs`` (point, light).
+def shadow_cells(
+    tracer: RayTracer, lit: LitPoints, pairs: tuple[np.ndarray, np.ndarray], lines: int, seed: int
+) -> Cells:
+    """Cells of ``lines`` scan lines along each side of the light, for ``pairs`` (K,) of point and (K,) of light.
 
-    The other arguments are those of :meth:`RayTracer.light_terms`. The lines of a pair are spread evenly over
-    the square, shifted by a number that depends on ``seed``, the point's key and the light alone.
+    The lines of a pair are spread evenly over the square, shifted by a number that depends on ``seed``, the
+    point's key and the light alone. Sorted by pair.
     """
     point_of, light_of = (np.ascontiguousarray(index, np.uint32) for index in pairs)
     if not len(point_of):
-        return _none()
-    rows = _Rows(points, normals, facing, views, stage, keys, dr.opaque(mi.UInt32, 2 * seed))
+        return _no_cells(lines)
     # One lane per pair, axis and line.
-    count = len(point_of) * 2 * lines
-    lane = dr.arange(mi.UInt32, count)
-    pair = lane // dr.opaque(mi.UInt32, 2 * lines)
-    within = lane - pair * dr.opaque(mi.UInt32, 2 * lines)
+    per_pair = dr.opaque(mi.UInt32, 2 * lines)
+    lane = dr.arange(mi.UInt32, len(point_of) * 2 * lines)
+    pair = lane // per_pair
+    within = lane - pair * per_pair
     number = within // 2
-    square = rows.at(
-        dr.gather(mi.UInt32, mi.UInt32(point_of), pair), dr.gather(mi.UInt32, mi.UInt32(light_of), pair),
-        within - 2 * number,
-    )  # fmt: skip
-    across = (mi.Float(number) + square.shift) / dr.opaque(mi.Float, float(lines))
+    axis = within - 2 * number
+    point = dr.gather(mi.UInt32, mi.UInt32(point_of), pair)
+    light = dr.gather(mi.UInt32, mi.UInt32(light_of), pair)
+    # The factor keeps the lights' numbers apart.
+    salt = light * mi.UInt32(LIGHT_SALT) + dr.opaque(mi.UInt32, 2 * seed) + axis + mi.UInt32(LINE_SALT)
+    shift = hash_to_unit(dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(lit.keys, np.uint32)), point), salt)
+    across = (mi.Float(number) + shift) / dr.opaque(mi.Float, float(lines))
+    square = _Square(lit, point, light, axis)
     blocked = mi.UInt32(0)
     for k in range(LINE_POINTS):
-        blocked |= dr.select(_blocked(tracer, square, mi.Float(k / (LINE_POINTS - 1)), across), mi.UInt32(1 << k), 0)
+        along = mi.Float(k / (LINE_POINTS - 1))
+        blocked |= dr.select(tracer.scene.ray_test(square.shadow_ray(along, across)), mi.UInt32(1 << k), 0)
     dr.eval(blocked, across)
-    bits, across_all = np.array(blocked), np.array(across)
+    bits = np.array(blocked)
     change = (bits ^ (bits >> 1)) & ((1 << (LINE_POINTS - 1)) - 1)
-    changed = np.flatnonzero(change)
-    if not len(changed):
-        return _none()
-    which, cell = np.nonzero((change[changed, None] >> np.arange(LINE_POINTS - 1)) & 1)
-    lanes = changed[which]
-    return _refine(
-        tracer, rows, point_of[lanes // (2 * lines)], light_of[lanes // (2 * lines)], lanes % 2, across_all[lanes],
-        cell, ((bits[lanes] >> cell) & 1) == 0, lines, roughness,
+    lanes = np.flatnonzero(change)
+    which, cell = np.nonzero((change[lanes, None] >> np.arange(LINE_POINTS - 1)) & 1)
+    lanes = lanes[which]
+    hidden_first = (bits[lanes] >> cell) & 1
+    index = lanes // (2 * lines)
+    return Cells(
+        point_of[index].astype(np.int64), light_of[index].astype(np.int64), lanes % 2, np.array(across)[lanes],
+        (cell + hidden_first) / (LINE_POINTS - 1), (cell + 1 - hidden_first) / (LINE_POINTS - 1), lines,
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Square:
-    """Lanes that look at a light's square along one of its axes."""
-
-    x: Any
-    n: Any
-    v: Any
-    origin: Any
-    centre: Any
-    emit: Any
-    along: Any  # the scan line's axis, as long as the side
-    cross: Any
-    side: Any
-    shift: Any
-
-
-class _Rows:
-    """The arrays that lanes gather from."""
-
-    def __init__(
-        self, points: np.ndarray, normals: np.ndarray, facing: np.ndarray, views: np.ndarray, stage: LightStage,
-        keys: np.ndarray, seed: mi.UInt32,
-    ) -> None:  # fmt: skip
-        self._vectors = [_flat(array) for array in (points, normals, facing, views)]
-        self._light = [
-            _flat(array)
-            for array in (
-                stage.position, stage.direction, stage.axis_x * stage.side[:, None], stage.axis_y * stage.side[:, None]
-            )
-        ]  # fmt: skip
-        self._side = _flat(stage.side)
-        self._keys = mi.UInt32(np.ascontiguousarray(keys, np.uint32))
-        self._seed = seed
-
-    def at(self, point: Any, light: Any, axis: Any) -> _Square:
-        x, n, facing, v = (dr.gather(mi.Vector3f, array, point) for array in self._vectors)
-        centre, emit, axis_x, axis_y = (dr.gather(mi.Vector3f, array, light) for array in self._light)
-        key = dr.gather(mi.UInt32, self._keys, point)
-        salt = light * mi.UInt32(LIGHT_SALT) + self._seed + axis + mi.UInt32(LINE_SALT)
-        first = axis == 0
-        return _Square(
-            x, n, v, x + SHADOW_OFFSET * facing, centre, emit, dr.select(first, axis_x, axis_y),
-            dr.select(first, axis_y, axis_x), dr.gather(mi.Float, self._side, light), hash_to_unit(key, salt),
-        )  # fmt: skip
-
-
-def _target(square: _Square, along: Any, across: Any) -> Any:
-    return square.centre + square.along * (along - 0.5) + square.cross * (across - 0.5)
-
-
-def _shadow_ray(square: _Square, along: Any, across: Any) -> Any:
-    span = _target(square, along, across) - square.origin
-    distance = dr.norm(span)
-    return mi.Ray3f(square.origin, span / distance, distance * (1 - 1e-4), 0, [])
-
-
-def _blocked(tracer: RayTracer, square: _Square, along: Any, across: Any) -> Any:
-    return tracer.scene.ray_test(_shadow_ray(square, along, across))
-
-
-def _refine(
-    tracer: RayTracer, rows: _Rows, point: np.ndarray, light: np.ndarray, axis: np.ndarray, across: np.ndarray,
-    cell: np.ndarray, visible_before: np.ndarray, lines: int, roughness: float,
-) -> Crossings:  # fmt: skip
-    """Bisect between the ends of each cell and look at what blocks there."""
-    square = rows.at(mi.UInt32(point), mi.UInt32(light), mi.UInt32(axis.astype(np.uint32)))
-    fixed = mi.Float(across.astype(np.float32))
-    ends = [(cell + end).astype(np.float32) / (LINE_POINTS - 1) for end in (0, 1)]
-    visible = mi.Float(np.where(visible_before, ends[0], ends[1]))
-    hidden = mi.Float(np.where(visible_before, ends[1], ends[0]))
-    visible, hidden = _bisect(tracer, square, fixed, visible, hidden)
-    hit = tracer.scene.ray_intersect_preliminary(_shadow_ray(square, hidden, fixed))
-    target = _target(square, 0.5 * (visible + hidden), fixed)
-    diffuse, specular = _irradiance(square, target, mi.Float(square.side / lines), dr.opaque(mi.Float, roughness))
-    index = dr.select(hit.is_valid(), mi.Int32(hit.prim_index), -1)
-    dr.eval(index, target, diffuse, specular)
-    # A light point below the horizon adds nothing.
-    keep = (np.array(index) >= 0) & (np.array(diffuse) > 0)
-    return Crossings(
-        point.astype(np.int32)[keep], light.astype(np.int32)[keep], axis[keep], visible_before[keep],
-        np.stack([np.array(target.x), np.array(target.y), np.array(target.z)], axis=1)[keep], np.array(index)[keep],
-        np.array(diffuse)[keep], np.array(specular)[keep],
-    )  # fmt: skip
-
-
-def _bisect(tracer: RayTracer, square: _Square, across: Any, visible: Any, hidden: Any) -> tuple[Any, Any]:
+def shadow_crossings(tracer: RayTracer, lit: LitPoints, cells: Cells) -> Crossings:
+    """Bisect the cells and look at what blocks the light there."""
+    if not len(cells.point):
+        number = np.zeros(0)
+        return Crossings(np.zeros((0, 3)), np.zeros(0, np.int64), number, number)
+    point, light, axis = (mi.UInt32(index.astype(np.uint32)) for index in (cells.point, cells.light, cells.axis))
+    square = _Square(lit, point, light, axis)
+    across, visible, hidden = (
+        mi.Float(place.astype(np.float32)) for place in (cells.across, cells.visible, cells.hidden)
+    )
     for _ in range(BISECTIONS):
         middle = 0.5 * (visible + hidden)
-        blocked = _blocked(tracer, square, middle, across)
+        blocked = tracer.scene.ray_test(square.shadow_ray(middle, across))
         visible, hidden = dr.select(blocked, visible, middle), dr.select(blocked, middle, hidden)
         # One small kernel, used again in every round.
         dr.eval(visible, hidden)
-    return visible, hidden
+    hit = tracer.scene.ray_intersect_preliminary(square.shadow_ray(hidden, across))
+    target = square.target(0.5 * (visible + hidden), across)
+    diffuse, specular = _irradiance(square, target, dr.opaque(mi.Float, lit.roughness))
+    found = hit.is_valid()
+    triangle = dr.select(found, mi.Int32(hit.prim_index), 0)
+    width = dr.select(found, square.side / cells.lines, 0)
+    diffuse, specular = diffuse * width, specular * width
+    dr.eval(triangle, target, diffuse, specular)
+    return Crossings(
+        np.stack([np.array(target.x), np.array(target.y), np.array(target.z)], axis=1).astype(float),
+        np.array(triangle), np.array(diffuse), np.array(specular),
+    )  # fmt: skip
 
 
-def _irradiance(square: _Square, target: Any, width: Any, roughness: Any) -> tuple[Any, Any]:
-    """Of a strip of the light at ``target``, ``width`` m wide, per metre of its length."""
+class _Square:
+    """Lanes that look at a light's square along one of its axes."""
+
+    def __init__(self, lit: LitPoints, point: Any, light: Any, axis: Any) -> None:
+        def gather(array: np.ndarray, index: Any) -> Any:
+            return dr.gather(mi.Vector3f, mi.Float(np.ascontiguousarray(array, np.float32).ravel()), index)
+
+        stage = lit.stage
+        self.x, self.n, self.v = (gather(array, point) for array in (lit.points, lit.normals, lit.views))
+        self.origin = self.x + SHADOW_OFFSET * gather(lit.facing, point)
+        self.centre, self.emit = gather(stage.position, light), gather(stage.direction, light)
+        axis_x = gather(stage.axis_x * stage.side[:, None], light)
+        axis_y = gather(stage.axis_y * stage.side[:, None], light)
+        first = axis == 0
+        self.along, self.across = dr.select(first, axis_x, axis_y), dr.select(first, axis_y, axis_x)
+        self.side = dr.gather(mi.Float, mi.Float(stage.side.astype(np.float32)), light)
+
+    def target(self, along: Any, across: Any) -> Any:
+        return self.centre + self.along * (along - 0.5) + self.across * (across - 0.5)
+
+    def shadow_ray(self, along: Any, across: Any) -> Any:
+        span = self.target(along, across) - self.origin
+        distance = dr.norm(span)
+        return mi.Ray3f(self.origin, span / distance, distance * (1 - 1e-4), 0, [])
+
+
+def _irradiance(square: _Square, target: Any, roughness: Any) -> tuple[Any, Any]:
+    """(n.l) and (n.l) D V F of unit radiance from a square metre of the light at ``target``; 0 below the horizon."""
     offset = target - square.x
     inverse = dr.rsqrt(dr.squared_norm(offset))
     light = offset * inverse
     nl = dr.dot(square.n, light)
     cosine = -dr.dot(square.emit, light)
-    weight = dr.select((nl > 0) & (cosine > 0), width * cosine * dr.square(inverse), 0)
+    weight = dr.select((nl > 0) & (cosine > 0), cosine * dr.square(inverse), 0)
     half = dr.normalize(light + square.v)
     nh, vh = dr.maximum(dr.dot(square.n, half), 0), dr.clip(dr.dot(square.v, half), 0, 1)
     lobe = specular_lobe(
@@ -201,10 +180,6 @@ def _irradiance(square: _Square, target: Any, width: Any, roughness: Any) -> tup
     return weight * nl, dr.select(weight > 0, weight * lobe.value, 0)
 
 
-def _flat(array: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(array, np.float32).ravel())
-
-
-def _none() -> Crossings:
-    index, number, triple = np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros((0, 3), np.float32)
-    return Crossings(index, index, index, np.zeros(0, bool), triple, index, number, number)
+def _no_cells(lines: int) -> Cells:
+    index, number = np.zeros(0, np.int64), np.zeros(0)
+    return Cells(index, index, index, number, number, number, lines)

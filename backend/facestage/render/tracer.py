@@ -96,6 +96,7 @@ class RayTracer:
         specular: bool = True,
         shadows: bool = True,
         keys: np.ndarray | None = None,
+        pairs: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
@@ -104,14 +105,18 @@ class RayTracer:
         rank-1 lattice with a shift per point and light that depends on ``seed`` and the point's key alone.
         ``keys`` (P,) int, by default 0, 1, 2, ...: give what names a point across calls, such as its pixel,
         so that it keeps its random numbers when other points come or go (common random numbers).
+        ``pairs``: indices (K,) of points and (K,) of lights; only these are traced, and the terms are (K, 1).
         """
-        count, lights = len(points), len(stage)
+        count, lights = (len(points), len(stage)) if pairs is None else (len(pairs[0]), 1)
         if count == 0:
             return _empty(lights, derivatives)
-        lane = dr.arange(mi.UInt32, count * lights)
-        lights_opaque = dr.opaque(mi.UInt32, lights)
-        point_index = lane // lights_opaque
-        light_index = lane - point_index * lights_opaque
+        if pairs is None:
+            lane = dr.arange(mi.UInt32, count * lights)
+            lights_opaque = dr.opaque(mi.UInt32, lights)
+            point_index = lane // lights_opaque
+            light_index = lane - point_index * lights_opaque
+        else:
+            point_index, light_index = (mi.UInt32(np.ascontiguousarray(index, np.uint32)) for index in pairs)
 
         def gather(array: np.ndarray, index: mi.UInt32) -> mi.Vector3f:
             return dr.gather(mi.Vector3f, mi.Float(np.ascontiguousarray(array, np.float32).ravel()), index)
@@ -125,7 +130,7 @@ class RayTracer:
         axis_x = gather(stage.axis_x * stage.side[:, None], light_index)
         axis_y = gather(stage.axis_y * stage.side[:, None], light_index)
         area_each = dr.gather(mi.Float, mi.Float((stage.side**2 / samples).astype(np.float32)), light_index)
-        names = np.arange(count) if keys is None else keys
+        names = np.arange(len(points)) if keys is None else keys
         key = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(names, np.uint32)), point_index)
         # Opaque: another seed must not compile another kernel. The factor keeps the lights' numbers apart.
         salt = light_index * mi.UInt32(LIGHT_SALT) + dr.opaque(mi.UInt32, 2 * seed)

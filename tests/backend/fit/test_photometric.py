@@ -46,7 +46,7 @@ def interior(scene: Scene) -> np.ndarray:
 def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Visibility is held fixed by the derivative: leave it out of the difference too."""
     for each in (scene, uniform_scene):
-        tracer = each.forward._tracer
+        tracer = each.forward.tracer
         monkeypatch.setattr(tracer, "light_terms", functools.partial(tracer.light_terms, shadows=False))
 
 
