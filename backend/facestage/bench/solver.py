@@ -28,6 +28,8 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
 
     forward = ForwardModel(problem.geometry, problem.lights)
     schedule = Schedule().scaled(settings.resolution, settings.samples)
+    if settings.shadow_edges is not None:
+        schedule = schedule.with_shadow_edges(settings.shadow_edges)
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget

@@ -1,10 +1,10 @@
 """The photometric term: derivatives of the rendered radiance by every parameter, streamed in blocks.
 
-The visibility of lights is held fixed unless shadow edges are given (shadow_edges.py); everything else is exact but for the focal length, whose column leaves
-out that the lit point also shifts sideways and is seen from elsewhere (a tenth of it, with lights a metre away;
-the landmarks carry most of what is known of the lens). At a fixed pixel, moving the surface
-by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray], which moves albedo,
-normal and specular value across the triangle and the point along the ray.
+The visibility of lights is held fixed unless the edges of shadows are given (shadow_edges.py); everything else is
+exact but for the focal length, whose column leaves out that the lit point also shifts sideways and is seen from
+elsewhere (a tenth of it, with lights a metre away; the landmarks carry most of what is known of the lens). At a
+fixed pixel, moving the surface by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray],
+which moves albedo, normal and specular value across the triangle and the point along the ray.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from facestage.contract.face_model import OTHER
 from facestage.contract.light_stage import OFF
 from facestage.fit.driver import Fitted
 from facestage.fit.problem import FINE_FACE_PX, Problem
+from facestage.fit.shadow_edges import omission
 
 
 def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
@@ -48,7 +49,10 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
     if hidden:
         add("see-through shells of the model (tear film, lashes)", "no opaque surface", f"{hidden} triangles")
     add(
-        "gradient of silhouettes and shadow edges", "their pixels are down-weighted; landmarks hold the outline",
+        "gradient of silhouettes", "their pixels are down-weighted; landmarks hold the outline",
         "boundary sampling in every step",
     )  # fmt: skip
+    still_shadows = omission(fitted.penumbra)
+    if still_shadows is not None:
+        add(*still_shadows)
     return entries

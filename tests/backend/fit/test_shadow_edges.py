@@ -87,9 +87,8 @@ def penumbra(renderer: str) -> Penumbra:
     )  # fmt: skip
     share = image.terms.diffuse[:, 0] / whole.diffuse[:, 0]
     edges = edges_of(scene, image, lines=8)
-    return Penumbra(
-        scene, image, (share > 0.02) & (share < 0.98), edges, jacobian(scene, image, None), jacobian(scene, image, edges)
-    )
+    frozen, moving = jacobian(scene, image, None), jacobian(scene, image, edges)
+    return Penumbra(scene, image, (share > 0.02) & (share < 0.98), edges, frozen, moving)
 
 
 def differences(penumbra: Penumbra, block: str) -> Iterator[tuple[str, int, np.ndarray, np.ndarray]]:
@@ -113,7 +112,7 @@ def column(matrix: np.ndarray, index: int) -> np.ndarray:
 
 
 def test_the_scene_has_a_soft_shadow(penumbra: Penumbra):
-    print(f"{penumbra.partly.sum()} of {len(penumbra.partly)} pixels in penumbra, {len(penumbra.edges.pixel)} crossings")
+    print(f"{penumbra.partly.sum()} of {len(penumbra.partly)} pixels in penumbra, {len(penumbra.edges.pixel)} places")
     assert penumbra.partly.sum() > 200
 
 
@@ -142,7 +141,7 @@ def test_few_samples_are_mended_where_the_lamp_is_partly_hidden(penumbra: Penumb
     before, after = (
         np.sqrt(((terms.diffuse[:, 0] - truth)[penumbra.partly] ** 2).mean()) / truth.max() for terms in (few, mended)
     )
-    print(f"{missed.sum()} of {penumbra.partly.sum()} missed; error of the light {before:.3f} before, {after:.3f} after")
+    print(f"{missed.sum()} of {penumbra.partly.sum()} missed; light wrong by {before:.3f} before, {after:.3f} after")
     assert missed.sum() < 0.25 * penumbra.partly.sum()
     assert after < 0.5 * before
     for field in fields(few):
