@@ -70,32 +70,39 @@ class PhotoTerm:
     def evaluate(self, state: State, stage: LightStage, seed: int) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept."""
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
+        y, x = self.index(surface)
+        weight = self._base_weight(surface)
         terms = self.forward.light_terms(state, surface, stage, self.samples, seed, derivatives=True)
-        penumbra = find_penumbra(self.forward, state, surface, stage, seed) if self.shadow_edges else None
-        if penumbra is not None:
+        penumbra = None
+        if self.shadow_edges:
+            penumbra = find_penumbra(self.forward, state, surface, stage, weight[y, x], seed)
             terms = refined(self.forward, state, surface, stage, terms, penumbra, self.samples, seed)
         image = self.forward.shade(state, surface, terms)
-        shape = self.photo.usable.shape
-        residual, weight = np.zeros((*shape, 3)), np.zeros(shape)
-        y, x = self.index(surface)
+        residual = np.zeros((*weight.shape, 3))
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
+        highlight = np.zeros((*weight.shape, 1))
+        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
+        return Evaluation(state, image, residual, highlight, weight, seed, stage, penumbra)
+
+    def _base_weight(self, surface: Surface) -> np.ndarray:
+        """(h, w) 0..1 before robust weighting."""
+        shape = self.photo.usable.shape
+        weight, seen = np.zeros(shape), np.zeros(shape, bool)
+        y, x = self.index(surface)
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
         ramp = np.clip((cosine - VIEW_COSINE_ZERO) / (VIEW_COSINE_FULL - VIEW_COSINE_ZERO), 0, 1)
         weight[y, x] = ramp * self.photo.skin[y, x]
         # Pixels beside another part (eye, mouth, background) mix both in the photo.
-        seen = np.zeros(shape, bool)
         seen[y, x] = True
-        weight *= binary_erosion(seen, border_value=1)
-        highlight = np.zeros((*shape, 1))
-        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, seed, stage, penumbra)
+        return weight * binary_erosion(seen, border_value=1)
 
     def penumbra_share(self, state: State, stage: LightStage, seed: int) -> float:
         """Share of the light on the compared pixels, unshadowed, that comes from partly hidden lights."""
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
-        return find_penumbra(self.forward, state, surface, stage, seed).share
+        weight = self._base_weight(surface)[self.index(surface)]
+        return find_penumbra(self.forward, state, surface, stage, weight, seed).share
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""

@@ -98,10 +98,14 @@ class Penumbra:
 
 
 def find_penumbra(
-    forward: ForwardModel, state: State, surface: Surface, stage: LightStage, seed: int, lines: int = LINES
-) -> Penumbra:
-    """Where the shadows of ``stage`` (camera frame) have their edges; the mesh is the one traced last."""
-    light = _unshadowed(surface, stage, forward.lights.radiance(state.lights))
+    forward: ForwardModel, state: State, surface: Surface, stage: LightStage, weight: np.ndarray, seed: int,
+    lines: int = LINES,
+) -> Penumbra:  # fmt: skip
+    """Where the shadows of ``stage`` (camera frame) have their edges, on pixels of positive ``weight`` (P,).
+
+    The mesh is the one traced last.
+    """
+    light = weight[:, None] * _unshadowed(surface, stage, forward.lights.radiance(state.lights))
     total = light.sum(axis=1, keepdims=True)
     pixel, lamp = np.nonzero(light > SHARE_MIN * np.maximum(total, 1e-30))
     cells = shadow_cells(forward.tracer, forward.lit_points(state, surface, stage), (pixel, lamp), lines, seed)

@@ -9,11 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facestage.contract.job import Weights
+from facestage.fit.driver import Schedule
 from facestage.fit.energy import PhotoTerm
 from facestage.fit.parameters import Layout, State
 from facestage.fit.photometric import jacobian_blocks
 from facestage.fit.shading import Image
-from facestage.fit.shadow_edges import MOVES_SHADOWS, ShadowEdges, find_penumbra, refined, shadow_edges
+from facestage.fit.shadow_edges import (
+    MOVES_SHADOWS,
+    PENUMBRA_MIN,
+    ShadowEdges,
+    find_penumbra,
+    omission,
+    refined,
+    shadow_edges,
+)
+from reference.meshes import stage_at
 from reference.shadow_scene import shadow_scene
 from reference.synthetic_scene import Scene, moved, plain_photo
 
@@ -52,8 +63,12 @@ def jacobian(scene: Scene, image: Image, edges: ShadowEdges | None) -> np.ndarra
     return np.concatenate(dense).astype(float)
 
 
+def everywhere(image: Image) -> np.ndarray:
+    return np.ones(len(image.color))
+
+
 def edges_of(scene: Scene, image: Image, lines: int) -> ShadowEdges:
-    found = find_penumbra(scene.forward, scene.state, image.surface, scene.stage, SEED, lines)
+    found = find_penumbra(scene.forward, scene.state, image.surface, scene.stage, everywhere(image), SEED, lines)
     assert 0.02 < found.share < 0.5
     return shadow_edges(scene.forward, scene.state, image, scene.stage, found)
 
@@ -130,7 +145,7 @@ def test_one_scan_line_is_right_on_average(penumbra: Penumbra):
 
 def test_few_samples_are_mended_where_the_lamp_is_partly_hidden(penumbra: Penumbra):
     scene, surface = penumbra.scene, penumbra.image.surface
-    found = find_penumbra(scene.forward, scene.state, surface, scene.stage, SEED)
+    found = find_penumbra(scene.forward, scene.state, surface, scene.stage, everywhere(penumbra.image), SEED)
     few = scene.forward.light_terms(scene.state, surface, scene.stage, 2, SEED, derivatives=True)
     mended = refined(scene.forward, scene.state, surface, scene.stage, few, found, 2, SEED)
     truth = penumbra.image.terms.diffuse[:, 0]
@@ -189,7 +204,7 @@ def test_without_shadows_nothing_changes(renderer: str):
     pixels = wall_pixels(replace(scene, state=state))
     bare = replace(scene, stage=front, state=state)
     image = picture(bare, state, pixels, derivatives=True)
-    found = find_penumbra(bare.forward, state, image.surface, front, SEED)
+    found = find_penumbra(bare.forward, state, image.surface, front, everywhere(image), SEED)
     assert found.share == 0 and len(found.cells.point) == 0
     edges = shadow_edges(bare.forward, state, image, front, found)
     np.testing.assert_array_equal(jacobian(bare, image, edges), jacobian(bare, image, None))
@@ -223,3 +238,39 @@ def test_every_parameter_that_moves_the_shadow(penumbra: Penumbra, block: str, t
         assert off["with"] < SUM_BOUND, f"see {tmp_path}"
         assert like["with"] > CORRELATION_BOUND
         assert error["with"] < 0.5 * error["without"]
+
+
+def test_where_no_shadow_falls_the_fit_ends_the_same(scene: Scene):
+    """The rule of omission: a lamp at the camera hides its shadows, and edges change nothing."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = scene.state.translation
+    lamp = stage_at(np.array([[0.01, 0.02, 0.8]] * len(scene.stage)), side=0.1).transformed(matrix)
+    scene = replace(scene, stage=lamp.with_radiance(scene.stage.radiance))
+    photo, _ = scene.render()
+    start = moved(scene.state, identity=[0.3, -0.2, 0.25, 0.2], pose=[0.01, -0.01, 0.005, 1e-3, -5e-4, 2e-3])
+    ends, share = {}, 0.0
+    for edges in (False, True):
+        stage = scene.solver(photo, ("pose", "identity", "expression"), 4, Weights())
+        assert stage.energy.photo is not None
+        stage.energy.photo.shadow_edges = edges
+        share = stage.energy.photo.penumbra_share(start, scene.stage, SEED)
+        ends[edges] = scene.forward.pose(scene.fit(stage, start)[0])[1]
+    moved_by = 1e3 * np.linalg.norm(ends[True] - ends[False], axis=1).mean()
+    offset = 1e3 * np.linalg.norm(scene.forward.pose(start)[1] - scene.forward.pose(scene.state)[1], axis=1).mean()
+    print(f"{100 * share:.2f} % in penumbra: the ends differ by {moved_by:.3f} mm, the start was {offset:.2f} mm off")
+    assert share < PENUMBRA_MIN
+    assert moved_by < 0.02 * offset
+    omitted = omission(share)
+    assert omitted is not None and f"{100 * share:.2f} %" in omitted[1]
+
+
+def test_what_is_left_out_is_said():
+    assert omission(PENUMBRA_MIN) is None
+    not_asked = omission(None)
+    assert not_asked is not None and "lattice" in not_asked[1]
+
+
+def test_a_schedule_asks_for_edges_where_the_shape_moves():
+    asked = [phase.name for phase in Schedule().with_shadow_edges(True).phases if phase.shadow_edges]
+    assert asked == ["geometry", "joint"]
+    assert Schedule().with_shadow_edges(True).with_shadow_edges(False) == Schedule()
