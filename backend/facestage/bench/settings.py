@@ -21,7 +21,7 @@ class SolverSettings:
     resolution: float = 1.0  # of the pixels along a side, every photo phase
     samples: float = 1.0  # of the light samples
     budget: float | None = None  # seconds
-    shadow_edges: bool | None = None  # whether the derivatives know how cast shadows move; None: as the schedule has it
+    shadow_edges: bool | None = None  # whether the derivatives know how cast shadows move; None: as a fit does
 
 
 @dataclass(frozen=True)

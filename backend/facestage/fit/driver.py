@@ -22,7 +22,7 @@ from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
 from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, Problem
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
-from facestage.fit.shadow_edges import PENUMBRA_MIN
+from facestage.fit.shadow_edges import PENUMBRA_MIN, lamps_known
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.uncertainty import Certainty, describe, deviations
@@ -95,6 +95,11 @@ class Schedule:
         return Schedule(self.phases[: names.index(name)])
 
 
+def default_schedule(problem: Problem) -> Schedule:
+    """The schedule of a fit: cast shadows move in its derivatives where the lamps' places are known."""
+    return Schedule().with_shadow_edges(lamps_known(problem.job))
+
+
 @dataclass(frozen=True)
 class Progress:
     """What a listener hears after each step."""
@@ -138,7 +143,7 @@ class FitRun:
         schedule: Schedule | None = None,
     ) -> None:
         self.problem, self.forward, self.folder = problem, forward, folder
-        self.phases = PHASES if schedule is None else schedule.phases
+        self.phases = (schedule or default_schedule(problem)).phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0

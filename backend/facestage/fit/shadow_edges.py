@@ -23,7 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract import brdf
-from facestage.contract.light_stage import LightStage
+from facestage.contract.job import Job
+from facestage.contract.light_stage import OFF, LightStage, fibonacci_stage
 from facestage.fit.parameters import CHANNELS, State
 from facestage.fit.shading import ForwardModel, Image, Surface
 from facestage.render.shadow_edges import Cells, shadow_cells, shadow_crossings
@@ -37,6 +38,8 @@ LINES = 1
 PENUMBRA_SAMPLES = 16
 # Share of the light in penumbra below which the fit ends the same without.
 PENUMBRA_MIN = 0.003
+# A light nearer to its place on the unit lattice than this has not been moved.
+LATTICE_TOLERANCE = 1e-3
 # Metres from the lit point to its occluder.
 CLOSEST = 2e-3
 # A light that gives a pixel less than this share of what all its lights would has no edge worth a ray.
@@ -189,11 +192,25 @@ def _unshadowed(surface: Surface, stage: LightStage, radiance: np.ndarray) -> np
     return stage.side**2 * radiance.mean(axis=1) * np.maximum(height, 0) * np.maximum(cosine, 0) / square**2
 
 
+def lamps_known(job: Job) -> bool:
+    """Whether a shadow of the job's lights can tell shape: someone has put each where a lamp was.
+
+    Lights that stand on the lattice stand for all light from about there. A shadow then says no more of the face
+    than of the lamp's true place, and a fit that believes it bends the face.
+    """
+    if job.stage is None or job.camera_to_stage is None:
+        return False
+    position = job.stage.position
+    outward = position / np.maximum(np.linalg.norm(position, axis=1, keepdims=True), 1e-9)
+    on_lattice = np.abs(outward - fibonacci_stage(len(position)).position).max(axis=1) < LATTICE_TOLERANCE
+    return not on_lattice[job.stage.state != OFF].any()
+
+
 def omission(share: float | None) -> tuple[str, str, str] | None:
     """What, why and what it saved, when a fit that found ``share`` in penumbra (None: did not look) left edges out."""
     what, saved = "motion of cast shadows in the derivatives", "shadow rays along scan lines on the lights"
     if share is None:
-        return what, "a shadow tells shape only where the lamps are known better than a lattice of lights says", saved
+        return what, "a shadow tells shape only of lamps whose places are known; these stand on a lattice", saved
     if share < PENUMBRA_MIN:
         return what, f"{100 * share:.2f} % of the light on the face comes from partly hidden lights", saved
     return None

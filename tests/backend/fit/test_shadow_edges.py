@@ -9,23 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.contract.job import Weights
-from facestage.fit.driver import Schedule
+from facestage.contract.camera import Camera
+from facestage.contract.job import Job, Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import OFF, ON, fibonacci_stage
+from facestage.fit.driver import FitRun, Schedule, default_schedule
 from facestage.fit.energy import PhotoTerm
 from facestage.fit.parameters import Layout, State
 from facestage.fit.photometric import jacobian_blocks
-from facestage.fit.shading import Image
+from facestage.fit.problem import read_problem
+from facestage.fit.shading import ForwardModel, Image
 from facestage.fit.shadow_edges import (
     MOVES_SHADOWS,
     PENUMBRA_MIN,
     ShadowEdges,
     find_penumbra,
+    lamps_known,
     omission,
     refined,
     shadow_edges,
 )
 from reference.meshes import stage_at
 from reference.shadow_scene import shadow_scene
+from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene, moved, plain_photo
 
 SAMPLES, SEED = 1024, 6
@@ -274,3 +280,39 @@ def test_a_schedule_asks_for_edges_where_the_shape_moves():
     asked = [phase.name for phase in Schedule().with_shadow_edges(True).phases if phase.shadow_edges]
     assert asked == ["geometry", "joint"]
     assert Schedule().with_shadow_edges(True).with_shadow_edges(False) == Schedule()
+
+
+def test_shadows_tell_shape_only_of_lamps_that_someone_placed(case: Case):
+    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), device="cpu")
+    lattice = fibonacci_stage(6, radius=0.8)
+    placed = replace(lattice, position=lattice.position + np.array([0.2, 0.0, 0.1]))
+    first = np.array([1, 0, 0, 0, 0, 0], bool)
+    one_placed = replace(
+        lattice, position=np.where(first[:, None], placed.position, lattice.position),
+        state=np.where(first, ON, OFF),
+    )  # fmt: skip
+    assert not lamps_known(job)
+    assert not lamps_known(replace(job, stage=lattice, camera_to_stage=np.eye(4)))
+    assert not lamps_known(replace(job, stage=placed)), "where the camera stands in the stage is a guess"
+    for stage in (placed, one_placed):
+        known = replace(job, stage=stage, camera_to_stage=np.eye(4))
+        assert lamps_known(known)
+        phases = default_schedule(read_problem(known)).phases
+        assert [phase.name for phase in phases if phase.shadow_edges] == ["geometry", "joint"]
+    assert default_schedule(read_problem(job)) == Schedule()
+
+
+def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_maps: None, tmp_path: Path):
+    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), device="cpu")
+    problem = read_problem(replace(job, stage=fibonacci_stage(4)))
+    forward = ForwardModel(problem.geometry, problem.lights)
+    found = {}
+    for edges in (False, True):
+        run = FitRun(problem, forward, tmp_path, schedule=Schedule().with_shadow_edges(edges))
+        state = replace(run._start_state(), lights=np.ones(problem.lights.size))
+        stage = run.solver_stage(run.phases[3], state)
+        assert stage is not None and stage.energy.photo is not None
+        found[edges] = (run.penumbra, stage.energy.photo.shadow_edges)
+    assert found[False] == (None, False)
+    share, edges = found[True]
+    assert share is not None and edges == (share >= PENUMBRA_MIN)
