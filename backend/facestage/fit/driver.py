@@ -25,6 +25,7 @@ from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, P
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.shading_doubt import shading_doubt
+from facestage.fit.shadow_edges import PENUMBRA_MIN, lamps_known
 from facestage.fit.silhouette import SilhouetteTerm
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
@@ -48,6 +49,7 @@ class Phase:
     steps: int
     samples: int = 2
     share: float = 0.1  # of the whole work, for the progress bar
+    shadow_edges: bool = False  # whether the derivatives know how cast shadows move
 
 
 SHAPE = ("pose", "focal", "identity", "expression")
@@ -81,10 +83,26 @@ class Schedule:
             )
         )
 
+    def with_shadow_edges(self, on: bool) -> Schedule:
+        """Every photo phase that moves the shape with, or without, the motion of cast shadows in its derivatives."""
+        return Schedule(
+            tuple(
+                phase
+                if phase.face_px is None
+                else replace(phase, shadow_edges=on and not set(phase.blocks).isdisjoint(SHAPE))
+                for phase in self.phases
+            )
+        )
+
     def until(self, name: str) -> Schedule:
         """The phases before the one called ``name``."""
         names = [phase.name for phase in self.phases]
         return Schedule(self.phases[: names.index(name)])
+
+
+def default_schedule(problem: Problem) -> Schedule:
+    """The schedule of a fit: cast shadows move in its derivatives where the lamps' places are known."""
+    return Schedule().with_shadow_edges(lamps_known(problem.job))
 
 
 @dataclass(frozen=True)
@@ -116,6 +134,7 @@ class Fitted:
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
+    penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
 
 
 class FitRun:
@@ -131,10 +150,11 @@ class FitRun:
         schedule: Schedule | None = None,
     ) -> None:
         self.problem, self.forward, self.folder = problem, forward, folder
-        self.phases = PHASES if schedule is None else schedule.phases
+        self.phases = (schedule or default_schedule(problem)).phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
+        self.penumbra: float | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.samples_factor = self._samples_factor()
@@ -192,6 +212,7 @@ class FitRun:
             self._stage_in_camera(state, as_fitted=True),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last), self.plan.ledger,
+            self.penumbra,
         )  # fmt: skip
 
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
@@ -325,7 +346,18 @@ class FitRun:
         held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
         photo = self.problem.photo_at(factor)
         samples = phase.samples * self.samples_factor
-        return PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
+        term = PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
+        term.casting = self._casting(phase, term, scaled)
+        return term
+
+    def _casting(self, phase: Phase, photo: PhotoTerm, scaled: State) -> np.ndarray | None:
+        """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not worth it."""
+        if not phase.shadow_edges:
+            return None
+        known = lamps_known(self.problem.job)
+        casting = np.ones_like(self.strong) if known else self.strong
+        self.penumbra = photo.penumbra_share(scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed)
+        return casting if self.penumbra >= PENUMBRA_MIN else None
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
