@@ -76,7 +76,7 @@ def shadow_scene(side_of_light: float = 0.12) -> Scene:
     state = State(
         rotation=Rotation.from_rotvec([0.08, -0.12, 0.05]).as_matrix(), translation=translation,
         camera=Camera(SIDE, SIDE, 2.2 * SIDE, (0.51 * SIDE, 0.48 * SIDE)), identity=np.zeros(len(IDENTITY)),
-        expression=np.zeros(len(EXPRESSION)), lights=lights.from_radiance(RADIANCE), light_position=np.zeros((1, 2)), albedo=np.zeros(0),
-        roughness=0.5, specular=np.full((4, 4), 0.6),
+        expression=np.zeros(len(EXPRESSION)), lights=lights.from_radiance(RADIANCE), light_position=np.zeros((1, 2)),
+        albedo=np.zeros(0), roughness=0.5, specular=np.full((4, 4), 0.6),
     )  # fmt: skip
     return Scene(model, geometry, lights, stage.with_radiance(RADIANCE), ForwardModel(geometry, lights), state)

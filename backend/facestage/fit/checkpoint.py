@@ -32,6 +32,8 @@ class Checkpoint:
     state: State
     trace: list[dict[str, Any]]
     resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
+    # (N,) bool, lights whose shadows' motion is followed in this phase; none when empty
+    casting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -43,6 +45,7 @@ class Checkpoint:
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
         arrays |= {
             "resting": self.resting,
+            "casting": self.casting,
             "strong": self.strong,
             "camera_to_stage": self.camera_to_stage,
             "meta": np.array(json.dumps(finite(meta))),
@@ -64,7 +67,7 @@ class Checkpoint:
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
                 meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
-                arrays["resting"],
+                arrays["resting"], arrays["casting"],
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

@@ -192,8 +192,9 @@ class FitRun:
                 state = self.with_initial_lights(stage, state)
             if number == first_phase and first_step > 1:
                 stage.damping = damping
-                if checkpoint is not None and len(checkpoint.resting) and stage.energy.photo is not None:
-                    stage.energy.photo.resting = checkpoint.resting
+                if checkpoint is not None and stage.energy.photo is not None:
+                    stage.energy.photo.resting = checkpoint.resting if len(checkpoint.resting) else None
+                    stage.energy.photo.casting = checkpoint.casting if len(checkpoint.casting) else None
             factor = self._factor(phase)
             scaled = replace(state, camera=state.camera.scaled(factor))
             for item in stage.run(scaled, self.problem.job.seed + number, deadline, first_step):
@@ -395,9 +396,11 @@ class FitRun:
 
     def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float, stage: Stage) -> None:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
+        photo = stage.energy.photo
+        casting = np.zeros(0, bool) if photo is None or photo.casting is None else photo.casting
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, self.strong, state, self.trace, stage.resting,
+            seconds, anchor, self.strong, state, self.trace, stage.resting, casting,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -78,7 +79,7 @@ class ShadowEdges:
         return self._by_pixel(part, where, np.concatenate([np.cross(arm, rate), rate], axis=1))
 
     def shape(self, part: slice, rotation: np.ndarray, basis: np.ndarray) -> np.ndarray:
-        """(3, B, modes) by the weights of ``basis`` (3 v, modes) of ``vertices``: what the occluder's motion changes."""
+        """(3, B, modes) by the weights of ``basis`` (3 v, modes) of ``vertices``: what occluders' motion changes."""
         where = self.part(part)
         count = where.stop - where.start
         data = (self.rate[where] @ rotation)[:, None] * self.weights[where][..., None]
@@ -139,7 +140,7 @@ def refined(
         forward.light_terms(state, surface, stage, count, seed, asked, pairs=penumbra.pairs)
         for count in (samples, PENUMBRA_SAMPLES)
     )
-    result: dict[str, np.ndarray] = {}
+    result: dict[str, Any] = {}
     for field in fields(LightTerms):
         values = getattr(terms, field.name)
         if field.name in ("diffuse", "specular"):
@@ -227,14 +228,14 @@ def lamps_known(job: Job) -> bool:
     return not on_lattice[job.stage.state != OFF].any()
 
 
-def omission(share: float | None) -> tuple[str, str, str] | None:
-    """What, why and what it saved, when a fit that found ``share`` in penumbra (None: did not look) left edges out."""
-    what, saved = "motion of cast shadows in the derivatives", "shadow rays along scan lines on the lights"
+def omission(share: float | None) -> tuple[str, str]:
+    """What and why, of a fit that left edges out where it had found ``share`` in penumbra (None: did not look)."""
+    what = "motion of cast shadows in the derivatives"
     if share is None:
-        return what, "a shadow tells shape only of lamps whose places are known; these stand on a lattice", saved
+        return what, "a shadow tells shape only of lamps whose places are known; these stand on a lattice"
     if share < PENUMBRA_MIN:
-        return what, f"{100 * share:.2f} % of the light on the face comes from partly hidden lights", saved
-    return None
+        return what, f"{100 * share:.2f} % of the light on the face comes from partly hidden lights"
+    return what, "of lights that stand on the lattice, or while hardly any was partly hidden"
 
 
 def _silhouette(

@@ -15,6 +15,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
 from facestage.fit.driver import FitRun, Schedule, default_schedule
 from facestage.fit.energy import PhotoTerm
+from facestage.fit.left_out import left_out
 from facestage.fit.parameters import Layout, State
 from facestage.fit.photometric import SHAPE, Jacobian
 from facestage.fit.problem import read_problem
@@ -276,14 +277,12 @@ def test_where_no_shadow_falls_the_fit_ends_the_same(scene: Scene):
     print(f"{100 * share:.2f} % in penumbra: the ends differ by {moved_by:.3f} mm, the start was {offset:.2f} mm off")
     assert share < PENUMBRA_MIN
     assert moved_by < 0.02 * offset
-    omitted = omission(share)
-    assert omitted is not None and f"{100 * share:.2f} %" in omitted[1]
+    assert f"{100 * share:.2f} %" in omission(share)[1]
 
 
 def test_what_is_left_out_is_said():
-    assert omission(PENUMBRA_MIN) is None
-    not_asked = omission(None)
-    assert not_asked is not None and "lattice" in not_asked[1]
+    assert "lattice" in omission(None)[1]
+    assert omission(0.5 * PENUMBRA_MIN)[1] != omission(PENUMBRA_MIN)[1]
 
 
 def test_a_schedule_asks_for_edges_where_the_shape_moves():
@@ -312,17 +311,47 @@ def test_shadows_tell_shape_only_of_lamps_that_someone_placed(case: Case):
     assert default_schedule(read_problem(job)) == Schedule()
 
 
-def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_maps: None, tmp_path: Path):
+def test_only_lights_that_cast_are_looked_at(penumbra: SoftShadow):
+    scene, surface = penumbra.scene, penumbra.image.surface
+    none = np.zeros(len(scene.stage), bool)
+    found = find_penumbra(scene.forward, scene.state, surface, scene.stage, np.ones(len(surface.pixels)), none, SEED)
+    assert found.lines == found.share == len(found.cells.point) == 0
+
+
+def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(
+    case: Case, small_maps: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Of placed lamps all cast; of a lattice only the lights that may turn to where a lamp was."""
+    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), device="cpu")
+    lattice = fibonacci_stage(4)
+    placed = replace(lattice, position=lattice.position + np.array([0.2, 0.0, 0.1]))
+    first = np.array([True, False, False, False])
+    found = {}
+    for name, given in (
+        ("lattice", replace(job, stage=lattice)), ("placed", replace(job, stage=placed, camera_to_stage=np.eye(4))),
+    ):  # fmt: skip
+        problem = read_problem(given)
+        forward = ForwardModel(problem.geometry, problem.lights)
+        for edges, minimum in ((False, 0.0), (True, 0.0), (True, 1.0)):
+            monkeypatch.setattr("facestage.fit.driver.PENUMBRA_MIN", minimum)
+            run = FitRun(problem, forward, tmp_path, schedule=Schedule().with_shadow_edges(edges))
+            run.strong = first
+            state = replace(run._start_state(), lights=np.ones(problem.lights.size))
+            stage = run.solver_stage(run.phases[3], state)
+            assert stage is not None and stage.energy.photo is not None
+            found[name, edges, minimum] = (run.penumbra, stage.energy.photo.casting)
+    for name, casting in (("lattice", first), ("placed", np.ones(4, bool))):
+        assert found[name, False, 0.0] == (None, None)
+        share, lights = found[name, True, 0.0]
+        print(f"{name}: {100 * share:.2f} % in penumbra")
+        np.testing.assert_array_equal(lights, casting)
+        assert found[name, True, 1.0] == (share, None)
+
+
+def test_the_result_counts_the_scan_lines_that_were_left_out(case: Case, small_maps: None, tmp_path: Path):
     job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), device="cpu")
     problem = read_problem(replace(job, stage=fibonacci_stage(4)))
-    forward = ForwardModel(problem.geometry, problem.lights)
-    found = {}
-    for edges in (False, True):
-        run = FitRun(problem, forward, tmp_path, schedule=Schedule().with_shadow_edges(edges))
-        state = replace(run._start_state(), lights=np.ones(problem.lights.size))
-        stage = run.solver_stage(run.phases[3], state)
-        assert stage is not None and stage.energy.photo is not None
-        found[edges] = (run.penumbra, stage.energy.photo.shadow_edges)
-    assert found[False] == (None, False)
-    share, edges = found[True]
-    assert share is not None and edges == (share >= PENUMBRA_MIN)
+    phases = tuple(replace(phase, steps=min(phase.steps, 1)) for phase in Schedule().phases)
+    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path, schedule=Schedule(phases))
+    (entry,) = (entry for entry in left_out(problem, run.run(float("inf"))) if "shadows" in entry["what"])
+    assert "scan lines on the lights" in entry["saved"] and "lattice" in entry["why"]
