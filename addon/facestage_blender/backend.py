@@ -43,6 +43,11 @@ def model_command(backend: list[str], spec: str, out: Path) -> list[str]:
     return [*backend, "model", spec, "--out", str(out)]
 
 
+def render_command(backend: list[str], result: Path) -> list[str]:
+    """The command that writes the relight cache of a result folder."""
+    return [*backend, "render", str(result), "--cache"]
+
+
 def doctor_command(backend: list[str]) -> list[str]:
     """The command that reports what works on this machine."""
     return [*backend, "doctor"]

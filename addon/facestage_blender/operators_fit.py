@@ -11,7 +11,7 @@ from bpy.props import BoolProperty
 from facestage.contract.errors import FacestageError
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
-from facestage.contract.result import Result
+from facestage.contract.result import CONVERGED, Result
 
 from .backend import doctor_command, fit_command, model_command, partial_folder
 from .preferences import addon_preferences, backend_command, work_folder
@@ -106,6 +106,7 @@ class BackendTask:
             self._fail(context, str(error))
             return False
         state.task, state.stage, state.message, state.cancel = self.task, "Starting", "", False
+        state.doubtful = False
         state.fraction, state.photo_error, state.seconds_left = 0.0, -1.0, -1.0
         return True
 
@@ -195,7 +196,9 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         """Remember the result and apply it."""
         result = Result.load(work_folder(context.scene) / "result")
         context.scene.facestage.result = str(result.folder)
-        context.window_manager.facestage.message = result.advice
+        state = context.window_manager.facestage
+        state.message, state.doubtful = result.advice, result.status != CONVERGED
+        self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
         if self.apply:
             apply_result(context.scene, result)
 

@@ -1,6 +1,10 @@
 """The sidebar of the 3D View: the steps in order, progress, and errors in words."""
 
+from pathlib import Path
+
 import bpy
+
+from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .backend import partial_folder
 from .operators import REPORT, result_folder
@@ -192,10 +196,27 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
         report.operator("facestage.open_report", icon="URL")
         if settings.stage is not None:
             layout.operator_menu_enum("facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT")
+            _draw_preview(layout, context, folder)
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
         if state.message and not state.task:
-            draw_wrapped(layout.box(), state.message, "INFO", _line_length(context))
+            icon = "ERROR" if state.doubtful else "INFO"
+            draw_wrapped(layout.box(), state.message, icon, _line_length(context))
+
+
+def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
+    """The live preview's switch, or what makes it possible, and why it does not follow the lights."""
+    preview = context.window_manager.facestage_preview
+    ready = preview.active or (folder / RELIGHT_CACHE).is_file()
+    row = layout.row(align=True)
+    row.enabled = (folder / "result.json").is_file() and not context.window_manager.facestage.task
+    if ready:
+        row.operator(
+            "facestage.relight_preview", icon="HIDE_OFF" if preview.active else "HIDE_ON", depress=preview.active
+        )
+    row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
+    if preview.status:
+        draw_wrapped(layout.box(), preview.status, "ERROR", _line_length(context))
 
 
 def _draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:

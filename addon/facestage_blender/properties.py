@@ -163,6 +163,7 @@ class RunState(bpy.types.PropertyGroup):
     task: StringProperty(name="Task", description="What is running; empty when nothing is")
     stage: StringProperty(name="Stage", description="Stage of the fit")
     message: StringProperty(name="Message", description="Last message of the backend")
+    doubtful: BoolProperty(name="Doubtful", description="The last fit did not simply converge: its message says why")
     failure: StringProperty(name="Error", description="Why the last run ended without a result")
     fraction: FloatProperty(name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR")
     photo_error: FloatProperty(
@@ -172,7 +173,14 @@ class RunState(bpy.types.PropertyGroup):
     cancel: BoolProperty(name="Cancel", description="Set to ask the running process to stop")
 
 
-CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState)
+class PreviewState(bpy.types.PropertyGroup):
+    """The live relight preview, as the panel shows it. Lives on the window manager: neither saved nor undone."""
+
+    active: BoolProperty(name="Active", description="The relight preview is on")
+    status: StringProperty(name="Status", description="Why the preview shows the photo as it is; empty when it follows")
+
+
+CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState, PreviewState)
 
 
 def attach() -> None:
@@ -181,10 +189,12 @@ def attach() -> None:
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
+    bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
 
 
 def detach() -> None:
     """Undo :func:`attach`."""
+    del bpy.types.WindowManager.facestage_preview
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
     del bpy.types.Object.facestage_face

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, operators_fit, panels, preferences, properties
+from . import operators, operators_fit, operators_preview, panels, preferences, preview, properties
 
-MODULES = (properties, preferences, operators, operators_fit, panels)
+MODULES = (properties, preferences, operators, operators_fit, operators_preview, panels)
 
 
 def register() -> None:
@@ -15,11 +15,13 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     properties.attach()
+    preview.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
     operators_fit.stop_running()
+    preview.unregister()
     properties.detach()
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):

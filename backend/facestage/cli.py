@@ -142,12 +142,12 @@ def _add_render(commands: Any) -> None:
     render = commands.add_parser(
         "render",
         help="render a fitted face, relit or with another expression",
+        description="Other lights come from the result's relight cache (relight.npz), in milliseconds; the first "
+        "picture under other lights makes it when the fit has not.",
         epilog="Example: facestage render result --out relit.png --lights lights.json --weights smile.json",
     )
     render.add_argument("result", type=Path, metavar="RESULT", help="a result folder of facestage fit")
-    render.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)"
-    )
+    render.add_argument("--out", type=Path, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)")
     render.add_argument(
         "--lights", type=Path, metavar="FILE", help='{"radiance": [[r, g, b], ...]}, one row per light of the stage'
     )
@@ -155,7 +155,12 @@ def _add_render(commands: Any) -> None:
         "--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}'
     )
     render.add_argument(
-        "--spp", type=int, default=16, metavar="N", help="shadow samples per light and pixel (default 16)"
+        "--spp", type=int, metavar="N", help="at least so many shadow samples per light (default: the cache's, else 16)"
+    )
+    render.add_argument(
+        "--cache",
+        action="store_true",
+        help="make the relight cache anew, with or without a picture (what the add-on asks)",
     )
     render.set_defaults(run=_run_render)
 
@@ -289,11 +294,16 @@ def _run_detect(_options: argparse.Namespace) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> int:
-    from facestage.fit.relight import render_result
+    from facestage.fit.relight import make_cache, render_result
 
+    if options.out is None and not options.cache:
+        raise InputError("facestage render has nothing to write; give --out FILE, or --cache for the relight cache.")
     lights = _read(options.lights, "light file")
     weights = _read(options.weights, "weight file")
-    render_result(options.result, options.out, lights, weights, options.spp)
+    if options.cache:
+        make_cache(options.result, options.spp)
+    if options.out is not None:
+        render_result(options.result, options.out, lights, weights, options.spp)
     return EXIT_DONE
 
 
@@ -319,6 +329,8 @@ def _run_model(options: argparse.Namespace) -> int:
 
 
 def _run_bench(options: argparse.Namespace) -> int:
+    if options.plan and options.case:
+        raise InputError("bench --plan renders its own scenes; leave out --case, or leave out --plan.")
     if options.plan:
         from facestage.bench.plan_savings import run_plan_savings
 

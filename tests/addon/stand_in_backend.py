@@ -2,6 +2,7 @@
 
 STAND_IN_MOOD: works, refuses (exit 2 with a sentence), hangs (until it is stopped), stubborn (ignores
 being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
+STAND_IN_STATUS: the result's status, converged if not set.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
+from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.storage import atomic_folder
 
@@ -49,6 +51,8 @@ def main() -> int:
             Path(options["--out"] + ".partial").mkdir(parents=True, exist_ok=True)
             time.sleep(600)
         fit(Path(options["--job"]), Path(options["--out"]))
+    elif verb == "render":
+        relight_cache(Path(sys.argv[2]))
     elif verb == "doctor":
         print("everything works", flush=True)
     say("done", 1.0)
@@ -72,6 +76,17 @@ def fit(job_folder: Path, out: Path) -> None:
         (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
 
 
+def relight_cache(folder: Path) -> None:
+    """Random images on a rectangle of the picture."""
+    result, rng = Result.load(folder), np.random.default_rng(4)
+    width, height = result.camera.width, result.camera.height
+    pixels = (np.arange(10, 50)[:, None] * width + np.arange(20, 70)).ravel()
+    images = rng.uniform(0, 0.01, (3, len(result.stage), len(pixels)))
+    RelightCache.of_images(
+        width, height, pixels, rng.uniform(0.2, 1, len(pixels)), images, 4, relight_fingerprint(result)
+    ).save(folder)
+
+
 def made_up(job: Job, model: FaceModel) -> Result:
     """A result with every value off its default, so that a forgotten one shows."""
     rng = np.random.default_rng(2)
@@ -88,7 +103,8 @@ def made_up(job: Job, model: FaceModel) -> Result:
     identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
-        status=CONVERGED, advice="The stand-in is content.", model=job.model, camera=camera,
+        status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.",
+        model=job.model, camera=camera,
         camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
         albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
         stage=job.stage.with_radiance(rng.uniform(0, 9, (len(job.stage), 3))), vertices=vertices.astype(np.float32),

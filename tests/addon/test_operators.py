@@ -91,7 +91,17 @@ def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
     assert by_operator != before
     apply_result(ready, Result.load(tmp_path / "work" / "result"))
     assert describe(ready) == by_operator
-    assert bpy.context.window_manager.facestage.message == "The stand-in is content."
+    state = bpy.context.window_manager.facestage
+    assert state.message == "The stand-in is content." and not state.doubtful
+
+
+def test_a_result_with_a_but_is_shown_as_a_warning(ready, capfd: pytest.CaptureFixture[str], monkeypatch) -> None:
+    import bpy
+
+    monkeypatch.setenv("STAND_IN_STATUS", "stopped")
+    assert bpy.ops.facestage.fit(apply=False) == {"FINISHED"}
+    assert bpy.context.window_manager.facestage.doubtful
+    assert "Warning: The stand-in is content." in capfd.readouterr().out
 
 
 def test_apply_is_one_undo_step(ready) -> None:
@@ -230,11 +240,11 @@ def test_relight_and_light_states(ready) -> None:
 def test_all_properties_and_operators_explain_themselves(scene) -> None:
     import bpy
 
-    from facestage_blender import operators, operators_fit, properties
+    from facestage_blender import operators, operators_fit, operators_preview, properties
 
     for group in properties.CLASSES:
         for name, prop in group.bl_rna.properties.items():
             assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
-    for operator in (*operators.CLASSES, *operators_fit.CLASSES):
+    for operator in (*operators.CLASSES, *operators_fit.CLASSES, *operators_preview.CLASSES):
         assert operator.__doc__
         assert hasattr(bpy.types, operator.__name__)

@@ -26,7 +26,12 @@ def tea(key: np.ndarray, salt: np.ndarray, rounds: int = 4) -> np.ndarray:
 
 def lattice(points: int, lights: int, samples: int, seed: int) -> np.ndarray:
     """(points, lights, samples, 2) positions in the unit square: Roberts' R2 sequence, shifted per point and light."""
-    key = np.broadcast_to(np.arange(points, dtype=np.uint64)[:, None, None], (points, lights, 1))
+    return keyed_lattice(np.arange(points), lights, samples, seed)
+
+
+def keyed_lattice(keys: np.ndarray, lights: int, samples: int, seed: int) -> np.ndarray:
+    """The same for points with ``keys`` (points,) of their own."""
+    key = np.broadcast_to(keys.astype(np.uint64)[:, None, None], (len(keys), lights, 1))
     salt = np.arange(lights, dtype=np.uint64)[:, None] * 0x9E3779B1 + 2 * seed
     step = np.arange(samples) * np.array([[0.7548776662466927], [0.5698402909980532]])
     shift = [tea(key, salt + axis) for axis in (1, 2)]

@@ -17,7 +17,8 @@ from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
 from facestage.contract.storage import atomic_file
 from facestage.fit.driver import FitRun, Fitted, Schedule
-from facestage.fit.parameters import Layout
+from facestage.fit.light_position import AXES
+from facestage.fit.parameters import Layout, State
 from facestage.fit.plan import Plan, Rules
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
@@ -199,14 +200,22 @@ class _Timed:
         return time.process_time() - began
 
 
+def without_off_lights(fitted: Fitted) -> State:
+    """The state without the places of lights that are off, which only the full plan carries along."""
+    return replace(fitted.state, light_position=fitted.state.light_position[fitted.stage.state != OFF])
+
+
 def largest_deviation(first: Fitted, second: Fitted) -> float:
     """The largest difference of a parameter between two fits, in the standard deviations that the second states."""
-    layout = Layout(second.state)
-    difference = np.abs(layout.values(first.state) - layout.values(second.state))
+    one, other = without_off_lights(first), without_off_lights(second)
+    layout = Layout(other)
+    difference = np.abs(layout.values(one) - layout.values(other))
     turned = Rotation.from_matrix(first.state.rotation @ second.state.rotation.T).as_rotvec()
     pose = layout.slices["pose"]
     difference[pose] = np.abs(np.concatenate([turned, first.state.translation - second.state.translation]))
-    deviation = np.concatenate([second.certainty.deviations[name] for name in layout.slices])
+    deviations = dict(second.certainty.deviations)
+    deviations["light_position"] = deviations["light_position"].reshape(-1, AXES)[second.stage.state != OFF].ravel()
+    deviation = np.concatenate([deviations[name] for name in layout.slices])
     known = np.isfinite(deviation) & (deviation > 0)
     return float((difference[known] / deviation[known]).max()) if known.any() else 0.0
 

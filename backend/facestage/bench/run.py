@@ -14,6 +14,7 @@ from typing import TextIO
 from facestage.bench.adam import run_adam
 from facestage.bench.cases import Case, find_cases
 from facestage.bench.harmonics import run_harmonics
+from facestage.bench.relighting import bench_relighting
 from facestage.bench.report import PAGE, Bench, text_lines, write_bench
 from facestage.bench.settings import HARMONICS, MAIN, QUICK, SWEEP, AdamSettings, Contender, SolverSettings
 from facestage.bench.solver import run_solver
@@ -53,13 +54,15 @@ def run_bench(
                     # On a slow machine, at least as long as the fit took.
                     contender = replace(contender, budget=max(contender.budget, finals[-1].seconds))
                 track = run_contender(problem, truth, contender)
+                if number == 0 and contender == contenders[0]:
+                    relighting = bench_relighting(out, track)
                 new = judge.rows(case.name, contender.family, contender.name, track)
                 rows += new
                 finals.append(final(new, track.errors))
                 last = finals[-1]
                 _say(stream, f"{case.name}: {last.contender}: {last.similarity_mm:.2f} mm after {last.seconds:.1f} s")
     machine = f"{platform.machine()}, {os.cpu_count()} CPU cores, Mitsuba variant {variant}."
-    bench = Bench(rows, finals, reach_table(rows, main), main, (sentence, machine, cold))
+    bench = Bench(rows, finals, reach_table(rows, main), main, (sentence, machine, cold, *relighting))
     write_bench(out, bench)
     _say(stream, "")
     for line in text_lines(bench):

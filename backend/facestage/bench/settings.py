@@ -32,7 +32,7 @@ class Rates:
     shift: float = 0.001  # m
     identity: float = 0.1  # standard deviations
     expression: float = 0.03
-    lights: float = 0.04  # of the mean radiance
+    lights: float = 0.02  # of the mean radiance
     albedo: float = 0.08  # standard deviations
     roughness: float = 0.01
     specular: float = 0.04

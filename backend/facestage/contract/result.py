@@ -14,6 +14,7 @@ from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
+# Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
 
@@ -44,6 +45,8 @@ class Result:
     left_out: list[dict[str, Any]] = field(default_factory=list)
     # Block -> names of the parameters that rest on their prior alone: photo and landmarks say nothing of them.
     unobserved: dict[str, list[str]] = field(default_factory=dict)
+    # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences" that name them.
+    null_directions: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -70,7 +73,8 @@ class Result:
                 )
             ],
             "energy": self.energy, "errors": self.errors, "timings": self.timings,
-            "left_out": self.left_out, "unobserved": self.unobserved, "versions": self.versions,
+            "left_out": self.left_out, "unobserved": self.unobserved,
+            "null_directions": self.null_directions, "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
@@ -105,6 +109,7 @@ class Result:
                 identity_names=tuple(data["identity"]), expression_names=tuple(data["expression"]),
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],
                 left_out=data["left_out"], unobserved=data.get("unobserved", {}),
+                null_directions=data.get("null_directions", {}),
                 versions=data["versions"], seed=data["seed"],
                 arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
                 folder=folder,

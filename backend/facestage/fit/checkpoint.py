@@ -32,8 +32,8 @@ class Checkpoint:
     state: State
     trace: list[dict[str, Any]]
     resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
-    # (N,) bool, lights whose shadows' motion is followed in this phase; none when empty
-    casting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    hidden: np.ndarray | None = None  # (h, w) bool at the size of the first photo phase
+    casting: np.ndarray | None = None  # (N,) bool, lights whose shadows the phase follows as they move
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -44,12 +44,12 @@ class Checkpoint:
         }  # fmt: skip
         arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
         arrays |= {
-            "resting": self.resting,
-            "casting": self.casting,
-            "strong": self.strong,
-            "camera_to_stage": self.camera_to_stage,
+            "resting": self.resting, "strong": self.strong, "camera_to_stage": self.camera_to_stage,
             "meta": np.array(json.dumps(finite(meta))),
-        }
+        }  # fmt: skip
+        for name in ("hidden", "casting"):
+            if getattr(self, name) is not None:
+                arrays[name] = getattr(self, name)
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -67,7 +67,7 @@ class Checkpoint:
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
                 meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
-                arrays["resting"], arrays["casting"],
+                arrays["resting"], arrays.get("hidden"), arrays.get("casting"),
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

@@ -13,11 +13,15 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
 from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.energy import Energy, Evaluation, PhotoTerm
+from facestage.fit.directions import find_null_directions
+from facestage.fit.energy import Energy, Evaluation, Photo, PhotoTerm
+from facestage.fit.guard import doubt, informative_share, landmark_statistic, statistic_limit
 from facestage.fit.initialize import initial_lights, initial_pose
 from facestage.fit.landmark_term import LandmarkTerm
+from facestage.fit.lens_check import LensCheck, check_lens
 from facestage.fit.light_position import AXES, strong_lights, turned
 from facestage.fit.metrics import psnr
+from facestage.fit.occlusion import flat_occluders, without
 from facestage.fit.parameters import Layout, State
 from facestage.fit.plan import Ledger, Plan, Rules
 from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
@@ -30,6 +34,8 @@ from facestage.fit.silhouette import SilhouetteTerm
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.uncertainty import Certainty, covariance, describe, deviations
+from facestage.fit.vertex_certainty import vertex_deviation
+from facestage.image_io import resize
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
@@ -37,6 +43,11 @@ CHANNEL_NAMES = ("red", "green", "blue")
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their noise would
 # otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
+# Share of the face that must be left to see; with less, the photo says nothing of the shape.
+VISIBLE_SHARE_MIN = 0.1
+LENS_STEPS = 6
+# A phase that ends at its last step has settled when this step lowered the photo's residual by less than this share.
+SETTLED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -133,6 +144,11 @@ class Fitted:
     in_time: bool
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
+    hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
+    doubt: str  # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    settled: bool  # the last phase ended by itself, not at a limit or a wall
+    lens: LensCheck | None  # None when the focal length was fitted
+    landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
     penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
 
@@ -155,6 +171,8 @@ class FitRun:
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
         self.penumbra: float | None = None
+        # (h, w) bool at the size of the first photo phase, what something flat hides; None before it was looked for.
+        self.hidden: np.ndarray | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.samples_factor = self._samples_factor()
@@ -173,11 +191,13 @@ class FitRun:
             state, first_phase, first_step = checkpoint.state, checkpoint.phase, checkpoint.step + 1
             damping = Damping(*checkpoint.damping)
             self.trace, self.light_scale = list(checkpoint.trace), checkpoint.light_scale
-            self.strong = checkpoint.strong
+            self.strong, self.hidden = checkpoint.strong, checkpoint.hidden
             started -= checkpoint.seconds
             if np.isfinite(checkpoint.camera_to_stage).all():
                 self.camera_to_stage = checkpoint.camera_to_stage
         last: Iteration | None = None
+        landmarks_only = [number for number, phase in enumerate(self.phases) if phase.face_px is None]
+        anchor = self._landmark_state() if first_phase > max(landmarks_only, default=-1) else None
         for number in range(first_phase, len(self.phases)):
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
@@ -194,7 +214,7 @@ class FitRun:
                 stage.damping = damping
                 if checkpoint is not None and stage.energy.photo is not None:
                     stage.energy.photo.resting = checkpoint.resting if len(checkpoint.resting) else None
-                    stage.energy.photo.casting = checkpoint.casting if len(checkpoint.casting) else None
+                    stage.energy.photo.casting = checkpoint.casting
             factor = self._factor(phase)
             scaled = replace(state, camera=state.camera.scaled(factor))
             for item in stage.run(scaled, self.problem.job.seed + number, deadline, first_step):
@@ -207,22 +227,105 @@ class FitRun:
                 self._save(done, step, item.damping, state, seconds, stage)
                 self.listen(self._progress(number, item, stage, state, seconds))
             first_step = 1
+            if number == max(landmarks_only, default=-1):
+                anchor = state
+        clause, statistic = self._doubt(anchor or state, state, last)
+        if clause:
+            state, last = self._hold_shape(anchor or state, state, last, deadline, started)
         seconds = time.monotonic() - started
         return Fitted(
             state, self._anchor(state),
             self._stage_in_camera(state, as_fitted=True),
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
-            time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last), self.plan.ledger,
-            self.penumbra,
+            time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last),
+            self._hidden_at(self.problem.camera.height, self.problem.camera.width), clause,
+            self._settled(), self._lens(anchor or state), statistic, self.plan.ledger, self.penumbra,
         )  # fmt: skip
 
+    def _landmark_state(self) -> State:
+        """Where the phases without the photo end, for a run that was resumed after them."""
+        state = self._start_state()
+        for number, phase in enumerate(self.phases):
+            stage = self.solver_stage(phase, state) if phase.face_px is None else None
+            if stage is not None:
+                for item in stage.run(state, self.problem.job.seed + number, np.inf):
+                    state = item.state
+        return state
+
+    def _doubt(self, start: State, end: State, last: Iteration | None) -> tuple[str, float]:
+        """Why the photo is not believed about the shape at ``end``, if so, and the landmark statistic."""
+        layout = Layout(end)
+        free = int((layout.mask(SHAPE) & ~layout.mask(self._frozen())).sum())
+        if last is None or last.evaluation is None or not free:
+            return "", 0.0
+        stage = self.solver_stage(Phase("landmarks", SHAPE, None, 0), start)
+        assert stage is not None
+        statistic = landmark_statistic(stage.energy, start, end)
+        width = last.evaluation.base_weight.shape[1]
+        share = informative_share(self._photo_at(width / self.problem.camera.width), last.evaluation)
+        return doubt(statistic, statistic_limit(free), self.trace[-1].get("psnr"), share), statistic
+
+    def _settled(self) -> bool:
+        """Whether the last phase converged, rather than stop at its last step, or without a single one."""
+        phase = self.phases[-1]
+        if phase.face_px is None or not Layout(self._start_state()).mask(set(phase.blocks) - self._frozen()).any():
+            return True
+        errors = [row["photo_rms"] for row in self.trace if row["stage"] == phase.name]
+        if len(errors) < min(phase.steps, 2):
+            return bool(errors)
+        if len(errors) < phase.steps or None in errors[-2:]:
+            return True
+        return bool(errors[-1] > (1 - SETTLED_SHARE) * errors[-2])
+
+    def _lens(self, start: State) -> LensCheck | None:
+        """Whether the landmarks speak against the known lens; ``start`` is where the landmark stage ended."""
+        weights = self.problem.job.weights
+        if self.problem.fit_focal or not weights.landmarks or not weights.prior:
+            return None
+        phase = Phase("lens", SHAPE, None, LENS_STEPS)
+        return check_lens(lambda state: self.solver_stage(phase, state), start, self.problem.job.seed)
+
+    def _hold_shape(
+        self, start: State, end: State, last: Iteration | None, deadline: float, started: float
+    ) -> tuple[State, Iteration | None]:
+        """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the checkpoint."""
+        state = replace(
+            end, rotation=start.rotation, translation=start.translation, camera=start.camera,
+            identity=start.identity, expression=start.expression,
+        )  # fmt: skip
+        for number, phase in enumerate(self.phases):
+            blocks = tuple(name for name in phase.blocks if name not in SHAPE)
+            if phase.face_px is None or not blocks or time.monotonic() > deadline:
+                continue
+            held = replace(phase, name=f"{phase.name}, shape held", blocks=blocks)
+            stage = self.solver_stage(held, state)
+            if stage is None:
+                continue
+            factor = self._factor(held)
+            scaled = replace(state, camera=state.camera.scaled(factor))
+            for item in stage.run(scaled, self.problem.job.seed + number, deadline):
+                state, last = self._full_size(item.state, state, factor), item
+                self._record(held, item, stage, state, time.monotonic() - started)
+        return state, last
+
     def _certainty(self, state: State, last: Iteration | None) -> Certainty:
-        """What the last normal equations say of each parameter that was free."""
-        layout = Layout(state)
-        free = ~self._held(layout)
+        """What the last normal equations say of each parameter that was free, and of every vertex."""
         if last is None:
             return Certainty({}, {})
-        return describe(deviations(last.hessian, last.prior_hessian, free), layout, self._names())
+        layout, problem, names = Layout(state), self.problem, self._names()
+        free = ~self._held(layout)
+        found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
+        shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
+        model = problem.geometry.model
+        region = model.regions.get("narrow_face", problem.geometry.used)
+        vertices = vertex_deviation(
+            model, model.shape(state.identity, state.expression), state.rotation,
+            covariance(last.hessian, free)[shape, shape], region,
+        )  # fmt: skip
+        directions = find_null_directions(
+            last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
+        )
+        return replace(found, vertices_mm=vertices, directions=directions.to_json())
 
     def _shading_doubt(self, last: Iteration | None) -> np.ndarray | None:
         if last is None or last.evaluation is None:
@@ -309,7 +412,7 @@ class FitRun:
         layout = Layout(self._start_state())
         if phase.face_px is None or not (layout.mask(set(phase.blocks) & set(SHAPE)) & ~frozen).any():
             return None
-        return SilhouetteTerm(self.forward, self.problem.photo_at(factor), factor * self.problem.face_size_px)
+        return SilhouetteTerm(self.forward, self._photo_at(factor), factor * self.problem.face_size_px)
 
     def _pivot(self, state: State) -> np.ndarray:
         """(3,) the stage's centre in the camera frame."""
@@ -345,7 +448,7 @@ class FitRun:
         wanted = layout.mask(phase.blocks)
         free = wanted & ~freeze if self.plan.rules.columns else wanted
         held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
-        photo = self.problem.photo_at(factor)
+        photo = self._photo_at(factor)
         samples = phase.samples * self.samples_factor
         term = PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
         term.casting = self._casting(phase, term, scaled)
@@ -353,7 +456,7 @@ class FitRun:
 
     def _casting(self, phase: Phase, photo: PhotoTerm, scaled: State) -> np.ndarray | None:
         """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not worth it."""
-        if not phase.shadow_edges:
+        if not phase.shadow_edges or photo.blocks.isdisjoint(SHAPE):
             return None
         known = lamps_known(self.problem.job)
         casting = np.ones_like(self.strong) if known else self.strong
@@ -376,9 +479,44 @@ class FitRun:
                 "check the landmarks and the photo's alpha mask."
             )
         radiance = initial_lights(evaluation, photo, problem.lights)
+        radiance = self._without_occluders(energy, evaluation, radiance)
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         energy.priors.light_scale = self.light_scale
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def _without_occluders(self, energy: Energy, evaluation: Evaluation, radiance: np.ndarray) -> np.ndarray:
+        """Look for what hides the face under the first estimate of the light; if found, estimate without it."""
+        problem, photo, image = self.problem, energy.photo, evaluation.image
+        assert photo is not None and energy.stage is not None
+        shaded = self.forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
+        model = np.zeros_like(photo.photo.color)
+        model[photo.index(image.surface)] = shaded.color
+        used = (evaluation.base_weight > 0) & ~photo.photo.clipped.any(axis=2)
+        factor = photo.photo.usable.shape[1] / problem.camera.width
+        self.hidden = flat_occluders(photo.photo.color, model, used, factor * problem.face_size_px)
+        if not (self.hidden & used).any():
+            return radiance
+        if (self.hidden & used).sum() > (1 - VISIBLE_SHARE_MIN) * used.sum():
+            # Nothing hides all of a face that has landmarks: photo and light do not belong together, and the few
+            # pixels that are left would bend the shape until they did.
+            self.hidden = np.ones_like(self.hidden)
+        photo.photo = without(photo.photo, self.hidden)
+        if self.hidden.all():
+            return radiance
+        return initial_lights(photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights)
+
+    def _photo_at(self, factor: float) -> Photo:
+        """The photo resized by ``factor``, without what something flat hides."""
+        photo = self.problem.photo_at(factor)
+        if self.hidden is None or not self.hidden.any():
+            return photo
+        return without(photo, self._hidden_at(*photo.usable.shape))
+
+    def _hidden_at(self, height: int, width: int) -> np.ndarray:
+        """(height, width) bool, the pixels that something flat hides."""
+        if self.hidden is None or not self.hidden.any():
+            return np.zeros((height, width), bool)
+        return resize(self.hidden.astype(np.float32), width, height) > 0
 
     def _record(self, phase: Phase, item: Iteration, stage: Stage, state: State, seconds: float) -> None:
         row: dict[str, Any] = {
@@ -396,11 +534,10 @@ class FitRun:
 
     def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float, stage: Stage) -> None:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
-        photo = stage.energy.photo
-        casting = np.zeros(0, bool) if photo is None or photo.casting is None else photo.casting
+        casting = None if stage.energy.photo is None else stage.energy.photo.casting
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, self.strong, state, self.trace, stage.resting, casting,
+            seconds, anchor, self.strong, state, self.trace, stage.resting, self.hidden, casting,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:

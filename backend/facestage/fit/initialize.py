@@ -66,6 +66,7 @@ def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParame
     The image is linear in the lights, so this is a non-negative least-squares problem per channel;
     lights that are not fitted keep their radiance. Residuals are absolute: bright pixels say where the
     light is; relative residuals would let black explain a half-lit face. Huber weights calm highlights.
+    A clipped pixel counts while the model is darker than it: it says "at least this bright".
     """
     image = evaluation.image
     y, x = photo.index(image.surface)
@@ -75,18 +76,20 @@ def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParame
         columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
         columns = columns + brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular
         wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
-        usable = weights * ~clipped[:, channel]
-        result[lights.fitted, channel] = _robust_nnls(columns[:, lights.fitted], wanted, usable)
+        result[lights.fitted, channel] = _robust_nnls(columns[:, lights.fitted], wanted, weights, clipped[:, channel])
     # A fit that starts in the dark has no gradient to leave it.
     level = max(float(result[lights.fitted].mean()), 1e-6)
     result[lights.fitted] = np.maximum(result[lights.fitted], 1e-3 * level)
     return result
 
 
-def _robust_nnls(columns: np.ndarray, target: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    robust = np.ones_like(usable)
+def _robust_nnls(columns: np.ndarray, target: np.ndarray, weights: np.ndarray, clipped: np.ndarray) -> np.ndarray:
+    robust = np.ones_like(weights)
     radiance = np.zeros(columns.shape[1])
     for _ in range(ROBUST_ROUNDS):
+        usable = weights * (~clipped | (columns @ radiance < target))
+        if not usable.any():
+            break
         weighted = columns * (usable * robust)[:, None]
         normal = weighted.T @ columns
         ridge = LIGHT_RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)

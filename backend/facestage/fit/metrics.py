@@ -9,7 +9,12 @@ DISPLAY_WHITE_MIN, DISPLAY_WHITE_MAX = 0.02, 4.0
 
 
 def aligned_distance(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.ndarray:
-    """(n,) distances in metres after the best rigid (or similarity) alignment of ``found`` to ``truth``.
+    """(n,) distances in metres after the alignment of :func:`aligned_difference`."""
+    return np.linalg.norm(aligned_difference(found, truth, scale), axis=1)
+
+
+def aligned_difference(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.ndarray:
+    """(n, 3) metres, ``found`` less ``truth`` after the best rigid (or similarity) alignment of ``found`` to ``truth``.
 
     Both (n, 3), row for row; Umeyama (1991), eqs. 38-42.
     """
@@ -18,7 +23,7 @@ def aligned_distance(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.nd
     sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation = (u * sign) @ vt
     factor = float((singular * sign).sum() / max((a**2).sum(), 1e-30)) if scale else 1.0
-    return np.linalg.norm(factor * a @ rotation.T - b, axis=1)
+    return factor * a @ rotation.T - b
 
 
 def psnr(found: np.ndarray, truth: np.ndarray, mask: np.ndarray, white: float = 1.0) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 # Residuals are relative to the local radiance plus this share of the face's mean radiance.
 FLOOR_SHARE = 0.15
@@ -23,22 +24,28 @@ CHANNEL_CORRELATION = 3.0
 AREA_MIN, AREA_SHARE_MAX = 4.0, 0.02
 # Misfits of shading and albedo are as large as a cheek, whatever the resolution: a quarter of the face.
 BLOCK_SHARE = 0.25
+# Where the residuals around a pixel (a window of this share of the face) exceed the face's own scale by more than
+# this factor, the model lacks what is there: a beard, a hand, an unknown shadow. Its scale grows by this power of the
+# excess, so that a whole region which is wrong counts for next to nothing, not only its worst pixels.
+REGION_SHARE, REGION_EXCESS, REGION_POWER = 0.06, 2.5, 3.0
+REGION_CLIP = 6.0  # standard deviations at most that one pixel adds to its region
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """sigma: relative residual scale; area: pixels that count as one observation; floor: radiance."""
+    """Scale and correlation of the residuals of one evaluation."""
 
-    sigma: float
-    area: float
-    floor: float
+    sigma: float  # relative residual scale
+    area: float  # pixels that count as one observation
+    floor: float  # radiance
+    excess: np.ndarray  # (h, w) at least 1, how many times larger than the face's scale that of a pixel's region counts
 
     def scale(self, photo: np.ndarray, residual: np.ndarray, highlight: np.ndarray) -> np.ndarray:
-        """(..., 1) radiance of one standard deviation where the model is ``photo`` (..., 3) + ``residual``.
+        """(h, w, 1) radiance of one standard deviation where the model is ``photo`` (h, w, 3) + ``residual``.
 
-        ``highlight`` (..., 1) is the model's specular part.
+        ``highlight`` (h, w, 1) is the model's specular part.
         """
-        return self.sigma * _level(photo, residual, self.floor) + HIGHLIGHT_SHARE * highlight
+        return self.excess[..., None] * (self.sigma * _level(photo, residual, self.floor) + HIGHLIGHT_SHARE * highlight)
 
     def information(self) -> float:
         """Weight of one pixel's channel after correlation."""
@@ -53,12 +60,21 @@ class NoiseModel:
 def estimate_noise(residual: np.ndarray, photo: np.ndarray, used: np.ndarray) -> NoiseModel:
     """Noise of ``residual`` (h, w, 3), the model minus ``photo`` (h, w, 3), where ``used`` (h, w) bool."""
     if not used.any():
-        return NoiseModel(SIGMA_MIN, AREA_MIN, 1.0)
+        return NoiseModel(SIGMA_MIN, AREA_MIN, 1.0, np.ones(used.shape))
     floor = max(FLOOR_SHARE * float(photo[used].mean()), 1e-6)
     relative = residual / _level(photo, residual, floor)
     sigma = max(1.4826 * float(np.median(np.abs(relative[used]))), SIGMA_MIN)
     clipped = np.where(used[..., None], np.clip(relative, -2.5 * sigma, 2.5 * sigma), 0.0)
-    return NoiseModel(sigma, _correlation_area(clipped, used), floor)
+    return NoiseModel(sigma, _correlation_area(clipped, used), floor, _regional_excess(relative / sigma, used))
+
+
+def _regional_excess(standardized: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """(h, w) factor on the scale from the RMS of ``standardized`` (h, w, 3) residuals around each pixel."""
+    width = REGION_SHARE * float(np.sqrt(used.sum()))
+    inside = used.astype(float)
+    squared = np.mean(np.clip(standardized, -REGION_CLIP, REGION_CLIP) ** 2, axis=-1) * inside
+    around = gaussian_filter(squared, width) / np.maximum(gaussian_filter(inside, width), 1e-3)
+    return np.maximum(np.sqrt(around) / REGION_EXCESS, 1.0) ** REGION_POWER
 
 
 def _level(photo: np.ndarray, residual: np.ndarray, floor: float) -> np.ndarray:

@@ -14,16 +14,19 @@ import numpy as np
 
 from facestage import __version__
 from facestage.contract import brdf
-from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.face_model import EYES, OTHER, TEETH
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
-from facestage.contract.result import BUDGET_SPENT, CONVERGED, Result
+from facestage.contract.relight_cache import relight_fingerprint
+from facestage.contract.result import Result
 from facestage.contract.storage import finite
+from facestage.fit.advice import verdict
 from facestage.fit.driver import Fitted
 from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
+from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import State
 from facestage.fit.problem import Problem
-from facestage.fit.rendering import Picture, Textures, light_probe, render_picture
+from facestage.fit.rendering import Picture, Textures, face_pixels, light_probe, render_picture
 from facestage.fit.shading import ForwardModel, sample_bilinear
 from facestage.fit.texture import Atlas, detail_texture
 from facestage.fit.truth import Truth
@@ -36,8 +39,6 @@ SPECULAR_TEXTURE = 256
 DETAIL_SAMPLES = 16
 # Doubt of the shading, relative to it, at which a residual is as likely wrong shading as pigment.
 PAINT_DOUBT = 0.04
-# With less of the face to see, a fit is a guess.
-INFORMATIVE_SHARE_MIN = 0.2
 WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
@@ -62,8 +63,9 @@ def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
     picture = render_picture(
-        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage)
-    )
+        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage),
+        by_light=_relightable(problem, forward, fitted),
+    )  # fmt: skip
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
     errors = _errors(problem, fitted, albedo, picture, truth)
     last: dict[str, Any] = {
@@ -79,6 +81,12 @@ def _rms(problem: Problem, picture: Picture) -> float | None:
     if not seen.any():
         return None
     return float(np.sqrt(((picture.color - problem.photograph.color)[seen] ** 2).mean()))
+
+
+def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
+    """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
+    box = len(face_pixels(forward, fitted.state))
+    return bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
 
 
 def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
@@ -107,7 +115,7 @@ def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> 
         image = forward.shade(fitted.state, surface, terms)
         column, row = surface.pixels.astype(int).T
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * problem.paintable[row, column]
+        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * (problem.paintable * ~fitted.hidden)[row, column]
         weights = weights[:, None] * ~problem.photograph.clipped[row, column]
         weights = weights * _paint_share(problem, fitted)[row, column, None]
         photo = problem.photograph.color[row, column]
@@ -132,13 +140,14 @@ def _errors(
     seen = picture.fitted & photo.mask
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
-        # Without what the color model took for hair, cloth or glasses.
-        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5), problem.white),
+        # Without what the color model took for hair, cloth or glasses, and what something flat hides.
+        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white),
     }
     vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
     shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
     points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
     distance = np.linalg.norm(state.camera.project(points) - problem.landmarks.points, axis=1)
+    errors["landmark_statistic"] = fitted.landmark_statistic
     errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible]))
     if truth is not None:
         errors |= truth.geometry_errors(state)
@@ -146,6 +155,8 @@ def _errors(
         start = [row for row in fitted.trace if row["stage"] == "landmarks"]
         if start:
             errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
+        if fitted.certainty.vertices_mm is not None:
+            errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)
         errors["albedo"] = truth.albedo_error(texture)
     return {name: value for name, value in errors.items() if value is not None and np.isfinite(value)}
@@ -158,8 +169,9 @@ def write_result(
     model, state = problem.geometry.model, finished.state
     stage = _whole_stage(problem, fitted.stage, fitted.camera_to_stage)
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
-        status=CONVERGED if fitted.in_time else BUDGET_SPENT, advice=_advice(problem, fitted, finished),
+        status=status, advice=advice,
         model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
         model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
         albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
@@ -167,9 +179,11 @@ def write_result(
         identity_names=model.identity_names, expression_names=model.expression_names,
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
+        null_directions=fitted.certainty.directions,
         versions=_versions(), seed=problem.job.seed,
-        arrays={"condition": np.array(fitted.condition)}
-        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()},
+        arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
+        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
+        | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
         folder=folder,
     )  # fmt: skip
     result.write_into(folder)
@@ -177,12 +191,21 @@ def write_result(
     write_exr(folder / "albedo.exr", finished.textures.albedo)
     write_exr(folder / "specular.exr", finished.textures.specular)
     write_exr(folder / "render.exr", finished.picture.color)
+    cache = finished.picture.relight_cache(relight_fingerprint(result))
+    if cache is not None:
+        cache.save(folder)
     probe = light_probe(stage)
     write_exr(folder / "light_probe.exr", probe)
     lines = [json.dumps(finite(row)) for row in finished.trace]
     (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
     write_report(folder, _report_data(problem, fitted, finished, result, probe))
     return result
+
+
+def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:
+    """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter was fitted."""
+    found = fitted.certainty.vertices_mm
+    return {} if found is None else {"vertex_deviation_mm": found}
 
 
 def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:
@@ -207,44 +230,6 @@ def _specular_texture(problem: Problem, state: State) -> np.ndarray:
     return np.where(atlas.bake(vertex_wet[:, None])[..., 0] > 0.5, WET_SPECULAR, texture).astype(np.float32)
 
 
-def _informative_share(problem: Problem, picture: Picture) -> float:
-    """Share of the rendered skin's pixels where the photo says more than "masked", "black" or "saturated"."""
-    photo = problem.photograph
-    says = photo.mask & (photo.color > 0).any(axis=2) & ~photo.clipped.all(axis=2)
-    return float(says[picture.fitted].mean()) if picture.fitted.any() else 0.0
-
-
-def _advice(problem: Problem, fitted: Fitted, finished: Finished) -> str:
-    share = _informative_share(problem, finished.picture)
-    value = finished.errors.get("psnr_skin", np.nan)
-    pixels = finished.errors.get("landmark_px", np.nan)
-    if not fitted.in_time:
-        return (
-            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so far); "
-            "give more --budget, or continue with --resume."
-        )
-    if not np.isfinite(pixels):
-        return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
-    if pixels > 0.05 * problem.face_size_px:
-        return (
-            f"The fit converged, but its landmarks are {pixels:.1f} px off (median); check the landmark file, "
-            "or free the pose and expression."
-        )
-    if not np.isfinite(value):
-        return "The face covers no usable pixel of the photo; check the landmarks and the photo's mask."
-    if share < INFORMATIVE_SHARE_MIN:
-        return (
-            f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
-            "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
-        )
-    if value < 22.0:
-        return (
-            f"The fit converged but explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong make-up or "
-            "wrong landmarks are the usual reasons: mask them with an alpha channel."
-        )
-    return f"Converged: the render explains the skin with a PSNR of {value:.1f} dB."
-
-
 def _versions() -> dict[str, str]:
     names = ("mitsuba", "drjit", "numpy", "scipy", "opencv-contrib-python-headless")
     found = {"facestage": __version__, "python": platform.python_version()}
@@ -266,4 +251,5 @@ def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: R
         specular=finished.textures.specular, texture_coverage=finished.texture_coverage, light_probe=probe,
         relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=state.camera.project(points),
         visible=problem.landmarks.visible, trace=finished.trace, title=problem.job.image.stem,
+        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),
     )  # fmt: skip

@@ -19,7 +19,7 @@ SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
 FOCAL_SIGMA = 0.25  # of the logarithm, when the lens is unknown
 # E_light, relative to the mean light: how much the channels of one light differ, and how bright it is. Lamps may be
 # of any color; that all of them together tint the skin cannot be told from the skin's own color.
-LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA, LIGHT_TINT_SIGMA = 0.4, 3.0, 0.03
+LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA, LIGHT_TINT_SIGMA = 0.4, 3.0, 0.06
 # How far a lamp stands from the nearest light of the lattice, in spacings of the lattice.
 LIGHT_POSITION_SHARE = 0.4
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,32 +10,42 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.light_stage import ON, LightStage
+from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import Result
 from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
+from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
-from facestage.fit.rendering import Picture, Textures, render_picture
+from facestage.fit.rendering import Picture, Textures, face_pixels, render_picture
 from facestage.fit.shading import ForwardModel
 from facestage.image_io import linear_to_srgb, read_exr, write_exr
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 
 OUTPUTS = (".exr", ".png")
+SAMPLES = 16  # shadow rays per light and sub-pixel of a picture that is traced
 
 
 def render_result(
-    folder: Path, out: Path, lights: dict[str, Any] | None, weights: dict[str, Any] | None, samples: int
+    folder: Path, out: Path, lights: dict[str, Any] | None, weights: dict[str, Any] | None, samples: int | None
 ) -> None:
-    """Write a picture of the result in ``folder``. Raises InputError for a wrong file or name."""
+    """Write a picture of the result in ``folder``. Raises InputError for a wrong file or name.
+
+    Other lights come from the result's relight cache, which is made when there is none; see :func:`relit`.
+    ``samples`` per light and sub-pixel; None: as many as the cache has, or SAMPLES.
+    """
     if out.suffix.lower() not in OUTPUTS:
         raise InputError(f"The output '{out}' does not end in {' or '.join(OUTPUTS)}.")
-    if not 1 <= samples <= 4096:
-        raise InputError(f"--spp is {samples}; expected 1 to 4096.")
+    _check_samples(samples)
     result = Result.load(folder)
     if lights is not None:
-        result = replace(result, stage=result.stage.with_radiance(_radiance(lights, len(result.stage))))
+        # A light that was off in the fit is dark in the result, but may be turned on now.
+        radiance = _radiance(lights, len(result.stage))
+        stage = replace(result.stage, radiance=radiance, state=np.full(len(radiance), ON))
+        result = replace(result, stage=stage)
     if weights is not None:
         unknown = sorted(set(weights) - {"identity", "expression"})
         if unknown:
@@ -44,26 +55,78 @@ def render_result(
             identity=_weights(weights, "identity", result.identity_names, result.identity),
             expression=_weights(weights, "expression", result.expression_names, result.expression),
         )
-    picture = render(result, samples)
+        color = render(result, samples or SAMPLES).color
+    else:
+        color = relit(result, samples, make=lights is not None)
     if out.suffix.lower() == ".exr":
-        write_exr(out, picture.color)
+        write_exr(out, color)
     else:
         from PIL import Image
 
-        pixels = np.round(255 * linear_to_srgb(np.clip(picture.color, 0, 1))).astype(np.uint8)
+        pixels = np.round(255 * linear_to_srgb(np.clip(color, 0, 1))).astype(np.uint8)
         with atomic_file(out) as temporary:
             Image.fromarray(pixels).save(temporary)
 
 
+def relit(result: Result, samples: int | None, make: bool) -> np.ndarray:
+    """(h, w, 3) the result under its stage's radiance, from the relight cache where that has the photo's size.
+
+    A cache that is missing, damaged, stale, or of fewer than ``samples`` is not used; ``make`` writes one then.
+    """
+    try:
+        cache = RelightCache.load(result)
+        if (cache.width, cache.height) == (result.camera.width, result.camera.height) and cache.samples >= (
+            samples or 0
+        ):
+            return cache.relight(result.stage.radiance)
+    except InputError:
+        pass  # it is only a cache: what is wrong with the result itself, tracing says
+    if make:
+        traced = trace_lights(result, samples or SAMPLES)
+        if traced is not None:
+            # Without the right to write into the folder, the picture is none the worse.
+            with suppress(InputError, OSError):
+                traced.save(_folder(result))
+            return traced.relight(result.stage.radiance)
+    return render(result, samples or SAMPLES).color
+
+
+def make_cache(folder: Path, samples: int | None) -> None:
+    """Write the relight cache of the result in ``folder``, smaller than the photo where that is large."""
+    _check_samples(samples)
+    result = Result.load(folder)
+    traced = trace_lights(result, samples or SAMPLES, shrink=True)
+    assert traced is not None
+    traced.save(folder)
+
+
+def trace_lights(result: Result, samples: int, shrink: bool = False) -> RelightCache | None:
+    """The result under each of its lights alone; None where that is too large and must not ``shrink``."""
+    forward, state, stage, textures = _prepared(result, np.ones(len(result.stage), bool))
+    factor = relight_scale(len(face_pixels(forward, state)), len(stage))
+    if factor < 1:
+        if not shrink:
+            return None
+        state = replace(state, camera=state.camera.scaled(factor))
+    picture = render_picture(forward, state, stage, textures, result.seed, samples, by_light=True)
+    return picture.relight_cache(relight_fingerprint(result))
+
+
 def render(result: Result, samples: int) -> Picture:
-    """The result's face under its stage, at the photo's size."""
-    assert result.folder is not None
-    start_renderer("auto")
-    textures = Textures(read_exr(result.folder / "albedo.exr"), read_exr(result.folder / "specular.exr")[..., 0])
-    geometry = FaceGeometry(load_model(result.model))
+    """The result's face under its stage, traced at the photo's size."""
     lit = result.stage.radiance.max(axis=1) > 0
     if not lit.any():
         lit[0] = True  # a dark face is still a picture
+    forward, state, stage, textures = _prepared(result, lit)
+    return render_picture(forward, state, stage, textures, result.seed, samples)
+
+
+def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
+    """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera frame), textures."""
+    start_renderer("auto")
+    folder = _folder(result)
+    textures = Textures(read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0])
+    geometry = FaceGeometry(load_model(result.model))
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False))
     matrix = result.model_to_camera
@@ -71,7 +134,17 @@ def render(result: Result, samples: int) -> Picture:
         matrix[:3, :3], matrix[:3, 3], result.camera, result.identity, result.expression, np.zeros(0),
         np.zeros((len(stage), AXES)), result.albedo, result.roughness, result.specular,
     )  # fmt: skip
-    return render_picture(forward, state, stage, textures, result.seed, samples)
+    return forward, state, stage, textures
+
+
+def _folder(result: Result) -> Path:
+    assert result.folder is not None
+    return result.folder
+
+
+def _check_samples(samples: int | None) -> None:
+    if samples is not None and not 1 <= samples <= 4096:
+        raise InputError(f"--spp is {samples}; expected 1 to 4096.")
 
 
 def _radiance(data: dict[str, Any], count: int) -> np.ndarray:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract.light_stage import LightStage
+from facestage.contract.relight_cache import RelightCache
+from facestage.fit.one_light import OneLightImages
 from facestage.fit.parameters import State
 from facestage.fit.shading import ForwardModel, sample_bilinear
 
@@ -33,6 +35,12 @@ class Picture:
     coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
     fitted: np.ndarray  # (h, w) bool: skin of the face all over the pixel
     relit: dict[str, np.ndarray]  # (h, w, 3) float32 by name: the same face under other radiance
+    samples: int = 0  # shadow rays per light and sub-pixel
+    by_light: OneLightImages | None = None  # when asked for
+
+    def relight_cache(self, fingerprint: str) -> RelightCache | None:
+        """The picture under every light of its stage, when each light's image was asked for."""
+        return None if self.by_light is None else self.by_light.cache(self.coverage, self.samples, fingerprint)
 
 
 def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
@@ -56,18 +64,20 @@ def render_picture(
     seed: int = 0,
     samples: int | None = None,
     relight: Mapping[str, np.ndarray] | None = None,
+    by_light: bool = False,
 ) -> Picture:
     """Render every part of the head with its textures and the direct light of ``stage``.
 
     ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light and
     sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name, which cost
-    no further rays because the image is linear in the lights.
+    no further rays because the image is linear in the lights. ``by_light`` keeps each light's image as well.
     """
     height, width = state.camera.height, state.camera.width
     radiances = {"": stage.radiance} | dict(relight or {})
     colors = {name: np.zeros((height, width, 3), np.float32) for name in radiances}
     coverage, fitted = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     pixels = face_pixels(forward, state)
+    each, images = 0, OneLightImages(state.camera, pixels, len(stage)) if by_light else None
     if len(pixels):
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
         grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
@@ -81,11 +91,13 @@ def render_picture(
                 terms = forward.light_terms(state, block, stage, each, seed + sub)
                 uvs = forward.uvs(block)
                 albedo, c_spec = sample_bilinear(textures.albedo, uvs), sample_bilinear(textures.specular, uvs)
+                if images is not None:
+                    images.add(x, y, 1.0 / grid**2, terms, albedo, c_spec)
                 for name, radiance in radiances.items():
                     colors[name][y, x] += forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
-    return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors)
+    return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
 
 
 def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:

@@ -48,8 +48,13 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
     deadline = _deadline(job, time.monotonic())
     listener = _Listener(problem, forward, partial, emit, began, job.budget_seconds)
     run = FitRun(problem, forward, partial, truth, listener)
-    checkpoint = Checkpoint.load(partial) if resume else None
-    fitted = run.run(deadline, checkpoint)
+    try:
+        fitted = run.run(deadline, Checkpoint.load(partial) if resume else None)
+    except InputError:
+        # Going on would be refused again; a checkpoint that was there before may belong to a job that is fine.
+        if not resume:
+            shutil.rmtree(partial, ignore_errors=True)
+        raise
     emit(
         Event(
             PROGRESS, "pictures", 0, None, time.monotonic() - began, None, 0.92, message="Drawing textures and pictures"

@@ -10,7 +10,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
 from facestage.contract.storage import read_arrays
 from facestage.fit.geometry import FaceGeometry
-from facestage.fit.metrics import aligned_distance, relative_error, scaled_rmse
+from facestage.fit.metrics import aligned_difference, aligned_distance, relative_error, scaled_rmse
 from facestage.fit.parameters import State
 from facestage.fit.shading import sample_bilinear
 
@@ -31,6 +31,7 @@ class Truth:
         if not np.isfinite(vertices).all():
             raise InputError(f"The truth file '{path}' has NaN or infinite vertices; write it again.")
         region = geometry.model.regions.get("narrow_face", geometry.used)
+        self.region = region
         self.compared = geometry.new_index[region]
         self.vertices = vertices[region].astype(np.float64)
 
@@ -42,6 +43,19 @@ class Truth:
             "rigid_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=False).mean()),
             "similarity_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=True).mean()),
         }
+
+    def calibration(self, state: State, deviation_mm: np.ndarray) -> dict[str, float]:
+        """How honest standard deviations (n, 3) in mm, along the camera's axes, are: after similarity alignment, the
+        shares of the narrow face's coordinates within one and two of them (0.68 and 0.95 if normal), and the root mean
+        square of error over deviation (1 if right, more if they are too small).
+        """
+        vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
+        error = 1e3 * np.abs(aligned_difference(vertices @ state.rotation.T, self.vertices, scale=True))
+        score = error / np.maximum(deviation_mm[self.region], 1e-6)
+        return {
+            "within_1_sigma": float((score < 1).mean()), "within_2_sigma": float((score < 2).mean()),
+            "error_over_sigma": float(np.sqrt((score**2).mean())),
+        }  # fmt: skip
 
     def light_error(self, stage: LightStage, centre: np.ndarray) -> float | None:
         """Relative error of the irradiance over all normals that face the camera, best scale factored out.

@@ -8,7 +8,8 @@ has learned nothing from photo and landmarks: a hidden expression, a light behin
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -85,6 +86,9 @@ class Certainty:
 
     deviations: dict[str, np.ndarray]  # standard deviation of each entry; 0 where frozen, infinite where unknown
     unobserved: dict[str, list[str]]  # names of the entries that neither photo nor landmarks say anything of
+    before: dict[str, np.ndarray] = field(default_factory=dict)  # the priors' standard deviations, likewise
+    vertices_mm: np.ndarray | None = None  # (n, 3) float32, along the camera's axes, similarity-aligned
+    directions: dict[str, Any] = field(default_factory=dict)  # what is seen only together, or not at all
 
 
 def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
@@ -92,9 +96,10 @@ def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str
 
     Of a block as large as the specular map, whose entries nobody names, the count is given.
     """
-    after, unobserved = {}, {}
+    after, before, unobserved = {}, {}, {}
     for block, where in layout.slices.items():
         after[block] = np.nan_to_num(found.after[where], nan=0.0, posinf=np.inf)
+        before[block] = np.nan_to_num(found.before[where], nan=0.0, posinf=np.inf)
         entries = np.flatnonzero(found.unobserved[where]).tolist()
         count = where.stop - where.start
         if entries and count > NAMED_MAX and block not in names:
@@ -102,4 +107,4 @@ def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str
         elif entries:
             known = names.get(block, ())
             unobserved[block] = [known[i] if i < len(known) else str(i) for i in entries]
-    return Certainty(after, unobserved)
+    return Certainty(after, unobserved, before)

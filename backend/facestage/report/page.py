@@ -12,12 +12,13 @@ import numpy as np
 
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
 from facestage.report import tables
+from facestage.report.certainty import CERTAINTY
 from facestage.report.page_style import COMPARE_INPUT, CSS
 from facestage.report.pictures import landmark_distances
 from facestage.report.report_data import ReportData
 from facestage.report.tables import Row
 
-STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped early"}
+STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped with advice"}
 # Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG beside the page.
 EMBED_LIMIT = 250_000
 FACE_WIDTH = 560  # CSS pixels of the slider at most
@@ -33,6 +34,7 @@ def build_page(folder: Path, data: ReportData) -> str:
         _section("Light", _light(folder, data)),
         _section("Error against run time", _chart(folder / "trace.png", "Errors against seconds, stage by stage")),
         _section("Shape and expression", _chart(folder / "weights.png", "The largest identity and expression weights")),
+        _section("How sure", _certainty(folder, data)),
         _section("Numbers", _numbers(data)),
         _section("Left out", _left_out(data)),
         _section("Repeat this fit", _repeat(data)),
@@ -167,6 +169,41 @@ def _light_row(row: tables.LightRow) -> str:
         f'<td><span class="swatch" style="background:{row.swatch}"></span></td>'
         f'<td class="n">{100 * row.share:.1f} %</td><td>{escape(row.state)}</td></tr>'
     )
+
+
+def _certainty(folder: Path, data: ReportData) -> str:
+    parts = []
+    if (folder / CERTAINTY).is_file():
+        parts.append(
+            _figure(
+                folder / CERTAINTY, "Standard deviation of each vertex, as in the photo and from the side",
+                "One standard deviation of each vertex in mm, size and pose taken out: what photo, landmarks and face "
+                "statistics leave open if the face model holds. Right: along the camera's axis alone.",
+                wide=True,
+            )
+        )  # fmt: skip
+    found = data.result.null_directions
+    if found:
+        where = ", ".join(f"{value:.0f} of {tables.words(name).lower()}" for name, value in found["by_block"].items())
+        items = "".join(f"<li>{escape(sentence)}</li>" for sentence in found["sentences"])
+        parts.append(
+            f'<div class="card"><h3>What photo and landmarks do not tell</h3><p class="note">Of {found["of"]} '
+            f"independent directions, {found['count']} rest on the priors alone{': about ' + where if where else ''}. "
+            f"Those with a name:</p><ul>{items}</ul></div>"
+        )
+    rows = tables.certainty_rows(data.result)
+    if rows:
+        body = "".join(
+            f'<tr><td>{escape(row.name)}</td><td>{escape(row.kind)}</td><td class="n">{escape(row.value)} ± '
+            f'{escape(row.deviation)}</td><td class="n">{100 * row.left:.0f} %</td></tr>'
+            for row in rows
+        )
+        parts.append(
+            '<div class="card"><h3>The least certain weights that are observed</h3><table><thead><tr><th>Weight</th>'
+            '<th></th><th class="n">Value ± deviation</th><th class="n">Of its prior deviation</th></tr></thead>'
+            f"<tbody>{body}</tbody></table></div>"
+        )
+    return "\n".join(parts)
 
 
 def _numbers(data: ReportData) -> str:

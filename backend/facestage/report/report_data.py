@@ -37,6 +37,8 @@ class ReportData:
     visible: np.ndarray  # (m,) bool
     texture_coverage: np.ndarray | None = None  # (S, S) bool, true for texels that the photo shows
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
+    surface: np.ndarray | None = None  # (t, 3) the rendered triangles of the result's vertices; None: all
+    face: np.ndarray | None = None  # (f,) numbers of the face's vertices, without neck and scalp; None: all
     trace: Sequence[Mapping[str, Any]] = ()
     repeat_command: str = REPEAT_COMMAND
 

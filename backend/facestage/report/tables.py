@@ -23,13 +23,28 @@ ERRORS = {
     "rigid_mm": ("Vertices after rigid alignment, mean", "mm"),
     "similarity_mm": ("Vertices after similarity alignment, mean", "mm"),
     "landmark_stage_similarity_mm": ("The same after the landmark stage alone", "mm"),
+    "within_1_sigma": ("Coordinates within 1 standard deviation (0.68 is honest)", ""),
+    "within_2_sigma": ("Coordinates within 2 standard deviations (0.95)", ""),
+    "error_over_sigma": ("Error over standard deviation, RMS (1)", ""),
+    "landmark_statistic": ("Squared distance from the landmarks' shape", ""),
     "landmark_px": ("Landmarks, median distance", "px"),
     "albedo": ("Albedo, RMS, best scale factored out", "linear"),
     "light": ("Irradiance, relative, best scale factored out", ""),
     "condition": ("Condition number of the last step", ""),
 }
 SUFFIX_UNITS = {"mm": "mm", "px": "px", "db": "dB", "deg": "°", "degrees": "°", "percent": "%", "seconds": "s"}
-TRUTH_WORDS = ("rigid", "similarity", "truth", "albedo", "light", "specular", "vertex", "vertices", "roughness")
+TRUTH_WORDS = (
+    "sigma",
+    "rigid",
+    "similarity",
+    "truth",
+    "albedo",
+    "light",
+    "specular",
+    "vertex",
+    "vertices",
+    "roughness",
+)
 ENERGIES = {
     "photo": "Photo", "landmarks": "Landmarks", "identity": "Prior on identity", "expression": "Prior on expression",
     "albedo": "Prior on albedo", "roughness": "Prior on roughness", "focal": "Prior on focal length",
@@ -90,6 +105,35 @@ def error_tables(errors: Mapping[str, Any]) -> tuple[list[Row], list[Row]]:
         needs_truth = key.endswith("_mm") or any(word in TRUTH_WORDS for word in key.lower().split("_"))
         (against_truth if needs_truth else on_photo).append(error_row(key, value))
     return on_photo, against_truth
+
+
+@dataclass(frozen=True)
+class CertaintyRow:
+    """One fitted weight: value and standard deviation, and how much of its prior's deviation is left, 0..1."""
+
+    name: str
+    kind: str
+    value: str
+    deviation: str
+    left: float
+
+
+def certainty_rows(result: Result, count: int = 12) -> list[CertaintyRow]:
+    """The least certain of the identity and expression weights that the data say something of."""
+    rows = []
+    blocks = (("identity", result.identity_names, result.identity),
+              ("expression", result.expression_names, result.expression))  # fmt: skip
+    for kind, names, values in blocks:
+        after, before = (result.arrays.get(f"{key}/{kind}") for key in ("deviation", "deviation_before"))
+        if after is None or before is None:
+            continue
+        unobserved = set(result.unobserved.get(kind, ()))
+        rows += [
+            CertaintyRow(name, kind, number(float(value), 2), number(float(deviation), 2), float(deviation / prior))
+            for name, value, deviation, prior in zip(names, values, after, before, strict=True)
+            if name not in unobserved and deviation > 0 and np.isfinite(prior) and prior > 0
+        ]
+    return sorted(rows, key=lambda row: -row.left)[:count]
 
 
 def energy_rows(energy: Mapping[str, Any]) -> list[tuple[str, float, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from facestage.contract.storage import atomic_file
+from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
 from facestage.report.light_picture import draw_light_probe
@@ -27,9 +28,10 @@ PAGE = "report.html"
 def write_report(folder: Path, data: ReportData) -> None:
     """Write report.html and its PNG pictures into an existing folder.
 
-    comparison, face, face_photo, landmarks, albedo, specular, light_probe, trace, weights, and one
-    relit_NAME for each relit picture. All pictures of the photo share the exposure of :func:`color.exposure`
-    and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them all and needs no other file.
+    comparison, face, face_photo, landmarks, albedo, specular, light_probe, trace, weights, certainty (where any
+    parameter was fitted), and one relit_NAME for each relit picture. All pictures of the photo share the exposure of
+    :func:`color.exposure` and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them all and needs no
+    other file.
     """
     folder = Path(folder)
     view = View.of(data)
@@ -46,5 +48,7 @@ def write_report(folder: Path, data: ReportData) -> None:
         save_linear(folder / relit_file(name), small[view.crop(margin=COMPARISON_MARGIN)] if same else small)
     draw_trace(folder / "trace.png", data.trace)
     draw_weights(folder / "weights.png", data.result)
+    if DEVIATION in data.result.arrays:
+        draw_certainty(folder / CERTAINTY, data)
     with atomic_file(folder / PAGE) as temporary:
         temporary.write_text(build_page(folder, data), encoding="utf-8")

@@ -16,8 +16,6 @@ from facestage.image_io import read_photograph
 from facestage.stress.case import DOUBT, FIT, REFUSAL, SLACK_MM, Case
 
 ADVISED, REFUSED, CRASHED, HUNG = "advised", "refused", "crashed", "hung"
-# How an advice begins when there is nothing to warn of.
-ALL_WELL = "Converged:"
 
 
 @dataclass(frozen=True)
@@ -105,10 +103,9 @@ def read_outcome(name: str, result: Result, folder: Path, seconds: float, warnin
     """The outcome of a fit that wrote ``folder``, from its files: what a user would see."""
     trace = [json.loads(line) for line in (folder / "trace.jsonl").read_text(encoding="utf-8").splitlines()]
     errors = result.errors
-    all_well = result.status == CONVERGED and result.advice.startswith(ALL_WELL)
     condition = float(result.arrays.get("condition", np.array(math.nan)))
     return Outcome(
-        name=name, kind=CONVERGED if all_well else ADVISED, sentence=result.advice, seconds=seconds,
+        name=name, kind=CONVERGED if result.status == CONVERGED else ADVISED, sentence=result.advice, seconds=seconds,
         iterations=len(trace), mm=_number(errors.get("similarity_mm")),
         start_mm=_number(errors.get("landmark_stage_similarity_mm")), psnr=_number(errors.get("psnr")),
         condition=_number(condition), not_finite=not_finite(folder, trace), warnings=warnings,
@@ -142,6 +139,6 @@ def _arrays(result: Result) -> dict[str, np.ndarray]:
     named |= {"roughness": np.array(result.roughness), "focal": np.array(result.camera.focal_px)}
     # A standard deviation may be infinite, where nothing is known.
     return named | {
-        name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation/") else value
+        name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation") else value
         for name, value in result.arrays.items()
     }

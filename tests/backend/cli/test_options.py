@@ -43,3 +43,8 @@ def test_the_plan_of_a_job_folder_holds_unless_the_command_line_says_otherwise(c
     from_folder = ["fit", "--job", str(tmp_path / "job"), "--out", "o"]
     assert cli._job(parser.parse_args(from_folder)).plan == plan
     assert cli._job(parser.parse_args([*from_folder, "--plan", "full"])).plan == "full"
+
+
+def test_a_bench_of_the_plan_takes_no_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["bench", "--plan", "--case", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert "--case" in capsys.readouterr().err and not (tmp_path / "out").exists()

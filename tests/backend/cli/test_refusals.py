@@ -147,7 +147,7 @@ def test_an_unwritable_folder_is_refused(case: Case, tmp_path: Path, capsys: pyt
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("fit", "a.png"), ("fit", "a.png", "--out", "o", "--light-color", "pink"), ("fly",), ("render", "r"),
+        ("fit", "a.png"), ("fit", "a.png", "--out", "o", "--light-color", "pink"), ("fly",), ("render",),
         ("fit", "a.png", "--out", "o", "--camera", "c", "--focal-px", "3"),
         ("fit", "a.png", "--out", "o", "--lights", "x"),
         ("fit", "a.png", "--out", "o", "--wings"),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from facestage import cli
+from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.result import Result
 from facestage.image_io import read_exr
 from reference.command_line import (
@@ -23,7 +24,8 @@ from reference.synthetic_case import Case
 
 
 def test_render(finished: Finished, tmp_path: Path):
-    out = finished[0]
+    out = Path(shutil.copytree(finished[0], tmp_path / "result"))
+    (out / RELIGHT_CACHE).unlink()  # nothing but a trace
     result = Result.load(out)
     done = call("render", out, "--out", tmp_path / "again.exr", "--spp", "4")
     assert done.returncode == 0 and done.stderr == "", done.stderr

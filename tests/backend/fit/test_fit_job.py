@@ -35,6 +35,8 @@ def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
         replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in driver.PHASES
     )
     monkeypatch.setattr(driver, "PHASES", phases)
+    # Two steps never settle; that is not what these tests are about.
+    monkeypatch.setattr(driver, "SETTLED_SHARE", 1.0)
 
 
 @pytest.fixture(autouse=True)

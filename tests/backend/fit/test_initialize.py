@@ -106,3 +106,13 @@ def test_a_black_photo_gives_dim_lights_not_none(scene: Scene):
     evaluation, term = evaluated(scene, scene.lights, scene.state, np.zeros((96, 96, 3)))
     found = initial_lights(evaluation, term, scene.lights)
     assert np.isfinite(found).all() and (found > 0).all() and found.max() < 1e-3
+
+
+def test_a_saturated_photo_gives_light_bright_enough(scene: Scene):
+    """Every pixel says only "at least 1": so bright the model must be, and no light may collapse."""
+    term = PhotoTerm(scene.forward, plain_photo(np.ones((96, 96, 3)), np.ones((96, 96, 3), bool)), 8)
+    evaluation = term.evaluate(replace(scene.state, lights=np.zeros(18)), scene.stage, 5)
+    found = initial_lights(evaluation, term, scene.lights)
+    image = evaluation.image
+    shaded = scene.forward.shade(scene.state, image.surface, image.terms, radiance=found)
+    assert np.median(shaded.color) > 0.8

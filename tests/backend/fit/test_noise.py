@@ -71,22 +71,36 @@ def test_any_shape(shape: tuple[int, int]):
 
 
 def test_too_dark_and_too_bright_by_the_same_factor_cost_the_same():
-    noise, matte = NoiseModel(0.1, 10.0, 1e-9), np.zeros((1, 1, 1))
+    noise, matte = NoiseModel(0.1, 10.0, 1e-9, np.ones((1, 1))), np.zeros((1, 1, 1))
     photo = np.full((1, 1, 3), 0.4)
     standardized = [(factor - 1) * photo / noise.scale(photo, (factor - 1) * photo, matte) for factor in (0.5, 2.0)]
     np.testing.assert_allclose(np.abs(standardized[0]), np.abs(standardized[1]), rtol=1e-6)
 
 
 def test_a_highlight_is_less_certain_than_matte_skin():
-    noise, photo = NoiseModel(0.1, 10.0, 1e-9), np.full((1, 2, 3), 0.4)
+    noise, photo = NoiseModel(0.1, 10.0, 1e-9, np.ones((1, 1))), np.full((1, 2, 3), 0.4)
     scale = noise.scale(photo, np.zeros_like(photo), np.array([[[0.0], [0.2]]]))
     assert scale[0, 0, 0] == pytest.approx(0.04)
     assert scale[0, 1, 0] == pytest.approx(0.04 + HIGHLIGHT_SHARE * 0.2)
 
 
 def test_robust_weights_are_shared_by_the_channels_and_fall():
-    noise = NoiseModel(0.1, 10.0, 0.1)
+    noise = NoiseModel(0.1, 10.0, 0.1, np.ones((1, 1)))
     weights = noise.robust(np.array([[0.0, 0, 0], [2.5, 2.5, 2.5], [100.0, 0, 0]]))
     assert weights.shape == (3, 1)
     np.testing.assert_allclose(weights[:2, 0], [1.0, 0.5])
     assert weights[2, 0] < 0.01
+
+
+def test_a_region_that_is_wrong_counts_for_next_to_nothing_and_the_rest_as_before():
+    relative = correlated(0, 0.05)
+    relative[20:80, 20:80] -= 0.5  # a beard: ten times the skin's own noise
+    noise = estimate_noise(residual_of(relative), PHOTO, EVERYWHERE)
+    assert (noise.excess[35:65, 35:65] > 5).all()
+    assert (noise.excess[130:, 130:] == 1).all()
+
+
+def test_noise_alone_is_no_region_that_is_wrong():
+    for width in (0, 2.5):
+        noise = estimate_noise(residual_of(correlated(width, 0.05)), PHOTO, EVERYWHERE)
+        assert noise.excess.max() < 1.05, width

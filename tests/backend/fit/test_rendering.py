@@ -9,6 +9,7 @@ import pytest
 
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.fit.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.problem import select_lights
 from facestage.fit.rendering import Textures, light_probe, render_picture
 from facestage.fit.skin_mask import hull_pixels, skin_weight
@@ -85,6 +86,37 @@ def test_relit_pictures_are_linear_in_the_light(scene: Scene, textures: Textures
     )  # fmt: skip
     np.testing.assert_allclose(picture.relit["double"], 2 * picture.color, rtol=1e-5, atol=1e-8)
     np.testing.assert_allclose(picture.relit["first"] + picture.relit["rest"], picture.color, rtol=1e-4, atol=1e-7)
+
+
+def test_each_light_s_image_is_the_picture_under_that_light_alone(scene: Scene, textures: Textures):
+    only = {str(j): scene.stage.radiance * (np.arange(6) == j)[:, None] for j in range(6)}
+    picture = render_picture(
+        scene.forward, scene.state, scene.stage, textures, seed=5, samples=2, relight=only, by_light=True
+    )
+    cache = picture.relight_cache("")
+    assert cache is not None and picture.samples == cache.samples == 2
+    brightest = picture.color.max()
+    for name, radiance in ({"": scene.stage.radiance} | only).items():
+        traced = picture.relit[name] if name else picture.color
+        worst = np.abs(cache.relight(radiance) - traced).max() / brightest
+        print(f"light {name or 'all'}: off by {worst:.1e} of the brightest, half floats allow 5e-4")
+        assert worst < 5e-4
+    seen = np.flatnonzero(picture.coverage > 0)
+    np.testing.assert_array_equal(cache.pixels, seen)
+    np.testing.assert_allclose(cache.coverage, picture.coverage.ravel()[seen])
+
+
+def test_images_by_light_of_a_head_outside_the_picture(scene: Scene, textures: Textures):
+    away = replace(scene.state, translation=scene.state.translation + 5.0 * np.eye(3)[0])
+    cache = render_picture(scene.forward, away, scene.stage, textures, by_light=True).relight_cache("")
+    assert cache is not None and not len(cache.pixels) and len(cache) == 6
+    assert not cache.relight(scene.stage.radiance).any()
+
+
+def test_large_photos_are_relit_smaller():
+    assert relight_scale(512 * 512, 20) == 1 and relight_scale(0, 20) == 1
+    factor = relight_scale(3000 * 4000, 20)
+    assert 3 * 20 * 3000 * 4000 * factor**2 == pytest.approx(NUMBERS_MAX)
 
 
 def test_selected_lights_keep_their_rows():

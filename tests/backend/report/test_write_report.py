@@ -96,7 +96,7 @@ def test_hostile_names_do_not_become_markup(tmp_path: Path) -> None:
 def test_each_status_is_named(tmp_path: Path, status: str) -> None:
     data = report_data()
     page = write(tmp_path, replace(data, result=replace(data.result, status=status)))
-    name = {"converged": "Converged", "budget_spent": "Time budget spent", "stopped": "Stopped early"}[status]
+    name = {"converged": "Converged", "budget_spent": "Time budget spent", "stopped": "Stopped with advice"}[status]
     assert page.text.count(name) == 1
 
 

@@ -1,0 +1,159 @@
+"""A fitted face under each light alone, so that any other radiance of the same lights is one small product."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.result import Result
+from facestage.contract.storage import finite, read_arrays, write_arrays
+
+RELIGHT_CACHE = "relight.npz"
+# Raise it when the forward model changes, so that no cache of the former one is used.
+VERSION = 1
+TEXTURES = ("albedo.exr", "specular.exr")
+ARRAYS = ("size", "pixels", "coverage", "images", "scale", "samples", "fingerprint")
+
+
+@dataclass(frozen=True)
+class RelightCache:
+    """One image for each of the N lights of a result's stage, off ones too, of the P pixels that see the head.
+
+    The image is linear in the lights (Dib et al. 2019, eq. 4 for a fixed scene): a pixel's color is
+    sum_j radiance_j * images_j. Albedo and c_spec are already in it, averaged over the pixel together with the
+    irradiance, so that edges are as anti-aliased as in a picture that is traced.
+    """
+
+    width: int  # of the whole picture, pixels
+    height: int
+    pixels: np.ndarray  # (P,) int32, row * width + column, ascending
+    coverage: np.ndarray  # (P,) float32, share of the pixel that the head covers
+    images: np.ndarray  # (3, N, P) float32 linear RGB, each light at the radiance 1 / its scale
+    scale: np.ndarray  # (N,) float32, the brightest value of each light's image at radiance 1
+    samples: int  # shadow rays per light and sub-pixel
+    fingerprint: str  # of the result that it was made from, see :func:`relight_fingerprint`
+
+    @classmethod
+    def of_images(
+        cls, width: int, height: int, pixels: np.ndarray, coverage: np.ndarray, images: np.ndarray, samples: int,
+        fingerprint: str,
+    ) -> RelightCache:  # fmt: skip
+        """The cache of ``images`` (3, N, P) at radiance 1; rounds them as the file does (half floats).
+
+        Half floats have 11 bits from 6e-5 up; each light is scaled to 1, so that a small or distant light keeps them.
+        """
+        peak = images.max(axis=(0, 2), initial=0.0).astype(np.float32)
+        scale = np.where(peak > 0, peak, np.float32(1))
+        rounded = np.empty(images.shape, np.float32)
+        for channel in range(3):  # one at a time: a large photo's images are hundreds of megabytes
+            rounded[channel] = (images[channel] / scale[:, None]).astype(np.float16)
+        return cls(
+            width, height, pixels.astype(np.int32), coverage.astype(np.float32), rounded, scale, samples, fingerprint
+        )
+
+    def __len__(self) -> int:
+        """Number of lights."""
+        return self.images.shape[1]
+
+    def colors(self, radiance: np.ndarray) -> np.ndarray:
+        """(P, 3) float32 linear RGB of :attr:`pixels` under the lights' ``radiance`` (N, 3).
+
+        Raises InputError for another number of lights, or radiance that is negative or not finite.
+        """
+        radiance = np.asarray(radiance, np.float64)
+        if radiance.shape != (len(self), 3) or not np.isfinite(radiance).all() or (radiance < 0).any():
+            raise InputError(
+                f"The radiance to relight with has shape {radiance.shape}; expected ({len(self)}, 3) finite numbers "
+                "of 0 or more, one row per light of the stage."
+            )
+        weights = (radiance * self.scale[:, None]).astype(np.float32)
+        result = np.empty((len(self.pixels), 3), np.float32)
+        for channel in range(3):
+            # Not BLAS: it is bound by memory either way, and BLAS waits for its threads where others keep them busy.
+            result[:, channel] = np.einsum("j,jp->p", weights[:, channel], self.images[channel])
+        return result
+
+    def relight(self, radiance: np.ndarray) -> np.ndarray:
+        """(height, width, 3) float32 linear RGB under ``radiance`` (N, 3), 0 where the head is not; see :meth:`colors`.
+
+        The same as tracing the result again with the same samples, to a relative 5e-4 (half floats).
+        """
+        picture = np.zeros((self.height * self.width, 3), np.float32)
+        picture[self.pixels] = self.colors(radiance)
+        return picture.reshape(self.height, self.width, 3)
+
+    def save(self, folder: Path) -> None:
+        """Write the cache into a result folder, whole or not at all; 6 bytes per light and pixel of the head."""
+        arrays = {
+            "size": np.array([self.width, self.height], np.int32), "pixels": self.pixels,
+            "coverage": self.coverage.astype(np.float16), "images": self.images.astype(np.float16),
+            "scale": self.scale, "samples": np.array(self.samples), "fingerprint": np.array(self.fingerprint),
+        }  # fmt: skip
+        write_arrays(Path(folder) / RELIGHT_CACHE, arrays, compress=False)
+
+    @classmethod
+    def load(cls, result: Result) -> RelightCache:
+        """The cache in the folder of ``result``. Raises InputError when there is none, or it is damaged or stale."""
+        assert result.folder is not None
+        path = result.folder / RELIGHT_CACHE
+        remedy = f"make it with Prepare Relight, or with: facestage render {result.folder} --cache"
+        if not path.is_file():
+            raise InputError(f"The result '{result.folder}' has no relight cache; {remedy}.")
+        arrays = read_arrays(path, "relight cache")
+        if set(arrays) != set(ARRAYS) or str(arrays["fingerprint"]) != relight_fingerprint(result):
+            raise InputError(f"The relight cache '{path}' belongs to another state of the result; {remedy}.")
+        try:
+            width, height = (int(side) for side in arrays["size"])
+            cache = cls(
+                width, height, arrays["pixels"], arrays["coverage"].astype(np.float32),
+                arrays["images"].astype(np.float32), arrays["scale"].astype(np.float32), int(arrays["samples"]),
+                str(arrays["fingerprint"]),
+            )  # fmt: skip
+            cache._check(len(result.stage))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"The relight cache '{path}' is damaged ({error}); {remedy}.") from error
+        return cache
+
+    def _check(self, lights: int) -> None:
+        """Raise ValueError where the arrays do not belong together."""
+        count = len(self.pixels)
+        shapes = {"pixels": (count,), "coverage": (count,), "images": (3, lights, count), "scale": (lights,)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected {shape}")
+        if self.pixels.dtype != np.int32 or self.width < 1 or self.height < 1:
+            raise ValueError("the pixels are no places in a picture")
+        if count and not 0 <= self.pixels.min() <= self.pixels.max() < self.width * self.height:
+            raise ValueError("a pixel lies outside the picture")
+        if not (np.isfinite(self.scale).all() and np.isfinite(self.images.sum(dtype=np.float64))):
+            raise ValueError("an image holds NaN or infinity")
+
+
+def relight_fingerprint(result: Result) -> str:
+    """Changes with everything that the one-light images depend on, except the samples; not with the radiance.
+
+    Shape and pose, camera, the lights' places and sizes, roughness, seed, and the texture files of the folder.
+    """
+    assert result.folder is not None
+    stage = result.stage
+    digest = hashlib.sha256(f"relight {VERSION}\n".encode())
+    digest.update(json.dumps(finite([result.model, result.camera.to_json(), result.seed]), sort_keys=True).encode())
+    numbers = (
+        result.camera_to_stage, result.model_to_camera, result.identity, result.expression, result.vertices,
+        result.triangles, stage.position, stage.direction, stage.axis_x, stage.side, result.roughness,
+    )  # fmt: skip
+    for array in numbers:
+        values = np.ascontiguousarray(array, np.float64)
+        digest.update(f"{values.shape}".encode() + values.tobytes())
+    for name in TEXTURES:
+        try:
+            content = (result.folder / name).read_bytes()
+        except OSError as error:
+            raise InputError(f"The result's '{result.folder / name}' cannot be read; run the fit again.") from error
+        digest.update(f"{len(content)}\n".encode() + content)
+    return digest.hexdigest()

@@ -1,0 +1,55 @@
+"""How well each vertex is known: the joint covariance of the shape coefficients, carried through the basis."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+
+from facestage.contract.face_model import FaceModel
+
+ROWS_AT_ONCE = 8192
+
+
+def similarity_motions(vertices: np.ndarray) -> np.ndarray:
+    """(n, 3, 7) motion of ``vertices`` (n, 3) by a unit of each translation, rotation and of relative size."""
+    motions = np.zeros((len(vertices), 3, 7))
+    motions[:, :, :3] = np.eye(3)
+    motions[:, :, 3:6] = np.moveaxis(np.cross(np.eye(3)[:, None], vertices[None]), 0, 2)
+    motions[:, :, 6] = vertices
+    return motions
+
+
+def _basis(model: FaceModel, chosen: np.ndarray) -> np.ndarray:
+    """(c, 3, k + e) of the ``chosen`` vertices."""
+    bases = [model.identity_basis[:, chosen], model.expression_basis[:, chosen]]
+    return np.moveaxis(np.concatenate(bases).astype(np.float64), 0, 2)
+
+
+def vertex_deviation(
+    model: FaceModel, vertices: np.ndarray, rotation: np.ndarray, covariance: np.ndarray, region: np.ndarray
+) -> np.ndarray:
+    """(n, 3) float32 standard deviation in mm of every vertex along the camera's axes, similarity-aligned.
+
+    The square roots of the diagonal of J C J^T with C the ``covariance`` (k + e, k + e) of identity and expression. J
+    is the basis less what the best similarity transform over the vertices in ``region`` takes out, so pose and size
+    drop out, as in errors after alignment; so does a coefficient that nothing holds (infinite: it moves nothing).
+    ``vertices`` (n, 3) m, model frame; ``rotation`` (3, 3) to the camera. The length of a row is a vertex's root mean
+    square distance from the truth, if the model is right.
+    """
+    covariance = np.where(np.isfinite(covariance), covariance, 0.0)
+    values, vectors = eigh(covariance) if len(covariance) else (np.zeros(0), np.zeros((0, 0)))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = root[:, values > 1e-9 * max(float(values.max(initial=0.0)), 1e-30)]
+    if not root.shape[1]:
+        return np.zeros((len(vertices), 3), np.float32)
+    centred = vertices - vertices[region].mean(axis=0)
+    motions = similarity_motions(centred[region]).reshape(-1, 7)
+    inside = _basis(model, region).reshape(len(motions), -1) @ root
+    taken, *_ = np.linalg.lstsq(motions, inside, rcond=None)
+    result = np.zeros((len(vertices), 3), np.float32)
+    for start in range(0, len(vertices), ROWS_AT_ONCE):
+        chosen = np.arange(start, min(start + ROWS_AT_ONCE, len(vertices)))
+        moved = _basis(model, chosen) @ root - similarity_motions(centred[chosen]) @ taken
+        moved = np.einsum("xy,nyk->nxk", rotation, moved, optimize=True)
+        result[chosen] = 1e3 * np.sqrt((moved**2).sum(axis=2))
+    return result

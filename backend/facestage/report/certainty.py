@@ -1,0 +1,100 @@
+"""Each vertex's standard deviation as colors on the fitted face: as in the photo, and from the side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from facestage.report.figure import DARK, Canvas, nice_limit
+from facestage.report.report_data import ReportData
+
+CERTAINTY, DEVIATION = "certainty.png", "vertex_deviation_mm"
+PANEL, MARGIN, GAP = 400, 20, 14
+# Perceptually uniform, and readable without color vision.
+COLOR_MAP = "viridis"
+# The color bar ends where nearly all of the face lies below; the neck and the back of the head are beyond.
+LIMIT_PERCENTILE, LEAST_LIMIT_MM = 97, 0.1
+# Brightness of a polygon that is seen edge-on: enough shading to see the shape, too little to change a color.
+EDGE_BRIGHTNESS = 0.6
+BORDER = 0.12  # around the face, as a share of its longer side
+
+
+def draw_certainty(path: Path, data: ReportData) -> None:
+    """Three panels: total deviation as in the photo and from the side, and the camera's axis alone from the side.
+
+    The side is the one that the photo shows more of; orthographic. Needs the result's array DEVIATION (n, 3) in mm
+    along the camera's axes.
+    """
+    result = data.result
+    deviation = np.nan_to_num(result.arrays[DEVIATION], posinf=0.0)
+    triangles = result.triangles if data.surface is None else data.surface
+    total, depth = np.linalg.norm(deviation, axis=1), deviation[:, 2]
+    front = np.eye(3)
+    side = _side_view(result.model_to_camera[:3, :3])
+    face = np.arange(len(total)) if data.face is None else data.face
+    values = total[face]
+    limit = nice_limit(float(np.percentile(values, LIMIT_PERCENTILE)) if values.size else 0.0, LEAST_LIMIT_MM)
+    panels = (
+        ("As in the photo", front, total), ("From the side", side, total), ("From the side, depth alone", side, depth)
+    )  # fmt: skip
+    canvas = Canvas(2 * MARGIN + 3 * PANEL + 2 * GAP, 44 + PANEL + 70, DARK)
+    for number, (title, view, colors) in enumerate(panels):
+        left = MARGIN + number * (PANEL + GAP)
+        canvas.text(left, 28, title, 12, weight="bold")
+        artist = _draw(canvas, left, 44, view, result.vertices, triangles, face, colors, limit)
+    bar = canvas.color_bar(MARGIN, 44 + PANEL + 16, 3 * PANEL + 2 * GAP, 10, artist, [0, limit / 2, limit])
+    labels = bar.ax.get_xticklabels()
+    labels[0].set_ha("left")
+    labels[-1].set_ha("right")
+    middle = MARGIN + 1.5 * PANEL + GAP
+    canvas.text(middle, 44 + PANEL + 60, "one standard deviation, mm", 9.5, DARK.muted, ha="center")
+    canvas.save(path)
+
+
+def _side_view(rotation: np.ndarray) -> np.ndarray:
+    """(3, 3) from the camera frame to a view along the head's ear-to-ear axis, from the side that the photo shows."""
+    right = 1.0 if rotation[2, 0] >= 0 else -1.0  # the head's own +X turned towards the camera
+    axis, up = right * rotation[:, 0], rotation[:, 1]
+    return np.stack([np.cross(up, axis), up, axis])
+
+
+def _facing(vertices: np.ndarray, triangles: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the triangles that face the viewer, far ones first, and the cosine of each."""
+    corners = (vertices.astype(np.float64) @ view.T)[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    cosine = normal[:, 2] / np.maximum(length, 1e-20)
+    seen = np.flatnonzero((cosine > 0) & np.isfinite(corners).all(axis=(1, 2)))
+    order = seen[np.argsort(corners[seen, :, 2].mean(axis=1), kind="stable")]
+    return order, cosine[order]
+
+
+def _draw(
+    canvas: Canvas, left: float, top: float, view: np.ndarray, vertices: np.ndarray, triangles: np.ndarray,
+    face: np.ndarray, values: np.ndarray, limit: float,
+) -> object:  # fmt: skip
+    """Paint the triangles back to front; returns what a color bar is made of."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
+
+    scale = ScalarMappable(Normalize(0.0, limit), colormaps[COLOR_MAP])
+    order, cosine = _facing(vertices, triangles, view)
+    axes = canvas.axes(left, top, PANEL, PANEL)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    if len(order) and len(face):
+        points = (vertices @ view.T)[:, :2]
+        corners = points[triangles[order]]
+        colors = scale.to_rgba(values[triangles[order]].mean(axis=1))
+        colors[:, :3] *= (EDGE_BRIGHTNESS + (1 - EDGE_BRIGHTNESS) * cosine)[:, None]
+        # Edges of the same color close the hairlines between polygons.
+        axes.add_collection(PolyCollection(corners, facecolors=colors, edgecolors=colors, linewidths=0.3))
+        shown = points[face][np.isfinite(points[face]).all(axis=1)]
+        low, high = shown.min(axis=0), shown.max(axis=0)
+        middle, half = (low + high) / 2, (0.5 + BORDER) * float((high - low).max())
+        axes.set_xlim(middle[0] - half, middle[0] + half)
+        axes.set_ylim(middle[1] - half, middle[1] + half)
+    return scale
