@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 from facestage_blender.backend import find_backend
 from facestage_blender.frames import LIGHT_DIRECTIONS
 
@@ -51,7 +52,10 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
     result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")
-    result.add_argument("--budget", type=_positive, help="seconds that the fit may take")
+    result.add_argument(
+        "--budget", type=_budget, default=(None, GOOD), metavar="SECONDS|NAME",
+        help=f"seconds that the fit may take, or {', '.join(QUALITIES)}",
+    )  # fmt: skip
     result.add_argument("--seed", type=int, default=0)
     result.add_argument("--device", choices=DEVICES, default="auto")
     result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
@@ -98,8 +102,8 @@ def run(options: argparse.Namespace, backend: list[str]) -> None:
         image=options.image.resolve(), out=out,
         landmarks=_resolved(options.landmarks), camera=_resolved(options.camera), focal_px=options.focal_px,
         model=options.model, lights=options.lights, light_color=options.light_color,
-        freeze=tuple(options.freeze), budget=options.budget, seed=options.seed, device=options.device,
-        truth=_resolved(options.truth), resume=options.resume,
+        freeze=tuple(options.freeze), budget=options.budget[0], quality=options.budget[1],
+        seed=options.seed, device=options.device, truth=_resolved(options.truth), resume=options.resume,
     )  # fmt: skip
     scene = pipeline.empty_scene()
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
@@ -149,6 +153,13 @@ def _positive(text: str) -> float:
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a number greater than 0, found '{text}'")
     return value
+
+
+def _budget(text: str) -> tuple[float | None, str]:
+    try:
+        return parse_budget(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _weight(text: str) -> tuple[str, float]:

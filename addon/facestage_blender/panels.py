@@ -162,6 +162,7 @@ class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.facestage
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "start_from_rig")
+        layout.prop(settings, "quality")
         layout.prop(settings, "budget")
         layout.prop(settings, "device")
         layout.prop(settings, "seed")

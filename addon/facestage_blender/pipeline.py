@@ -20,6 +20,7 @@ from facestage.contract.errors import (
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.quality import GOOD
 from facestage.contract.result import Result
 
 from . import process
@@ -49,6 +50,7 @@ class Order:
     light_color: str = "multi"
     freeze: tuple[str, ...] = ()
     budget: float | None = None
+    quality: str = GOOD
     seed: int = 0
     device: str = "auto"
     truth: Path | None = None
@@ -103,7 +105,7 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
     settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
     settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
-    settings.device, settings.output = order.device, str(order.out)
+    settings.device, settings.output, settings.quality = order.device, str(order.out), order.quality
     build_rig(scene, model, order.model, build_stage(scene, stage))
     view = ensure_camera(scene, facestage_collection(scene))
     if camera is not None:

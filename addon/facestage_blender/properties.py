@@ -13,6 +13,7 @@ from bpy.props import (
 
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
 from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
+from facestage.contract.quality import GOOD, QUALITIES, describe
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
 PARAMETER_HELP = {
@@ -140,6 +141,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     weight_prior: FloatProperty(name="Prior", description="Pull towards the mean face", default=1, min=0, soft_max=10)
     weight_light: FloatProperty(name="Light", description="Pull towards white light", default=1, min=0, soft_max=10)
+    quality: EnumProperty(
+        name="Quality",
+        description="How far the fit goes",
+        items=[(name, name.capitalize(), f"{describe(name).capitalize()}") for name in QUALITIES],
+        default=GOOD,
+    )
     budget: FloatProperty(
         name="Budget", description="Time for the fit; 0 is no limit", default=0, min=0, unit="TIME_ABSOLUTE"
     )

@@ -52,6 +52,7 @@ def read_job(scene: bpy.types.Scene) -> Job:
         ),
         initial=_initial(scene, frozen, camera_to_stage),
         budget_seconds=settings.budget or None,
+        quality=settings.quality,
         seed=settings.seed,
         device=settings.device,
     )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from facestage import __version__
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.quality import GOOD, QUALITIES, describe, parse_budget
 
 if TYPE_CHECKING:
     from facestage.contract.job import Job
@@ -110,8 +111,10 @@ def _add_fit(commands: Any) -> None:
         help="do not fit: identity, expression, pose, albedo, ...",
     )  # fmt: skip
     fit.add_argument(
-        "--budget", type=float, metavar="SECONDS", help="wall-clock limit from the first step on, pictures included"
-    )
+        "--budget", metavar="SECONDS|NAME",
+        help="seconds from the first step on, pictures included; or a quality: "
+        + "; ".join(f"{name} ({describe(name)})" for name in QUALITIES) + f" (default: {GOOD}, as long as it takes)",
+    )  # fmt: skip
     fit.add_argument("--seed", type=int, metavar="N", help="seed of the light samples (default 0)")
     fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
     fit.add_argument(
@@ -198,6 +201,10 @@ def _add_bench(commands: Any) -> None:
         help="instead: fit three scenes with and without what the plan leaves out, and print what it saves",
     )  # fmt: skip
     bench.add_argument("--quick", action="store_true", help="one case, three contenders, one to two minutes")
+    bench.add_argument(
+        "--alone", action="store_true",
+        help="fit the cases by Facestage alone, and say whether one ended worse than its own landmark stage",
+    )  # fmt: skip
     bench.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)")
     bench.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays")
     bench.set_defaults(run=_run_bench)
@@ -254,7 +261,8 @@ def _override(job: Job, options: argparse.Namespace) -> Job:
     from dataclasses import replace
 
     if options.budget is not None:
-        job = replace(job, budget_seconds=options.budget)
+        seconds, quality = parse_budget(options.budget)
+        job = replace(job, budget_seconds=seconds, quality=quality)
     if options.truth is not None:
         job = replace(job, truth=options.truth.absolute())
     if options.plan is not None:
@@ -338,7 +346,8 @@ def _run_bench(options: argparse.Namespace) -> int:
     from facestage.bench.run import run_bench
 
     return run_bench(
-        options.case, options.model, options.out, options.quick, sys.stdout, options.device, options.seed
+        options.case, options.model, options.out, options.quick, sys.stdout, options.device, options.seed,
+        options.alone,
     )  # fmt: skip
 
 

@@ -69,11 +69,14 @@ def build_page(bench: Bench, pictures: Sequence[tuple[Path, str]]) -> str:
         for path, caption in pictures
     )
     about = "".join(f"<p>{escape(sentence)}</p>" for sentence in bench.about)
-    final_head = ("Case", "Contender", "Seconds", "Similarity, mm", "Rigid, mm", "dB", "dB with detail", "Albedo",
-                  "Light")  # fmt: skip
+    final_head = (
+        "Case", "Contender", "Seconds", "Start, mm", "Similarity, mm", "Rigid, mm", "dB", "dB with detail", "Albedo",
+        "Light",
+    )  # fmt: skip
     final_rows = [
         (
-            item.case, item.contender, f"{item.seconds:.1f}", f"{item.similarity_mm:.2f}", f"{item.rigid_mm:.2f}",
+            item.case, item.contender, f"{item.seconds:.1f}", _fixed(item.start_mm, 2), f"{item.similarity_mm:.2f}",
+            f"{item.rigid_mm:.2f}",
             *(_fixed(value, digits) for value, digits in
               ((item.psnr, 1), (item.detail_psnr, 1), (item.albedo, 3), (item.light, 3))),
         )

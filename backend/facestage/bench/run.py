@@ -16,8 +16,19 @@ from facestage.bench.cases import Case, find_cases
 from facestage.bench.harmonics import run_harmonics
 from facestage.bench.relighting import bench_relighting
 from facestage.bench.report import PAGE, Bench, text_lines, write_bench
-from facestage.bench.settings import HARMONICS, MAIN, QUICK, SWEEP, AdamSettings, Contender, SolverSettings
+from facestage.bench.settings import (
+    DEFAULT,
+    HARMONICS,
+    MAIN,
+    QUALITY,
+    QUICK,
+    SWEEP,
+    AdamSettings,
+    Contender,
+    SolverSettings,
+)  # fmt: skip
 from facestage.bench.solver import run_solver
+from facestage.bench.summary import summary_lines, write_qualities
 from facestage.bench.table import Final, final, reach_table
 from facestage.bench.trace import Judge, Row, Track
 from facestage.contract.errors import InputError
@@ -31,12 +42,16 @@ WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every 
 
 def run_bench(
     folders: Sequence[Path], model: str | None, out: Path, quick: bool, stream: TextIO, device: str = "auto",
-    seed: int = 0,
+    seed: int = 0, alone: bool = False,
 ) -> int:  # fmt: skip
-    """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything is measured."""
+    """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything is measured.
+
+    ``alone``: the fit by itself, nothing to compare it with.
+    """
     _make_folder(out)
     variant = start_renderer(device)
-    contenders, sweep = (QUICK, ()) if quick else (MAIN, SWEEP)
+    contenders, sweep = (QUICK, ()) if quick else ((DEFAULT,), ()) if alone else (MAIN, SWEEP)
+    qualities = () if quick or alone else QUALITY
     main = tuple(contender.name for contender in contenders)
     rows: list[Row] = []
     finals: list[Final] = []
@@ -49,7 +64,7 @@ def run_bench(
             if number == 0:
                 warm_up(problem, truth, contenders)
                 cold = f"Model, photo and kernels were ready after {time.monotonic() - read:.1f} s, not counted below."
-            for contender in (*contenders, *(sweep if number == 0 else ())):
+            for contender in (*contenders, *qualities, *(sweep if number == 0 else ())):
                 if isinstance(contender, AdamSettings) and contender.name in main:
                     # On a slow machine, at least as long as the fit took.
                     contender = replace(contender, budget=max(contender.budget, finals[-1].seconds))
@@ -62,8 +77,11 @@ def run_bench(
                 last = finals[-1]
                 _say(stream, f"{case.name}: {last.contender}: {last.similarity_mm:.2f} mm after {last.seconds:.1f} s")
     machine = f"{platform.machine()}, {os.cpu_count()} CPU cores, Mitsuba variant {variant}."
-    bench = Bench(rows, finals, reach_table(rows, main), main, (sentence, machine, cold, *relighting))
+    bench = Bench(
+        rows, finals, reach_table(rows, main), main, (*summary_lines(finals), sentence, machine, cold, *relighting)
+    )
     write_bench(out, bench)
+    write_qualities(out, finals, machine)
     _say(stream, "")
     for line in text_lines(bench):
         _say(stream, line)

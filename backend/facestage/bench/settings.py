@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from facestage.contract.quality import BEST, DRAFT, GOOD
+
 OURS, ADAM, HARMONICS = "ours", "adam", "harmonics"
 FAMILIES = {
     OURS: "Facestage: ray-traced, Gauss-Newton",
@@ -21,6 +23,7 @@ class SolverSettings:
     resolution: float = 1.0  # of the pixels along a side, every photo phase
     samples: float = 1.0  # of the light samples
     budget: float | None = None  # seconds
+    quality: str = GOOD
     shadow_edges: bool | None = None  # whether the derivatives know how cast shadows move; None: as a fit does
 
 
@@ -53,6 +56,8 @@ class AdamSettings:
 
 Contender = SolverSettings | AdamSettings
 DEFAULT = SolverSettings("Facestage")
+# On every case: what the quality names of a budget buy.
+QUALITY: tuple[SolverSettings, ...] = (SolverSettings(DRAFT, quality=DRAFT), SolverSettings(BEST, quality=BEST))
 BASELINE = AdamSettings("Adam", budget=90.0)
 HARMONIC = SolverSettings("Harmonics", HARMONICS)
 # What a default run compares on every case.

@@ -27,14 +27,15 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
     forward = ForwardModel(problem.geometry, problem.lights)
-    schedule = default_schedule(problem).scaled(settings.resolution, settings.samples)
+    schedule = default_schedule(replace(problem.job, quality=settings.quality))
+    schedule = schedule.scaled(settings.resolution, settings.samples)
     if settings.shadow_edges is not None:
         schedule = schedule.with_shadow_edges(settings.shadow_edges)
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget
         fitted = run.run(time.monotonic() + budget)
-    track = Track(snapshots, forward, fitted.stage)
+    track = Track(snapshots, forward, fitted.stage, run.placed_stage)
     return finished_track(track, problem, truth, fitted) if detail else track
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from facestage.bench.settings import ADAM, HARMONICS, OURS
 from facestage.bench.trace import DETAIL, Row
 
+LANDMARKS = "landmarks"  # the stage where every contender starts
 # Errors people ask for: mm after similarity alignment (lower is better), dB in the photo (higher is better).
 MILLIMETRES = (3.0, 2.5, 2.0, 1.75, 1.5, 1.3, 1.2, 1.1, 1.0)
 DECIBELS = (20.0, 22.0, 23.0, 24.0, 25.0, 26.0, 27.0, 28.0, 29.0, 30.0, 31.0, 32.0, 34.0, 36.0, 38.0, 40.0)
@@ -123,6 +124,8 @@ class Final:
     detail_psnr: float | None
     albedo: float | None
     light: float | None
+    start_mm: float | None = None  # where its landmark stage ended
+    total_seconds: float = 0.0  # with the albedo detail
 
 
 def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
@@ -130,9 +133,11 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
     fitted = [row for row in rows if row.stage != DETAIL]
     detail = [row for row in rows if row.stage == DETAIL]
     last = fitted[-1]
+    start = [row for row in rows if row.stage == LANDMARKS]
     return Final(
         last.case, last.family, last.contender, last.seconds, last.similarity_mm, last.rigid_mm, last.psnr,
         detail[-1].psnr if detail else None, errors.get("albedo"), errors.get("light"),
+        start[-1].similarity_mm if start else None, (detail or fitted)[-1].seconds,
     )  # fmt: skip
 
 
@@ -140,13 +145,13 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
     """Where each contender ended, as text."""
     width = max([len(item.contender) for item in finals] + [9]) + 2
     head = (
-        f"{'case':12}{'contender':{width}}{'seconds':>8}{'sim. mm':>9}{'rigid mm':>10}{'dB':>7}{'dB detail':>11}"
-        f"{'albedo':>8}{'light':>7}"
+        f"{'case':20}{'contender':{width}}{'seconds':>8}{'start mm':>10}{'sim. mm':>9}{'rigid mm':>10}{'dB':>7}"
+        f"{'dB detail':>11}{'albedo':>8}{'light':>7}"
     )
     lines = [head, "-" * len(head)]
     lines += [
-        f"{item.case[:11]:12}{item.contender:{width}}{item.seconds:>8.1f}{item.similarity_mm:>9.2f}"
-        f"{item.rigid_mm:>10.2f}{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}"
+        f"{item.case[:19]:20}{item.contender:{width}}{item.seconds:>8.1f}{_fixed(item.start_mm, 2):>10}"
+        f"{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}"
         f"{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
         for item in finals
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,6 +38,7 @@ class Track:
     snapshots: list[Snapshot]
     forward: ForwardModel  # what its lights mean
     stage: LightStage  # camera frame
+    placed: Callable[[State], LightStage] | None = None  # where a state has its lights, if not all have them there
     errors: dict[str, float] = field(default_factory=dict)  # of the finished result: "albedo", "light"
     picture: np.ndarray | None = None  # (h, w, 3) the finished render at the photo's size, albedo detail included
     picture_seconds: float = 0.0  # when its textures were done
@@ -105,7 +107,8 @@ class Judge:
         scaled = State(**{**vars(state), "camera": state.camera.scaled(self._factor)})
         y, x = np.nonzero(self.mask)
         surface = track.forward.surface(scaled, np.stack([x, y], axis=1) + 0.5)
-        terms = track.forward.light_terms(scaled, surface, track.stage, JUDGE_SAMPLES, seed=1)
+        stage = track.stage if track.placed is None else track.placed(state)
+        terms = track.forward.light_terms(scaled, surface, stage, JUDGE_SAMPLES, seed=1)
         color = np.zeros_like(self._photo.color)
         column, row = surface.pixels.astype(int).T
         color[row, column] = track.forward.shade(scaled, surface, terms).color

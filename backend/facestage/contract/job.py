@@ -14,6 +14,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.quality import GOOD, QUALITIES
 from facestage.contract.storage import atomic_folder, read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
@@ -65,6 +66,7 @@ class Job:
     device: str = "auto"
     truth: Path | None = None
     plan: str = LEAN
+    quality: str = GOOD
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -73,6 +75,8 @@ class Job:
             raise InputError(f"device is '{self.device}'; expected one of {', '.join(DEVICES)}.")
         if self.plan not in PLANS:
             raise InputError(f"The plan is '{self.plan}'; expected one of {', '.join(PLANS)}.")
+        if self.quality not in QUALITIES:
+            raise InputError(f"The quality is '{self.quality}'; expected one of {', '.join(QUALITIES)}.")
         unknown = sorted(set(self.freeze) - set(PARAMETERS))
         if unknown:
             raise InputError(f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}.")
@@ -99,7 +103,7 @@ class Job:
             "camera": self.camera.to_json() if self.camera else None,
             "light_color": self.light_color, "freeze": list(self.freeze), "weights": vars(self.weights),
             "budget_seconds": self.budget_seconds, "seed": self.seed, "device": self.device,
-            "truth": str(self.truth) if self.truth else None, "plan": self.plan,
+            "truth": str(self.truth) if self.truth else None, "plan": self.plan, "quality": self.quality,
         }  # fmt: skip
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -142,6 +146,7 @@ class Job:
                 device=str(data.get("device", "auto")),
                 truth=Path(data["truth"]) if data.get("truth") else None,
                 plan=str(data.get("plan", LEAN)),
+                quality=str(data.get("quality", GOOD)),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"The job file '{folder / 'job.json'}' has a missing or wrong value ({error}).") from error

@@ -124,6 +124,7 @@ class Problem:
             "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
             "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
             "model": self.job.model, "fit_focal": self.fit_focal, "plan": self.job.plan,
+            "quality": self.job.quality,
         }  # fmt: skip
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()

@@ -27,6 +27,7 @@ def read(path: Path) -> list[dict[str, str]]:
 @pytest.mark.slow
 def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(bench_run, "MAIN", TINY)
+    monkeypatch.setattr(bench_run, "QUALITY", ())
     monkeypatch.setattr(bench_run, "SWEEP", (type(TINY[0])("budget 0.1 s", resolution=0.4, budget=0.1),))
     monkeypatch.setattr(bench_run, "warm_up", lambda *_: None)
     stream = io.StringIO()

@@ -306,9 +306,9 @@ def test_shadows_tell_shape_only_of_lamps_that_someone_placed(case: Case):
     for stage in (placed, one_placed):
         known = replace(job, stage=stage, camera_to_stage=np.eye(4))
         assert lamps_known(known)
-        phases = default_schedule(read_problem(known)).phases
+        phases = default_schedule(known).phases
         assert [phase.name for phase in phases if phase.shadow_edges] == ["geometry", "joint"]
-    assert default_schedule(read_problem(job)) == Schedule()
+    assert default_schedule(job) == Schedule()
 
 
 def test_only_lights_that_cast_are_looked_at(penumbra: SoftShadow):
