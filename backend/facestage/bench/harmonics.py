@@ -57,7 +57,7 @@ class HarmonicForward(ForwardModel):
 
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
-        traced: np.ndarray | None = None,
+        traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> LightTerms:  # fmt: skip
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)
@@ -87,7 +87,8 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
             factor = problem.scale(phase.face_px)
             if not state.lights.any():
                 state = _initial_harmonics(run, run.solver_stage(replace(phase, blocks=blocks), state), state, factor)
-            stage = run.solver_stage(replace(phase, blocks=blocks), state)
+            # Harmonics throw no shadows.
+            stage = run.solver_stage(replace(phase, blocks=blocks, shadow_edges=False), state)
             if stage is None:
                 continue
             stage.low[stage.energy.layout.slices["lights"]] = -np.inf

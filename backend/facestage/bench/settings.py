@@ -24,6 +24,7 @@ class SolverSettings:
     samples: float = 1.0  # of the light samples
     budget: float | None = None  # seconds
     quality: str = GOOD
+    shadow_edges: bool | None = None  # whether the derivatives know how cast shadows move; None: as a fit does
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ SWEEP: tuple[Contender, ...] = (
     SolverSettings("1.5 times the resolution", resolution=1.5),
     SolverSettings("half the light samples", samples=0.5),
     SolverSettings("4 times the light samples", samples=4.0),
+    SolverSettings("moving shadows", shadow_edges=True),
     SolverSettings("budget 2 s", budget=2.0),
     SolverSettings("budget 5 s", budget=5.0),
     SolverSettings("budget 10 s", budget=10.0),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from facestage.bench.settings import SolverSettings
 from facestage.bench.trace import Snapshot, Track
-from facestage.fit.driver import FitRun, Fitted, Progress, Schedule
+from facestage.fit.driver import FitRun, Fitted, Progress, default_schedule
 from facestage.fit.output import finish
 from facestage.fit.problem import Problem
 from facestage.fit.shading import ForwardModel
@@ -27,7 +27,10 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
     forward = ForwardModel(problem.geometry, problem.lights)
-    schedule = Schedule.of(settings.quality).scaled(settings.resolution, settings.samples)
+    schedule = default_schedule(replace(problem.job, quality=settings.quality))
+    schedule = schedule.scaled(settings.resolution, settings.samples)
+    if settings.shadow_edges is not None:
+        schedule = schedule.with_shadow_edges(settings.shadow_edges)
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget

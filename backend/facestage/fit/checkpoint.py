@@ -33,6 +33,7 @@ class Checkpoint:
     trace: list[dict[str, Any]]
     resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
     hidden: np.ndarray | None = None  # (h, w) bool at the size of the first photo phase
+    casting: np.ndarray | None = None  # (N,) bool, lights whose shadows the phase follows as they move
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
@@ -46,8 +47,9 @@ class Checkpoint:
             "resting": self.resting, "strong": self.strong, "camera_to_stage": self.camera_to_stage,
             "meta": np.array(json.dumps(finite(meta))),
         }  # fmt: skip
-        if self.hidden is not None:
-            arrays["hidden"] = self.hidden
+        for name in ("hidden", "casting"):
+            if getattr(self, name) is not None:
+                arrays[name] = getattr(self, name)
         write_arrays(folder / FILE, arrays, compress=False)
 
     @classmethod
@@ -65,7 +67,7 @@ class Checkpoint:
             return cls(
                 meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
                 meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
-                arrays["resting"], arrays.get("hidden"),
+                arrays["resting"], arrays.get("hidden"), arrays.get("casting"),
             )  # fmt: skip
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.job import Job
 from facestage.contract.light_stage import LightStage
 from facestage.contract.quality import BEST, DRAFT
 from facestage.fit.checkpoint import Checkpoint
@@ -30,6 +31,7 @@ from facestage.fit.problem import COARSE_FACE_PX, FINE_FACE_PX, SPECULAR_SIZE, P
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.shading_doubt import shading_doubt
+from facestage.fit.shadow_edges import PENUMBRA_MIN, lamps_known
 from facestage.fit.silhouette import SilhouetteTerm
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
@@ -60,6 +62,7 @@ class Phase:
     steps: int
     samples: int = 2
     share: float = 0.1  # of the whole work, for the progress bar
+    shadow_edges: bool = False  # whether the derivatives know how cast shadows move
 
 
 SHAPE = ("pose", "focal", "identity", "expression")
@@ -106,10 +109,26 @@ class Schedule:
             return cls((*PHASES[:-1], finer))
         return cls()
 
+    def with_shadow_edges(self, on: bool) -> Schedule:
+        """Every photo phase that moves the shape with, or without, the motion of cast shadows in its derivatives."""
+        return Schedule(
+            tuple(
+                phase
+                if phase.face_px is None
+                else replace(phase, shadow_edges=on and not set(phase.blocks).isdisjoint(SHAPE))
+                for phase in self.phases
+            )
+        )
+
     def until(self, name: str) -> Schedule:
         """The phases before the one called ``name``."""
         names = [phase.name for phase in self.phases]
         return Schedule(self.phases[: names.index(name)])
+
+
+def default_schedule(job: Job) -> Schedule:
+    """The schedule of a job's quality: cast shadows move in its derivatives where the lamps' places are known."""
+    return Schedule.of(job.quality).with_shadow_edges(lamps_known(job))
 
 
 @dataclass(frozen=True)
@@ -146,6 +165,7 @@ class Fitted:
     lens: LensCheck | None  # None when the focal length was fitted
     landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
+    penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
 
 
 class FitRun:
@@ -161,10 +181,11 @@ class FitRun:
         schedule: Schedule | None = None,
     ) -> None:
         self.problem, self.forward, self.folder = problem, forward, folder
-        self.phases = (schedule or Schedule.of(problem.job.quality)).phases
+        self.phases = (schedule or default_schedule(problem.job)).phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self.light_scale = 1.0
+        self.penumbra: float | None = None
         # (h, w) bool at the size of the first photo phase, what something flat hides; None before it was looked for.
         self.hidden: np.ndarray | None = None
         self.camera_to_stage = problem.job.camera_to_stage
@@ -206,8 +227,9 @@ class FitRun:
                 state = self.with_initial_lights(stage, state)
             if number == first_phase and first_step > 1:
                 stage.damping = damping
-                if checkpoint is not None and len(checkpoint.resting) and stage.energy.photo is not None:
-                    stage.energy.photo.resting = checkpoint.resting
+                if checkpoint is not None and stage.energy.photo is not None:
+                    stage.energy.photo.resting = checkpoint.resting if len(checkpoint.resting) else None
+                    stage.energy.photo.casting = checkpoint.casting
             factor = self._factor(phase)
             scaled = replace(state, camera=state.camera.scaled(factor))
             for item in stage.run(scaled, self.problem.job.seed + number, deadline, first_step):
@@ -232,7 +254,7 @@ class FitRun:
             self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
             time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last),
             self._hidden_at(self.problem.camera.height, self.problem.camera.width), clause,
-            self._settled(), self._lens(anchor or state), statistic, self.plan.ledger,
+            self._settled(), self._lens(anchor or state), statistic, self.plan.ledger, self.penumbra,
         )  # fmt: skip
 
     def _landmark_state(self) -> State:
@@ -444,7 +466,18 @@ class FitRun:
         held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
         photo = self._photo_at(factor)
         samples = phase.samples * self.samples_factor
-        return PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
+        term = PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
+        term.casting = self._casting(phase, term, scaled)
+        return term
+
+    def _casting(self, phase: Phase, photo: PhotoTerm, scaled: State) -> np.ndarray | None:
+        """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not worth it."""
+        if not phase.shadow_edges or photo.blocks.isdisjoint(SHAPE):
+            return None
+        known = lamps_known(self.problem.job)
+        casting = np.ones_like(self.strong) if known else self.strong
+        self.penumbra = photo.penumbra_share(scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed)
+        return casting if self.penumbra >= PENUMBRA_MIN else None
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
@@ -517,9 +550,10 @@ class FitRun:
 
     def _save(self, phase: int, step: int, damping: Damping, state: State, seconds: float, stage: Stage) -> None:
         anchor = self.camera_to_stage if self.camera_to_stage is not None else np.full((4, 4), np.nan)
+        casting = None if stage.energy.photo is None else stage.energy.photo.casting
         Checkpoint(
             self.problem.fingerprint, phase, step, (damping.value, damping.growth), self.light_scale,
-            seconds, anchor, self.strong, state, self.trace, stage.resting, self.hidden,
+            seconds, anchor, self.strong, state, self.trace, stage.resting, self.hidden, casting,
         ).save(self.folder)  # fmt: skip
 
     def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:

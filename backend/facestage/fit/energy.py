@@ -20,6 +20,15 @@ from facestage.fit.photometric import SHAPE, Jacobian
 from facestage.fit.plan import Plan
 from facestage.fit.priors import Priors
 from facestage.fit.shading import ForwardModel, Image, Surface
+from facestage.fit.shadow_edges import (
+    LINES,
+    Penumbra,
+    ShadowEdges,
+    casting_lights,
+    find_penumbra,
+    refined,
+    shadow_edges,
+)
 from facestage.render.tracer import Asked, LightTerms
 
 if TYPE_CHECKING:
@@ -51,6 +60,7 @@ class Evaluation:
     base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
     stage: LightStage  # camera frame, on the lattice
     seed: int
+    penumbra: Penumbra | None = None  # found where the motion of shadows counts
 
 
 class PhotoTerm:
@@ -58,15 +68,17 @@ class PhotoTerm:
 
     def __init__(
         self, forward: ForwardModel, photo: Photo, samples: int, blocks: Collection[str] = BLOCKS,
-        plan: Plan | None = None, held: int = 0, pivot: np.ndarray | None = None,
+        plan: Plan | None = None, held: int = 0, pivot: np.ndarray | None = None, casting: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """``blocks`` of parameters are those whose derivatives will be asked for; ``held`` parameters are frozen.
 
-        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn.
+        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn. ``casting`` (N,) bool: the
+        lights whose shadows the derivatives know to move; None: no light's do.
         """
         self.pivot = np.zeros(3) if pivot is None else pivot
         self.forward, self.photo, self.samples, self.blocks = forward, photo, samples, frozenset(blocks)
         self.plan, self.held = Plan() if plan is None else plan, held
+        self.casting = casting
         # (N,) bool, lights that are left out while they are dark; set by whoever knows the gradient.
         self.resting: np.ndarray | None = None
 
@@ -102,14 +114,15 @@ class PhotoTerm:
             surface = surface.part(counted)
         placed = turned(stage, state.light_position, self.pivot)
         terms = self._light_terms(state, surface, placed, seed, everything)
+        y, x = self.index(surface)
+        terms, penumbra = self._with_penumbra(state, surface, placed, terms, weight[y, x], seed)
         image = self.forward.shade(state, surface, terms)
         residual, highlight = np.zeros((*shape, 3)), np.zeros((*shape, 1))
-        y, x = self.index(surface)
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
         highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
-        return Evaluation(state, image, residual, highlight, weight, stage, seed)
+        return Evaluation(state, image, residual, highlight, weight, stage, seed, penumbra)
 
     def _base_weight(self, surface: Surface) -> np.ndarray:
         """(h, w) 0..1: how much a pixel counts before its residual is known."""
@@ -127,22 +140,51 @@ class PhotoTerm:
         self, state: State, surface: Surface, stage: LightStage, seed: int, everything: bool
     ) -> LightTerms:
         rules, ledger = self.plan.rules, self.plan.ledger
-        asked = Asked(by_surface=True, by_roughness=True)
-        if rules.terms:
-            asked = Asked(
-                specular="specular" in self.blocks or bool(state.specular.any()),
-                by_surface=not self.blocks.isdisjoint(SHAPE), by_roughness="roughness" in self.blocks,
-            )  # fmt: skip
         traced = np.ones(len(stage), bool)
         if rules.lights and self.resting is not None and not everything:
             traced = ~self.resting
         pixels = len(surface.pixels)
         with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
-            terms = self.forward.light_terms(state, surface, stage, self.samples, seed, asked, traced)
+            terms = self.forward.light_terms(state, surface, stage, self.samples, seed, self._asked(state), traced)
             done["rays"] = terms.pairs * self.samples
         ledger.skip("lights", samples=pixels * self.samples * int((~traced).sum()))
         ledger.skip("facing", rays=(pixels * int(traced.sum()) - terms.pairs) * self.samples)
         return terms
+
+    def _asked(self, state: State) -> Asked:
+        if not self.plan.rules.terms:
+            return Asked(by_surface=True, by_roughness=True)
+        return Asked(
+            specular="specular" in self.blocks or bool(state.specular.any()),
+            by_surface=not self.blocks.isdisjoint(SHAPE), by_roughness="roughness" in self.blocks,
+        )  # fmt: skip
+
+    def _with_penumbra(
+        self, state: State, surface: Surface, stage: LightStage, terms: LightTerms, weight: np.ndarray, seed: int
+    ) -> tuple[LightTerms, Penumbra | None]:
+        """``terms`` with more samples where a casting light is partly hidden, and where that is."""
+        ledger = self.plan.ledger
+        if self.blocks.isdisjoint(SHAPE):
+            return terms, None
+        still = casting_lights(stage, self.forward.lights.radiance(state.lights))
+        if self.casting is not None:
+            still &= ~self.casting
+        ledger.skip("shadows", lines=2 * LINES * len(weight) * int(still.sum()))
+        if self.casting is None:
+            return terms, None
+        with ledger.timed() as done:
+            penumbra = find_penumbra(self.forward, state, surface, stage, weight, self.casting, seed)
+            done["lines"] = penumbra.lines
+            asked = self._asked(state)
+            terms = refined(self.forward, state, surface, stage, terms, penumbra, self.samples, seed, asked)
+        return terms, penumbra
+
+    def penumbra_share(self, state: State, stage: LightStage, casting: np.ndarray, seed: int) -> float:
+        """Share of the light on the compared pixels, unshadowed, that comes from partly hidden ``casting`` lights."""
+        surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
+        weight = self._base_weight(surface)[self.index(surface)]
+        placed = turned(stage, state.light_position, self.pivot)
+        return find_penumbra(self.forward, state, surface, placed, weight, casting, seed).share
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of each of the surface's pixels."""
@@ -169,6 +211,7 @@ class PhotoTerm:
             jacobian = Jacobian(
                 self.forward, evaluation.state, evaluation.image, layout, wanted, all_columns=not rules.columns,
                 positions=self.position_derivatives(evaluation, wanted[layout.slices["light_position"]]),
+                edges=self._edges(evaluation, wanted[layout.mask(SHAPE)]),
             )  # fmt: skip
             columns = len(jacobian.dense_columns) + len(jacobian.light_index)
             done["cells"] = pixels * columns
@@ -180,6 +223,14 @@ class PhotoTerm:
         if rules.columns:
             ledger.skip("columns", cells=pixels * (jacobian.unseen + self.held))
         return system.assembled()
+
+    def _edges(self, evaluation: Evaluation, shape: np.ndarray) -> ShadowEdges | None:
+        """Where the shadows' edges lie; None when nothing of the ``shape`` (n,) bool is wanted, or no light counts."""
+        if evaluation.penumbra is None or not shape.any():
+            return None
+        placed = turned(evaluation.stage, evaluation.state.light_position, self.pivot)
+        with self.plan.ledger.timed(lines=0):
+            return shadow_edges(self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra)
 
     def position_derivatives(self, evaluation: Evaluation, wanted: np.ndarray) -> PositionDerivatives | None:
         """By the places of the ``wanted`` (2 N,) bool lights; None when there are none."""

@@ -10,10 +10,12 @@ from facestage.contract.light_stage import OFF
 from facestage.fit.driver import Fitted
 from facestage.fit.plan import Ledger
 from facestage.fit.problem import FINE_FACE_PX, Problem
+from facestage.fit.shadow_edges import omission
 
 # Kinds of work in the ledger, in words.
 UNITS = {
     "samples": "light samples", "rays": "shadow rays", "lit": "pixels lit", "cells": "entries of the Jacobian",
+    "lines": "scan lines on the lights",
 }  # fmt: skip
 
 
@@ -34,6 +36,9 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
         _measured(problem, fitted, add)
     else:
         add("nothing that the plan knows of", "the job asks for the full plan", "nothing: every rule was off")
+    if ("shadows", "lines") in fitted.ledger.skipped:
+        what, why = omission(fitted.penumbra)
+        add(what, why, *saved_sentence(fitted.ledger, "shadows", "lines"))
     _structural(problem, add)
     return entries
 
@@ -118,6 +123,6 @@ def _structural(problem: Problem, add: Any) -> None:
     if hidden:
         add("see-through shells of the model (tear film, lashes)", "no opaque surface", f"{hidden} triangles")
     add(
-        "gradient of silhouettes and shadow edges", "their pixels are down-weighted; landmarks hold the outline",
+        "gradient of contours within the face", "their pixels are down-weighted; outline and landmarks hold the shape",
         "boundary sampling in every step",
     )  # fmt: skip

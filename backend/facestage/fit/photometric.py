@@ -1,10 +1,10 @@
 """The photometric term: derivatives of the rendered radiance by every parameter, streamed in blocks.
 
-The visibility of lights is held fixed; everything else is exact but for the focal length, whose column leaves
-out that the lit point also shifts sideways and is seen from elsewhere (a tenth of it, with lights a metre away;
-the landmarks carry most of what is known of the lens). At a fixed pixel, moving the surface
-by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray], which moves albedo,
-normal and specular value across the triangle and the point along the ray.
+The visibility of lights is held fixed unless the edges of shadows are given (shadow_edges.py); everything else is
+exact but for the focal length, whose column leaves out that the lit point also shifts sideways and is seen from
+elsewhere (a tenth of it, with lights a metre away; the landmarks carry most of what is known of the lens). At a
+fixed pixel, moving the surface by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray],
+which moves albedo, normal and specular value across the triangle and the point along the ray.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from facestage.contract import brdf
 from facestage.fit.light_position import AXES, PositionDerivatives
 from facestage.fit.parameters import CHANNELS, Layout, State
 from facestage.fit.shading import ForwardModel, Image, bilinear_weights
+from facestage.fit.shadow_edges import ShadowEdges
 
 BLOCK_PIXELS = 8192
 # What moves points and normals.
@@ -49,10 +50,10 @@ class Jacobian:
 
     def __init__(
         self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
-        all_columns: bool = False, positions: PositionDerivatives | None = None,
+        all_columns: bool = False, positions: PositionDerivatives | None = None, edges: ShadowEdges | None = None,
     ) -> None:  # fmt: skip
-        """``positions``: needed where ``active`` asks for places of lights."""
-        self.positions = positions
+        """``positions``: needed where ``active`` asks for places of lights. ``edges``: shadows move with the shape."""
+        self.positions, self.edges = positions, edges
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
@@ -89,16 +90,23 @@ class Jacobian:
         around[geometry.triangles[seen[geometry.triangles].any(axis=1)]] = True
         if not all_columns:
             moving = geometry.influence[around].any(axis=0)
+            if self.edges is not None:
+                moving |= geometry.influence[self.edges.vertices].any(axis=0)
             chosen[shape] &= moving
         modes = np.flatnonzero(chosen[shape])
         self._local = np.cumsum(seen) - 1
         self._seen_count = int(seen.sum())
-        basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[around][:, :, modes].reshape(-1, len(modes))
+        basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[around][:, :, modes]
         rows = (3 * np.flatnonzero(seen)[:, None] + np.arange(3)).ravel()
         columns = (3 * np.flatnonzero(around)[:, None] + np.arange(3)).ravel()
         operator = geometry.normal_operator(surface.model_vertices, seen)[rows][:, columns]
-        positions = basis.reshape(-1, 3, len(modes))[seen[around]].reshape(-1, len(modes))
+        # No mode at all is a shape that reshape cannot guess.
+        positions = basis[seen[around]].reshape(3 * self._seen_count, len(modes))
+        basis = basis.reshape(3 * int(around.sum()), len(modes))
         self._shape_basis = np.concatenate([positions, operator @ basis])  # (6 seen vertices, modes)
+        if self.edges is not None:
+            basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][:, :, modes]
+            self._edge_basis = basis.reshape(3 * len(basis), len(modes))  # (3 vertices that cast shadows, modes)
 
     def blocks(self) -> Iterator[JacobianBlock]:
         """All pixels, BLOCK_PIXELS at a time."""
@@ -112,6 +120,8 @@ class Jacobian:
         parts: list[np.ndarray] = []
         if any(active[name] for name in SHAPE):
             by_normal, slide = self._surface_derivatives(part)
+            if self.edges is not None:
+                slide += self.edges.by_surface[part]
             if active["pose"]:
                 parts.append(self._pose(part, by_normal, slide)[..., self._wanted("pose")])
             if active["focal"]:
@@ -175,7 +185,8 @@ class Jacobian:
         normal = (surface.normals[part] * surface.normal_length[part, None])[:, None]
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
-        return np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
+        result = np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
+        return result if self.edges is None else result + self.edges.pose(part, self.state.translation)
 
     def _focal(self, part: slice, slide: np.ndarray) -> np.ndarray:
         """(3, B, 1) by log focal: rays turn towards the axis, as if the surface moved the other way."""
@@ -183,7 +194,12 @@ class Jacobian:
         ray = surface.rays[part]
         flat = np.stack([-ray[:, 0], -ray[:, 1], np.zeros(len(ray))], axis=1)
         turn = flat - ray * np.einsum("px,px->p", flat, ray)[:, None]
-        return -np.einsum("pcx,px->cp", slide, turn * surface.depth[part, None])[..., None]
+        sideways = turn * surface.depth[part, None]
+        result = -np.einsum("pcx,px->cp", slide, sideways)
+        if self.edges is not None:
+            # Shadows stay where they are in space: the lit point crosses them.
+            result += np.einsum("pcx,px->cp", self.edges.by_point[part], sideways)
+        return result[..., None]
 
     def _shape(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
         """(3, B, modes) by the chosen identity and expression weights, through sparse corner coefficients."""
@@ -203,7 +219,8 @@ class Jacobian:
         pointer = np.arange(0, CHANNELS * count * 18 + 1, 18)
         shape = (CHANNELS * count, len(self._shape_basis))
         product = sp.csr_matrix((coefficients.ravel(), column, pointer), shape=shape) @ self._shape_basis
-        return product.reshape(CHANNELS, count, -1)
+        result = product.reshape(CHANNELS, count, self._shape_basis.shape[1])
+        return result if self.edges is None else result + self.edges.shape(part, rotation, self._edge_basis)
 
     def _lights(self, part: slice) -> np.ndarray:
         """(3, B, n): the color is linear in the radiance."""

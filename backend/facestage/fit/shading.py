@@ -11,6 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters, State
+from facestage.render.shadow_edges import LitPoints
 from facestage.render.tracer import PLAIN, Asked, Hits, LightTerms, RayTracer
 
 
@@ -59,7 +60,7 @@ class ForwardModel:
     def __init__(self, geometry: FaceGeometry, lights: LightParameters) -> None:
         self.geometry = geometry
         self.lights = lights
-        self._tracer = RayTracer(geometry.triangles, len(geometry.mean))
+        self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
 
     def pose(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (m, 3) in the model frame and in the camera frame."""
@@ -70,9 +71,9 @@ class ForwardModel:
         """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are dropped."""
         model_vertices, vertices = self.pose(state)
         # The tracer works around the face, where float32 has the most digits.
-        self._tracer.update(vertices - state.translation)
+        self.tracer.update(vertices - state.translation)
         rays = pixel_rays(state.camera, pixels)
-        hits = self._tracer.first_hits(-state.translation, rays)
+        hits = self.tracer.first_hits(-state.translation, rays)
         keep = hits.triangle >= 0
         if only_fitted:
             keep &= self.geometry.fitted[hits.triangle]
@@ -96,24 +97,33 @@ class ForwardModel:
 
     def hits(self, state: State, pixels: np.ndarray) -> Hits:
         """What ``pixels`` (P, 2) see first of the rendered mesh at ``state``."""
-        self._tracer.update(self.pose(state)[1] - state.translation)
-        return self._tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
+        self.tracer.update(self.pose(state)[1] - state.translation)
+        return self.tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
 
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
-        traced: np.ndarray | None = None,
+        traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> LightTerms:  # fmt: skip
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
 
-        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out.
+        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out;
+        ``pairs`` of (K,) pixels and (K,) lights leave out all others, see :meth:`RayTracer.light_terms`.
         """
+        lit = self.lit_points(state, surface, stage)
+        return self.tracer.light_terms(
+            lit.points, lit.normals, lit.facing, lit.views, lit.stage, lit.roughness, samples, seed, asked,
+            self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
+            traced, lit.keys, lit.numbers, pairs,
+        )  # fmt: skip
+
+    def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:
+        """The surface and its lights as the tracer takes them; ``stage`` is in the camera frame."""
         centred = np.eye(4)
         centred[:3, 3] = -state.translation
-        return self._tracer.light_terms(
+        numbers = np.arange(len(stage)) if self.lights.numbers is None else self.lights.numbers
+        return LitPoints(
             surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-            stage.transformed(centred), state.roughness, samples, seed, asked,
-            self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
-            traced, _pixel_keys(surface.pixels), self.lights.numbers,
+            stage.transformed(centred), state.roughness, _pixel_keys(surface.pixels), numbers,
         )  # fmt: skip
 
     def shade(

@@ -78,8 +78,8 @@ class RayTracer:
         start = np.linspace(0.0, 1.0, vertex_count * 3, dtype=np.float32)
         self._parameters["vertex_positions"] = mi.Float(start)
         self._parameters.update()
-        self._scene = mi.load_dict({"type": "scene", "face": self._mesh})
-        self._scene_parameters = mi.traverse(self._scene)
+        self.scene = mi.load_dict({"type": "scene", "face": self._mesh})
+        self._scene_parameters = mi.traverse(self.scene)
 
     def update(self, vertices: np.ndarray) -> None:
         """Move the mesh to ``vertices`` (n, 3) metres."""
@@ -92,7 +92,7 @@ class RayTracer:
             # A trace of no ray at all aborts the process inside Dr.Jit.
             return Hits(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
         ray = mi.Ray3f(mi.Point3f(_vector(np.broadcast_to(origin, directions.shape))), _vector(directions))
-        hit = self._scene.ray_intersect_preliminary(ray)
+        hit = self.scene.ray_intersect_preliminary(ray)
         valid = hit.is_valid()
         u, v = dr.select(valid, hit.prim_uv.x, 0), dr.select(valid, hit.prim_uv.y, 0)
         index = dr.select(valid, mi.Int32(hit.prim_index), -1)
@@ -115,6 +115,7 @@ class RayTracer:
         traced: np.ndarray | None = None,
         keys: np.ndarray | None = None,
         numbers: np.ndarray | None = None,
+        pairs: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> LightTerms:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
@@ -126,15 +127,25 @@ class RayTracer:
         ``keys`` (P,) int, by default 0, 1, 2, ...: give what names a point across calls, such as its pixel,
         so that it keeps its random numbers when other points come or go (common random numbers). ``numbers``
         (N,) int, by default 0, 1, 2, ..., do the same for the lights.
+        ``pairs``: indices (K,) of points and (K,) of lights; only these are worked on, each on its own: the terms
+        are those of K points and one light.
         """
-        count, lights = len(points), len(stage)
-        index = np.arange(lights) if traced is None else np.flatnonzero(traced)
+        names = np.arange(len(points)) if keys is None else keys
+        lights, index = len(stage), np.arange(len(stage))
+        if pairs is not None:
+            points, normals, facing, views, names = (
+                array[pairs[0]] for array in (points, normals, facing, views, names)
+            )
+            lights = 1
+        elif traced is not None:
+            index = np.flatnonzero(traced)
+        count = len(points)
         if count == 0 or len(index) == 0:
             return _empty(count, lights, asked)
         # A lane walks over some of the lights for one point: neighbouring lanes send near-parallel rays, and sums
         # over lights stay in registers. Few points are split further, so that every core has lanes to work on.
-        groups = int(np.clip(LANES // count, 1, len(index)))
-        each = -(-len(index) // groups)
+        groups = 1 if pairs is not None else int(np.clip(LANES // count, 1, len(index)))
+        each = 1 if pairs is not None else -(-len(index) // groups)
         lane = dr.arange(mi.UInt32, count * groups)
         width = dr.opaque(mi.UInt32, count)
         group = lane // width
@@ -145,14 +156,14 @@ class RayTracer:
 
         x, n, v = gather(points), gather(normals), gather(views)
         origin = x + SHADOW_OFFSET * gather(facing)
-        names = np.arange(count) if keys is None else keys
+        first = group * dr.opaque(mi.UInt32, each) if pairs is None else mi.UInt32(pairs[1].astype(np.uint32))
         squares = _Squares(
             stage, stage.radiance if radiance is None else radiance, index, samples,
-            np.arange(lights) if numbers is None else numbers,
+            np.arange(len(stage)) if numbers is None else numbers,
         )  # fmt: skip
         kept = _PerLight(count, lights, asked.specular)
         sums = _accumulate(
-            self._scene, squares, kept, group * dr.opaque(mi.UInt32, each), dr.opaque(mi.UInt32, each),
+            self.scene, squares, kept, first, dr.opaque(mi.UInt32, each),
             dr.opaque(mi.UInt32, len(index)), dr.opaque(mi.UInt32, samples), point, x, n, v, view_cosine(n, v), origin,
             dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(names, np.uint32)), point),
             # Opaque: another seed must not compile another kernel.
@@ -215,13 +226,14 @@ class _PerLight:
 
     def __init__(self, points: int, lights: int, specular: bool) -> None:
         self._shape = (lights, points)
-        self._points = dr.opaque(mi.UInt32, points)
+        # One row for all that a lane's only light may be.
+        self._row = dr.opaque(mi.UInt32, points if lights > 1 else 0)
         self.diffuse = dr.zeros(mi.Float, lights * points)
         self.specular = dr.zeros(mi.Float, lights * points if specular else 1)
 
     def write(self, target: mi.Float, value: mi.Float, light: mi.UInt32, point: mi.UInt32) -> None:
         """Neighbouring lanes write to neighbouring places."""
-        dr.scatter(target, value, light * self._points + point)
+        dr.scatter(target, value, light * self._row + point)
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray]:
         """Diffuse and specular terms (P, N)."""
@@ -246,7 +258,7 @@ def _accumulate(
         number = dr.gather(mi.UInt32, squares.index, first + i)
         centre, emit, axis_x, axis_y, radiance, area = squares.at(number)
         salt = squares.salt(number) + seed
-        shift_x, shift_y = _hash_to_unit(key, salt + 1), _hash_to_unit(key, salt + 2)
+        shift_x, shift_y = hash_to_unit(key, salt + 1), hash_to_unit(key, salt + 2)
         diffuse, gloss = mi.Float(0), mi.Float(0)
         diffuse_n, gloss_n = mi.Vector3f(0), mi.Vector3f(0)
         diffuse_t, gloss_t, gloss_r = mi.Float(0), mi.Float(0), mi.Float(0)
@@ -331,7 +343,7 @@ def _vector(array: np.ndarray) -> mi.Vector3f:
     return mi.Vector3f(mi.Float(columns[0]), mi.Float(columns[1]), mi.Float(columns[2]))
 
 
-def _hash_to_unit(key: mi.UInt32, salt: mi.UInt32) -> mi.Float:
+def hash_to_unit(key: mi.UInt32, salt: mi.UInt32) -> mi.Float:
     """A number in [0, 1) per lane that depends on nothing but its key and salt (TEA hash)."""
     return mi.sample_tea_float32(key, salt, 4)
 

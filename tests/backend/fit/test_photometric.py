@@ -52,7 +52,7 @@ def interior(scene: Scene) -> np.ndarray:
 def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Visibility is held fixed by the derivative: leave it out of the difference too."""
     for each in (scene, uniform_scene):
-        tracer = each.forward._tracer
+        tracer = each.forward.tracer
         shadowed = tracer.light_terms
 
         def light_terms(*rows: Any, shadowed: Any = shadowed) -> LightTerms:

@@ -231,3 +231,24 @@ def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene)
     np.testing.assert_array_equal(lean.diffuse, full.diffuse)
     np.testing.assert_array_equal(lean.specular, full.specular)
     np.testing.assert_allclose(lean.diffuse_by_normal, full.diffuse_by_normal, rtol=1e-5, atol=1e-7)
+
+
+def test_chosen_pairs_of_point_and_light_have_the_terms_of_a_whole_trace(tracer_of, scene):
+    """The same numbers for each pair, and derivatives that add up to the sums over the lights."""
+    mesh, seen = scene
+    stage = fibonacci_stage(5, radius=0.8, side=0.25).with_radiance(np.arange(15.0).reshape(5, 3) + 1)
+    tracer, count = tracer_of(mesh), len(seen.points)
+    arguments = (seen.points, seen.normals, seen.facing, seen.views, stage, ROUGHNESS, 3, 11, DERIVED)
+    keys, numbers = np.arange(count)[::-1] + 5, np.array([4, 9, 1, 0, 7])
+    whole = tracer.light_terms(*arguments, keys=keys, numbers=numbers)
+    pairs = np.divmod(np.arange(count * len(stage)), len(stage))
+    each = tracer.light_terms(*arguments, keys=keys, numbers=numbers, pairs=pairs)
+    for name in ("diffuse", "specular"):
+        np.testing.assert_array_equal(getattr(each, name)[:, 0], getattr(whole, name)[pairs])
+    for name in ("diffuse_by_normal", "specular_by_normal", "diffuse_by_depth", "specular_by_depth",
+                 "specular_by_roughness"):  # fmt: skip
+        wanted = getattr(whole, name)
+        found = getattr(each, name).reshape(count, len(stage), *wanted.shape[1:]).sum(axis=1)
+        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max())
+    none = tracer.light_terms(*arguments, pairs=(np.zeros(0, int), np.zeros(0, int)))
+    assert none.diffuse.shape == (0, 1) and none.diffuse_by_normal.shape == (0, 3, 3)
