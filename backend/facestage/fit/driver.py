@@ -156,6 +156,7 @@ class Fitted:
     energy: dict[str, float]
     condition: float
     seconds: float
+    check_seconds: float  # afterwards: how sure it is, whether the lens can be right
     in_time: bool
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
@@ -247,14 +248,15 @@ class FitRun:
         clause, statistic = self._doubt(anchor or state, state, last)
         if clause:
             state, last = self._hold_shape(anchor or state, state, last, deadline, started)
-        seconds = time.monotonic() - started
+        ended = time.monotonic()
+        in_time = ended <= deadline
+        certainty, doubt, lens = self._certainty(state, last), self._shading_doubt(last), self._lens(anchor or state)
         return Fitted(
-            state, self._anchor(state),
-            self.placed_stage(state),
-            self.trace, last.energy if last else {}, last.condition if last else 1.0, seconds,
-            time.monotonic() <= deadline, self._certainty(state, last), self._shading_doubt(last),
+            state, self._anchor(state), self.placed_stage(state),
+            self.trace, last.energy if last else {}, last.condition if last else 1.0, ended - started,
+            time.monotonic() - ended, in_time, certainty, doubt,
             self._hidden_at(self.problem.camera.height, self.problem.camera.width), clause,
-            self._settled(), self._lens(anchor or state), statistic, self.plan.ledger, self.penumbra,
+            self._settled(), lens, statistic, self.plan.ledger, self.penumbra,
         )  # fmt: skip
 
     def _landmark_state(self) -> State:

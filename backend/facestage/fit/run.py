@@ -61,7 +61,7 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
         )
     )
     finished = finish(problem, forward, fitted, truth)
-    timings = {"cold_start": cold_start, "optimisation": fitted.seconds}
+    timings = {"cold_start": cold_start, "optimisation": fitted.seconds, "checks": fitted.check_seconds}
     with atomic_folder(out) as folder:
         result = write_result(folder, problem, fitted, finished, timings)
     result = replace(result, folder=out)
