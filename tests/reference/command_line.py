@@ -21,10 +21,10 @@ QUICK = ("--freeze", "specular", "albedo", "roughness", "--lights", "4", "--devi
 PATIENCE = 240  # seconds until a process counts as hung
 
 
-def start(*arguments: str | Path) -> subprocess.Popen[str]:
+def start(*arguments: str | Path, warnings: str = "error::ResourceWarning") -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "facestage.cli", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONWARNINGS": "error::ResourceWarning"},
+        stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONWARNINGS": warnings},
     )  # fmt: skip
 
 

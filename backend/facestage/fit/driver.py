@@ -218,7 +218,8 @@ class FitRun:
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
                 break
-            if first_step == 1 and state.lights.any():
+            # Whoever put each light where a lamp was knows better.
+            if first_step == 1 and state.lights.any() and not lamps_known(self.problem.job):
                 lights = self.problem.lights
                 self.strong = strong_lights(self.problem.lit_stage, lights.radiance(state.lights), lights.fitted)
             stage = self.solver_stage(phase, state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,6 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
 
 @pytest.fixture(scope="module")
 def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> tuple[AdamRun, object]:
-    from dataclasses import replace
-
     problem = opened[0]
     run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path_factory.mktemp("start"))
     run.phases = Schedule().until("light and albedo").phases
@@ -76,16 +75,22 @@ def test_gradients_are_finite_and_every_block_has_one(start):
         assert np.abs(gradient[adam.energy.layout.slices[name]]).max() > 0, name
 
 
+def mean_loss(adam: AdamRun, state) -> float:
+    return float(np.mean([adam.loss(state, seed=1000 + number)[0] for number in range(4)]))
+
+
 def test_adam_lowers_the_energy(start):
     adam, state = start
+    # The start's lights already explain the photo to what a few paths per pixel can tell: begin in the dark.
+    state = replace(state, lights=0.5 * state.lights)
     layout = adam.energy.layout
     descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.light_scale))
-    before = adam.loss(state, seed=1000)[0]
-    for number in range(60):
+    before = mean_loss(adam, state)
+    for number in range(40):
         state = layout.apply(state, descent.step(adam.loss(state, seed=2 * number)[1]))
-    after = adam.loss(state, seed=1000)[0]
-    print(f"energy {before:.2f} -> {after:.2f} in 60 steps")
-    assert after < before
+    after = mean_loss(adam, state)
+    print(f"energy {before:.2f} -> {after:.2f} in 40 steps")
+    assert after < 0.9 * before
 
 
 def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge], tmp_path: Path):
