@@ -76,6 +76,11 @@ def _against(
             f"The landmarks speak against the given focal length: {fitted.lens.ratio:g} times it fits them better "
             f"(F = {fitted.lens.statistic:.0f}); check the camera, or leave it out to have the lens fitted."
         )
+    if problem.job.weights.prior == 0 and not {"identity", "expression"} <= set(problem.job.freeze):
+        return (
+            "The statistical prior is off, so what one photo cannot tell, depth above all, is held by nothing (PSNR "
+            f"{value:.1f} dB); give the prior a weight above 0."
+        )
     if not fitted.settled:
         return (
             f"The schedule ended while its steps still changed the fit, or found none that improves it (PSNR "

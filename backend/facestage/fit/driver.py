@@ -218,8 +218,7 @@ class FitRun:
             phase = self.phases[number]
             if time.monotonic() > deadline and number > 1:
                 break
-            # Whoever put each light where a lamp was knows better.
-            if first_step == 1 and state.lights.any() and not lamps_known(self.problem.job):
+            if first_step == 1 and state.lights.any() and self._lights_may_turn():
                 lights = self.problem.lights
                 self.strong = strong_lights(self.problem.lit_stage, lights.radiance(state.lights), lights.fitted)
             stage = self.solver_stage(phase, state)
@@ -369,6 +368,10 @@ class FitRun:
     def _frozen(self) -> set[str]:
         """Blocks that the job, or a known camera, holds."""
         return set(self.problem.job.freeze) | (set() if self.problem.fit_focal else {"focal"})
+
+    def _lights_may_turn(self) -> bool:
+        """Not where someone put each light in its lamp's place."""
+        return not lamps_known(self.problem.job)
 
     def _held(self, layout: Layout) -> np.ndarray:
         """(size,) bool: parameters that the job, or a known camera, holds, and the places of weak lights."""
