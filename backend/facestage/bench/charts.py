@@ -19,6 +19,8 @@ LABEL_STEP, LABEL_WIDTH = 15.0, 210.0  # pixels between labels, and of the wides
 FIRST_STAGES = ("pose", "landmarks")
 CURVES, SETTINGS = "curves", "settings"  # kinds of pictures
 
+HEADROOM = 0.45  # of the values' range, above the points
+
 
 def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str]) -> None:
     """Each main contender's error of ``case`` against seconds on a logarithmic axis: mm, and dB."""
@@ -77,6 +79,9 @@ def draw_settings(path: Path, case: str, finals: Sequence[Final]) -> None:
         front = pareto_front([(seconds, value) for seconds, value, _ in points], measure.lower_is_better)
         axes.plot(*zip(*front, strict=True), color=LIGHT.muted, lw=1, ls="--", zorder=2)
         _log_seconds(axes, [seconds for seconds, _, _ in points])
+        # Labels of points that lie close together are stacked upward: not into the title.
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + HEADROOM * (high - low))
         _label(axes, [(s, v, item.contender, COLORS[item.family]) for s, v, item in points], beside=True)
         if number == len(MEASURES) - 1:
             axes.set_xlabel(
