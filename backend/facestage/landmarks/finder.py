@@ -77,7 +77,7 @@ class FaceFinder:
         """The faces of a photo; as it is first, then more closely, then exposed anew, until there is one."""
         views = PhotoViews(photograph)
         unclear: list[np.ndarray] = []
-        for gain in dict.fromkeys((views.gain, views.exposure_gain)):
+        for gain in views.gains():
             views.gain = gain
             for windows in (coarse_windows, fine_windows):
                 candidates = find_candidates(self._detector, views, windows(*photograph.size))
