@@ -33,7 +33,7 @@ TURN_MAX = 65
 DUPLICATE = 0.3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Face:
     """A face in a photo: its mesh, which of its points the camera sees, and how sure the networks are (0..1)."""
 
