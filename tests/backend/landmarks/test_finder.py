@@ -38,7 +38,7 @@ def test_the_astronaut_agrees_with_the_landmarks_that_ship_with_the_demo(found: 
     shipped = json.loads((repository / "addon/facestage_blender/data/astronaut_landmarks.json").read_text())
     error = distance(to_ibug68(found.landmarks).points, np.array(shipped["points"]), found)
     print(f"median {np.median(error):.3f}, worst inside {error[INNER].max():.3f}, worst {error.max():.3f}")
-    assert np.median(error) < 0.02 and error[INNER].max() < 0.05 and error.max() < 0.12
+    assert np.median(error) < 0.02 and error[INNER].max() < 0.06 and error.max() < 0.12
     assert found.confidence > 0.8 and found.visible.mean() > 0.9
 
 
