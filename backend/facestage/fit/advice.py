@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.guard import INFORMATIVE_SHARE_MIN
 from facestage.fit.problem import Problem
 from facestage.fit.rendering import Picture

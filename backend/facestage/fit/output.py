@@ -20,7 +20,7 @@ from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import Result
 from facestage.contract.storage import finite
 from facestage.fit.advice import verdict
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
 from facestage.fit.one_light import relight_scale

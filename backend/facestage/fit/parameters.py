@@ -39,6 +39,14 @@ class State:
         return matrix
 
 
+def with_shape(state: State, shape: State) -> State:
+    """``state`` with pose, lens, identity and expression of another."""
+    return replace(
+        state, rotation=shape.rotation, translation=shape.translation, camera=shape.camera, identity=shape.identity,
+        expression=shape.expression,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class LightParameters:
     """How the light parameters become radiance (N, 3); a light that is not fitted has none.

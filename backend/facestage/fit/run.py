@@ -16,7 +16,8 @@ from facestage.contract.job import Job
 from facestage.contract.result import Result
 from facestage.contract.storage import atomic_folder
 from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.driver import FitRun, Progress
+from facestage.fit.driver import FitRun
+from facestage.fit.fitted import Progress
 from facestage.fit.output import finish, write_result
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.shading import ForwardModel

@@ -29,14 +29,14 @@ pytestmark = pytest.mark.usefixtures("small_maps")
 @pytest.fixture(autouse=True)
 def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """At most two steps in each phase with a photo."""
-    from facestage.fit import driver
+    from facestage.fit import checks, phases
 
-    phases = tuple(
-        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in driver.PHASES
+    short = tuple(
+        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in phases.PHASES
     )
-    monkeypatch.setattr(driver, "PHASES", phases)
+    monkeypatch.setattr(phases, "PHASES", short)
     # Two steps never settle; that is not what these tests are about.
-    monkeypatch.setattr(driver, "SETTLED_SHARE", 1.0)
+    monkeypatch.setattr(checks, "SETTLED_SHARE", 1.0)
 
 
 @pytest.fixture(autouse=True)
