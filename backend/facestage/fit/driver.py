@@ -449,7 +449,7 @@ class FitRun:
             return None
         factor = self._factor(phase)
         scaled = replace(state, camera=state.camera.scaled(factor))
-        box = problem.geometry.model.expression_prior == "box"
+        box = problem.geometry.model.expression_box
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
         priors = Priors(
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale,
