@@ -80,13 +80,14 @@ def add_shape_keys(rig: bpy.types.Object, model: FaceModel) -> None:
     """Add Basis, one key for each identity mode and one for each expression, to a mesh without keys."""
     rig.shape_key_add(name="Basis", from_mix=False)
     basis = _blender_points(model.vertices)
-    box = (0.0, 1.0) if model.expression_prior == "box" else (-SLIDER_RANGE, SLIDER_RANGE)
+    gaussian = np.zeros(len(model.identity_names), bool)
     groups = (
-        (IDENTITY, model.identity_names, model.identity_basis, (-SLIDER_RANGE, SLIDER_RANGE)),
-        ("", model.expression_names, model.expression_basis, box),
+        (IDENTITY, model.identity_names, model.identity_basis, gaussian),
+        ("", model.expression_names, model.expression_basis, model.expression_box),
     )
-    for prefix, names, offsets, (low, high) in groups:
-        for name, offset in zip(names, offsets, strict=True):
+    for prefix, names, offsets, boxes in groups:
+        for name, offset, box in zip(names, offsets, boxes, strict=True):
+            low, high = (0.0, 1.0) if box else (-SLIDER_RANGE, SLIDER_RANGE)
             key = rig.shape_key_add(name=key_name(prefix + name), from_mix=False)
             key.data.foreach_set("co", basis + _blender_points(offset))
             key.slider_min, key.slider_max, key.value = low, high, 0.0

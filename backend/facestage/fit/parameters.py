@@ -159,11 +159,13 @@ class Layout:
         result[self.slices["specular"]] = state.specular.ravel()
         return result
 
-    def bounds(self, expression_box: bool, stage_lights: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(size,) lower and upper bounds of the values; ``stage_lights`` as in the priors."""
+    def bounds(
+        self, expression_box: bool | np.ndarray, stage_lights: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(size,) lower and upper bounds of the values; the arguments as in the priors."""
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        if expression_box:
-            low[self.slices["expression"]], high[self.slices["expression"]] = 0.0, 1.0
+        low[self.slices["expression"]] = np.where(expression_box, 0.0, -np.inf)
+        high[self.slices["expression"]] = np.where(expression_box, 1.0, np.inf)
         low[self.slices["lights"]] = 0.0
         reach = spacing(self._lights if stage_lights is None else stage_lights)
         low[self.slices["light_position"]], high[self.slices["light_position"]] = -reach, reach

@@ -37,15 +37,17 @@ class Priors:
     """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the lights."""
 
     def __init__(
-        self, layout: Layout, state: State, expression_box: bool, weights: Weights, light_scale: float = 1.0,
-        stage_lights: int | None = None,
+        self, layout: Layout, state: State, expression_box: bool | np.ndarray, weights: Weights,
+        light_scale: float = 1.0, stage_lights: int | None = None,
     ) -> None:  # fmt: skip
-        """``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
+        """``expression_box``: which expressions (e,), or whether all, have weights in 0..1; others are Gaussian.
+
+        ``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
 
         ``stage_lights``: lights of the whole stage, those that are off too; by default those of ``state``.
         """
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
-        self.expression_sigma = EXPRESSION_SIGMA if expression_box else 1.0
+        self.expression_sigma = np.where(expression_box, EXPRESSION_SIGMA, 1.0)
         self.focal_px = state.camera.focal_px
         self._lights = len(state.light_position) if stage_lights is None else stage_lights
         self.smoothness = _texel_differences(state.specular.shape[0])
@@ -56,13 +58,9 @@ class Priors:
         prior = np.sqrt(self.weights.prior)
         size = slices["specular"].stop - slices["specular"].start
 
-        def scaled(name: str, mean: float, sigma: float) -> tuple[slice, sp.spmatrix, np.ndarray]:
-            count = slices[name].stop - slices[name].start
-            return (
-                slices[name],
-                sp.identity(count, format="csr") * (prior / sigma),
-                np.full(count, prior * mean / sigma),
-            )
+        def scaled(name: str, mean: float, sigma: float | np.ndarray) -> tuple[slice, sp.spmatrix, np.ndarray]:
+            inverse = np.broadcast_to(prior / sigma, slices[name].stop - slices[name].start)
+            return slices[name], sp.diags(inverse, format="csr"), mean * inverse
 
         light_operator, light_offset = _light_operator(lights, self.light_scale)
         light = np.sqrt(self.weights.light)

@@ -119,7 +119,7 @@ class View:
             return None
         factor = self.factor(phase)
         scaled = self.scaled(phase, state)
-        box = problem.geometry.model.expression_prior == "box"
+        box = problem.geometry.model.expression_box
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
         priors = Priors(
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale,
