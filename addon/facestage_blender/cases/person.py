@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from facestage_blender.texture import paint_vertices
 from . import skin, worn
 from .lamps import light_stage
 from .recipe import Recipe
+from .surroundings import walls
 
 ALBEDO_SIZE, SPECULAR_SIZE = 1024, 32
 TEXTURE_MISMATCH = 0.05  # relative standard deviation of the albedo that the model cannot explain
@@ -56,10 +58,13 @@ def person_of(model: FaceModel, recipe: Recipe, seed: int) -> Person:
     angles = np.array(recipe.pose) + np.array(POSE_SPREAD) * np.clip(rng.normal(size=3), -1.5, 1.5)
     place = np.array([0, 0, -recipe.distance]) + PLACE_SPREAD * recipe.distance / DISTANCE * rng.uniform(-1, 1, 3)
     vertices = model.shape(identity, expression)
+    things = [worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn]
+    own = tuple(np.median(albedo.reshape(-1, 3), axis=0))
     return Person(
         identity, expression, np.clip(albedo, 0.005, 0.95), _specular(rng), float(roughness), _pose(angles, place),
-        light_stage(recipe.lamps, rng), tuple(worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn),
+        light_stage(recipe.lamps, rng), tuple(replace(each, color=own) if each.of_skin else each for each in things),
         recipe.interreflection, FOCAL_PX * recipe.distance / DISTANCE,
+        () if recipe.walls is None else walls(recipe.walls, recipe.lamps), recipe.optics,
     )  # fmt: skip
 
 
