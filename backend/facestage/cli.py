@@ -16,6 +16,7 @@ from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.quality import GOOD, QUALITIES, describe, parse_budget
 
 if TYPE_CHECKING:
+    from facestage.contract.events import Event
     from facestage.contract.job import Job
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
@@ -59,7 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="facestage",
         description="From a photograph of a face to a face that can be edited and relit.",
-        epilog="Start with: facestage doctor, then facestage fit photo.jpg --landmarks points.json --out result",
+        epilog="Start with: facestage doctor, then facestage fit photo.jpg --out result",
     )
     parser.add_argument("--version", action="version", version=f"facestage {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -79,7 +80,7 @@ def _add_fit(commands: Any) -> None:
         "fit",
         help="fit a face to a photograph",
         description="Fit shape, expression, pose, albedo, specular map and light to one photograph.",
-        epilog="Example: facestage fit photo.png --landmarks points.json --out result --budget 60. "
+        epilog="Example: facestage fit photo.png --out result --budget 60. "
         "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
     )
     fit.add_argument(
@@ -93,8 +94,10 @@ def _add_fit(commands: Any) -> None:
     )
     fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
     fit.add_argument(
-        "--landmarks", type=Path, metavar="FILE", help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}'
-    )
+        "--landmarks", type=Path, metavar="FILE",
+        help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a face is found in the photo',
+    )  # fmt: skip
+    _add_finding(fit)
     camera = fit.add_mutually_exclusive_group()
     camera.add_argument(
         "--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}'
@@ -135,10 +138,36 @@ def _add_fit(commands: Any) -> None:
 
 
 def _add_detect(commands: Any) -> None:
-    detect = commands.add_parser("detect", help="find the landmarks of a face in a photograph")
-    detect.add_argument("image", type=Path, metavar="IMAGE")
+    detect = commands.add_parser(
+        "detect",
+        help="find the landmarks of a face in a photograph",
+        description="Find faces in a photograph and write 478 landmarks (scheme mediapipe478) of one of them, each "
+        "marked visible or hidden. A fit without --landmarks does the same; detect on its own shows what it would use, "
+        "and its file can be mended by hand. Prints a line of JSON: which face, how sure (0 to 1), its box in pixels.",
+        epilog="Example: facestage detect group.jpg --out points.json --picture points.png, then look at the picture, "
+        "and choose with --face 2. The model (3.7 MB) is fetched on first use; facestage doctor says whether it is "
+        "there.",
+    )
+    detect.add_argument("image", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear)")
     detect.add_argument("--out", type=Path, required=True, metavar="FILE", help="landmarks.json to write")
+    _add_finding(detect)
+    detect.add_argument(
+        "--picture", type=Path, metavar="FILE",
+        help="write the photo (.png) with the points drawn: green seen, red hidden, a numbered box for every face",
+    )  # fmt: skip
+    detect.add_argument("--all", action="store_true", help="write the points of every face found, under 'faces'")
     detect.set_defaults(run=_run_detect)
+
+
+def _add_finding(command: Any) -> None:
+    """The options of every command that finds faces."""
+    command.add_argument(
+        "--face", type=int, metavar="K", help="which face of several: 1 is the largest (default), 2 the next, ..."
+    )
+    command.add_argument(
+        "--landmark-model", type=Path, metavar="FILE",
+        help="MediaPipe's face_landmarker.task (default: $FACESTAGE_LANDMARK_MODEL, the cache, else fetched once)",
+    )  # fmt: skip
 
 
 def _add_render(commands: Any) -> None:
@@ -235,7 +264,10 @@ def _add_stress(commands: Any) -> None:
 def _run_fit(options: argparse.Namespace) -> int:
     from facestage.fit.run import fit_job
 
-    fit_job(_job(options), options.out, options.resume, lambda event: print(event.to_line(), flush=True))
+    def emit(event: Event) -> None:
+        print(event.to_line(), flush=True)
+
+    fit_job(_job(options), options.out, options.resume, emit, options.landmark_model)
     return EXIT_DONE
 
 
@@ -244,7 +276,7 @@ def _job(options: argparse.Namespace) -> Job:
     from facestage.contract.job import Job
 
     if options.job is not None:
-        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device")
+        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device", "face")
         given = [name for name in own if getattr(options, name) is not None]
         if given or options.freeze:
             raise InputError(
@@ -291,14 +323,16 @@ def _image_job(options: argparse.Namespace) -> Job:
         freeze=tuple(options.freeze),
         seed=options.seed or 0,
         device=options.device or "auto",
+        face=options.face,
     )
 
 
-def _run_detect(_options: argparse.Namespace) -> int:
-    raise InputError(
-        "Automatic landmark detection is not available; make a landmark file by hand or with another tool and "
-        "give it with --landmarks (68 points, scheme ibug68)."
-    )
+def _run_detect(options: argparse.Namespace) -> int:
+    from facestage.landmarks.command import run_detect
+
+    summary = run_detect(options.image, options.out, options.face, options.landmark_model, options.picture, options.all)
+    print(json.dumps(summary))
+    return EXIT_DONE
 
 
 def _run_render(options: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ from facestage.contract.face_model import EYES, OTHER, TEETH
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import Result
-from facestage.contract.storage import finite
+from facestage.contract.storage import finite, write_json
 from facestage.fit.advice import verdict
 from facestage.fit.driver import Fitted
 from facestage.fit.left_out import left_out
@@ -185,6 +185,8 @@ def write_result(
     )  # fmt: skip
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)
+    assert problem.job.landmarks is not None
+    write_json(folder / "landmarks.json", problem.job.landmarks.to_json())
     write_exr(folder / "albedo.exr", finished.textures.albedo)
     write_exr(folder / "specular.exr", finished.textures.specular)
     write_exr(folder / "render.exr", finished.picture.color)

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
 from facestage.contract.storage import finite
+from facestage.fit.detection import known_to, with_landmarks
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
@@ -40,7 +44,7 @@ class Problem:
     job: Job
     photograph: Photograph
     camera: Camera
-    landmarks: Landmarks
+    landmarks: Landmarks  # the job's, in a scheme that the face model knows
     geometry: FaceGeometry
     stage: LightStage  # stage frame, every light of the job
     fit_focal: bool
@@ -190,8 +194,13 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
 
 
-def read_problem(job: Job) -> Problem:
-    """Read and check everything a job names. Raises InputError with what is wrong."""
+def read_problem(
+    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None
+) -> Problem:
+    """Read and check everything a job names. Raises InputError with what is wrong.
+
+    The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
+    """
     photograph = read_photograph(job.image)
     width, height = photograph.size
     camera = job.camera or Camera.default(width, height)
@@ -200,11 +209,8 @@ def read_problem(job: Job) -> Problem:
             f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
             f"{width} x {height}; give the camera of this photo."
         )
-    if job.landmarks is None:
-        raise InputError(
-            "No landmarks were given and automatic detection is not available; give --landmarks FILE.json "
-            "with 68 points (scheme ibug68)."
-        )
+    job = with_landmarks(job, photograph, landmark_model, emit)
+    assert job.landmarks is not None
     job.landmarks.check_inside(width, height)
     stage = job.stage or fibonacci_stage()
     if (stage.state == OFF).all():
@@ -212,10 +218,11 @@ def read_problem(job: Job) -> Problem:
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
     model = load_model(job.model)
-    model.landmark_vertices(job.landmarks.scheme)
+    landmarks = known_to(model, job.landmarks)
+    model.landmark_vertices(landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
     geometry = FaceGeometry(model)
-    _check_rendered(geometry, job.landmarks.scheme)
+    _check_rendered(geometry, landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
-    return Problem(job, photograph, camera, job.landmarks, geometry, stage, fit_focal)
+    return Problem(job, photograph, camera, landmarks, geometry, stage, fit_focal)

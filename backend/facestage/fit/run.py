@@ -34,12 +34,23 @@ def partial_folder(out: Path) -> Path:
     return out.with_name(f"{out.name}.partial")
 
 
-def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None) -> Result:
-    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written."""
+def fit_job(
+    job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+) -> Result:  # fmt: skip
+    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written.
+
+    ``landmark_model`` finds the face of a job without landmarks; None looks for it in the usual places.
+    """
     out = Path(out).resolve()
     began = time.monotonic()
     emit(Event(STARTED, message=f"Reading {job.image.name}"))
-    problem = read_problem(job)
+
+    def emit_timed(event: Event) -> None:
+        emit(replace(event, seconds=time.monotonic() - began))
+
+    problem = read_problem(job, emit_timed, landmark_model)
+    job = problem.job
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
     partial = _prepare_partial(out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,22 +10,11 @@ from pathlib import Path
 from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
 KINDS = "default, ict:PATH or npz:PATH"
-
-
-def cache_folder() -> Path:
-    """The user's cache folder for Facestage ($FACESTAGE_CACHE, or the platform's own place)."""
-    override = os.environ.get("FACESTAGE_CACHE")
-    if override:
-        return Path(override)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "facestage"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "facestage"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "facestage"
 
 
 def load_model(specification: str) -> FaceModel:
