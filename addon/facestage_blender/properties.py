@@ -27,6 +27,11 @@ PARAMETER_HELP = {
     "light_position": "Where strong lights stand on the hemisphere",
     "focal": "Keep the focal length",
 }
+LANDMARK_SOURCES = {
+    "FILE": ("From a file", "The landmarks come from a file that was chosen"),
+    "DETECTED": ("Detected", "The landmarks were found by Detect Landmarks"),
+    "EDITED": ("Edited", "The landmarks were edited by hand"),
+}
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
 
@@ -34,6 +39,13 @@ def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None
     """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for later."""
     light = owner.id_data
     light.hide_render = light.hide_viewport = owner.state == "OFF"
+
+
+def _on_landmark_state(owner: "LandmarkSettings", _context: bpy.types.Context) -> None:
+    """A landmark's empty looks like its state."""
+    empty = owner.id_data
+    empty.empty_display_type = "PLAIN_AXES" if owner.state == "IGNORED" else "SPHERE"
+    empty.empty_display_size = owner.size * (0.55 if owner.state == "HIDDEN" else 1.0)
 
 
 def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
@@ -70,6 +82,24 @@ class FaceSettings(bpy.types.PropertyGroup):
     specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
 
 
+class LandmarkSettings(bpy.types.PropertyGroup):
+    """Marks an empty as a landmark on the photo."""
+
+    index: IntProperty(name="Index", description="Place of the landmark in its scheme; -1: no landmark", default=-1)
+    size: FloatProperty(name="Size", description="Size at which a visible landmark is drawn")
+    state: EnumProperty(
+        name="State",
+        description="What the fit makes of this landmark",
+        items=[
+            ("VISIBLE", "Visible", "The photo shows this point of the face", "HIDE_OFF", 0),
+            ("HIDDEN", "Hidden", "Something hides this point: where it is was guessed, and counts less", "HIDE_ON", 1),
+            ("IGNORED", "Ignored", "The fit does not look at this landmark", "X", 2),
+        ],
+        default="VISIBLE",
+        update=_on_landmark_state,
+    )
+
+
 class SceneSettings(bpy.types.PropertyGroup):
     """The job as the user has set it up, and where its result went."""
 
@@ -80,12 +110,23 @@ class SceneSettings(bpy.types.PropertyGroup):
     photo: StringProperty(name="Photo", description="The photo to fit", subtype="FILE_PATH")
     landmarks: StringProperty(
         name="Landmarks",
-        description="Landmark file of the photo (landmarks.json). Empty: the backend detects them",
+        description="Landmark file of the photo (landmarks.json). Empty: the fit finds them by itself",
         subtype="FILE_PATH",
+    )
+    landmarks_from: EnumProperty(
+        name="Landmarks from",
+        description="Where the landmarks come from",
+        items=[(name, *texts) for name, texts in LANDMARK_SOURCES.items()],
+    )
+    landmark_plane: PointerProperty(
+        type=bpy.types.Object, name="Photo plane", description="Carries the landmarks' empties while they are edited"
+    )
+    face_number: IntProperty(
+        name="Face", description="Which face of the photo: 1 is the largest", default=1, min=1, soft_max=10
     )
     model: StringProperty(
         name="Face model",
-        description="default, ict:PATH or npz:FILE",
+        description="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
         default="default",
     )
     light_count: IntProperty(
@@ -187,13 +228,14 @@ class PreviewState(bpy.types.PropertyGroup):
     status: StringProperty(name="Status", description="Why the preview shows the photo as it is; empty when it follows")
 
 
-CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState, PreviewState)
+CLASSES = (LightSettings, FaceSettings, LandmarkSettings, SceneSettings, RunState, PreviewState)
 
 
 def attach() -> None:
     """Add the property groups to Blender's types; the classes are registered already."""
     bpy.types.Object.facestage_light = PointerProperty(type=LightSettings)
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
+    bpy.types.Object.facestage_landmark = PointerProperty(type=LandmarkSettings)
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
     bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
@@ -204,5 +246,6 @@ def detach() -> None:
     del bpy.types.WindowManager.facestage_preview
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
+    del bpy.types.Object.facestage_landmark
     del bpy.types.Object.facestage_face
     del bpy.types.Object.facestage_light

@@ -4,9 +4,29 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, operators_fit, operators_preview, panels, preferences, preview, properties
+from . import (
+    operators,
+    operators_fit,
+    operators_landmarks,
+    operators_preview,
+    panels,
+    panels_photo,
+    preferences,
+    preview,
+    properties,
+)
 
-MODULES = (properties, preferences, operators, operators_fit, operators_preview, panels)
+# Panels stand in the sidebar in the order in which they are registered.
+MODULES = (
+    properties,
+    preferences,
+    operators,
+    operators_fit,
+    operators_landmarks,
+    operators_preview,
+    panels_photo,
+    panels,
+)
 
 
 def register() -> None:

@@ -13,6 +13,7 @@ from facestage.contract.landmarks import Landmarks
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
+from .landmarks import edited_landmarks, photo_size, shown_plane
 from .rig import read_weights, require_rig
 from .stage import read_stage, relative_matrix, require_stage
 
@@ -26,10 +27,6 @@ def read_job(scene: bpy.types.Scene) -> Job:
     width, height = load_image(photo).size
     empty, rig = require_stage(scene), require_rig(scene)
     frozen = tuple(sorted(settings.freeze))
-    landmarks = None
-    if settings.landmarks:
-        landmarks = Landmarks.read(absolute(settings.landmarks))
-        landmarks.check_inside(width, height)
     camera = camera_to_stage = None
     if settings.keep_camera or settings.known_lens or "focal" in frozen:
         camera = read_camera(require_camera(scene).data, width, height)
@@ -38,7 +35,7 @@ def read_job(scene: bpy.types.Scene) -> Job:
     return Job(
         image=photo,
         model=rig.facestage_face.model,
-        landmarks=landmarks,
+        landmarks=read_landmarks(scene, width, height),
         camera=camera,
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,
@@ -56,6 +53,27 @@ def read_job(scene: bpy.types.Scene) -> Job:
         seed=settings.seed,
         device=settings.device,
     )
+
+
+def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks | None:
+    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else the file's, else None.
+
+    Raises InputError when they are not of this photo.
+    """
+    plane = shown_plane(scene)
+    if plane is not None:
+        if photo_size(plane) != (width, height):
+            raise InputError(
+                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x {photo_size(plane)[1]} pixels, the "
+                f"photo has {width} x {height}; press Done, then Detect Landmarks again."
+            )
+        landmarks = edited_landmarks(scene)
+    elif scene.facestage.landmarks:
+        landmarks = Landmarks.read(absolute(scene.facestage.landmarks))
+    else:
+        return None
+    landmarks.check_inside(width, height)
+    return landmarks
 
 
 def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:

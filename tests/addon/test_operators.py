@@ -240,11 +240,12 @@ def test_relight_and_light_states(ready) -> None:
 def test_all_properties_and_operators_explain_themselves(scene) -> None:
     import bpy
 
-    from facestage_blender import operators, operators_fit, operators_preview, properties
+    from facestage_blender import operators, operators_fit, operators_landmarks, operators_preview, properties
 
     for group in properties.CLASSES:
         for name, prop in group.bl_rna.properties.items():
             assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
-    for operator in (*operators.CLASSES, *operators_fit.CLASSES, *operators_preview.CLASSES):
-        assert operator.__doc__
-        assert hasattr(bpy.types, operator.__name__)
+    for module in (operators, operators_fit, operators_landmarks, operators_preview):
+        for operator in module.CLASSES:
+            assert operator.__doc__
+            assert hasattr(bpy.types, operator.__name__)
