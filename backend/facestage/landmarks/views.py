@@ -23,7 +23,9 @@ class PhotoViews:
         """``gain`` multiplies the linear color; None leaves a display picture as it is and exposes an HDR one."""
         self.photograph = photograph
         self.width, self.height = photograph.size
-        self._levels = [np.where(photograph.mask[..., None], photograph.color, np.float32(0.0))]
+        unmasked = photograph.mask.all()
+        color = photograph.color if unmasked else photograph.color * photograph.mask[..., None]
+        self._levels = [color.astype(np.float32, copy=False)]
         self.gain = self._natural_gain() if gain is None else gain
 
     def _natural_gain(self) -> float:
