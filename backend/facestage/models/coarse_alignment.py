@@ -13,7 +13,7 @@ from facestage.models.surface import Surface
 CUTOFF = 0.015
 # Height of the whole default head over that of what a mesh may show: a mask, a head, a bust.
 _HEIGHT_RATIOS = (2.0, 1.6, 1.28, 1.0, 0.8, 0.64, 0.5)
-_FEW, _MANY = 120, 400
+_FEW, _MANY = 100, 300
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ def coarse_alignments(
             scale = ratio * extent / height
             starts.append(Similarity(scale, rotation, tip - scale * rotation @ nose))
     ranked = _improved(starts, points[few], normals[few], surface, steps=4)
-    ranked = _improved([start for _, start in ranked[:24]], points[many], normals[many], surface, steps=12)
-    return ranked[:4]
+    ranked = _improved([start for _, start in ranked[:12]], points[many], normals[many], surface, steps=12)
+    return ranked[:2]
 
 
 def _improved(

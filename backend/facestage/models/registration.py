@@ -23,15 +23,15 @@ SCHEME = "ibug68"
 _NOSE_TIP = 30
 # (identity modes, expressions too, scale of the robust distance in metres, steps)
 _SCHEDULE = (
-    (0, False, 8e-3, 6),
-    (12, False, 5e-3, 6),
+    (0, False, 8e-3, 4),
+    (12, False, 5e-3, 5),
     (40, False, 2.5e-3, 6),
-    (80, True, 1.5e-3, 8),
-    (80, True, 1e-3, 8),
+    (80, True, 1.5e-3, 6),
+    (80, True, 1e-3, 5),
 )
-_POINTS = 2400
+_POINTS = 1200
 _NOISE = 0.5e-3  # metres: what a mesh's surface differs from the model's beyond its modes, and
-_CORRELATED = 40.0  # how many neighbouring points share that difference
+_CORRELATED = 20.0  # how many neighbouring points share that difference
 _COSINE = 0.5
 _TANGENTIAL = 0.1  # weight of sliding along the surface against leaving it
 _EXPRESSION_SPREAD = 0.05  # a mesh at rest is nearly neutral
@@ -226,6 +226,8 @@ def _fit(
     alpha = np.zeros(len(model.identity_names)) if previous is None else previous.identity.copy()
     beta = np.zeros(len(model.expression_names)) if previous is None else previous.expression.copy()
     turned = previous is not None and not previous.right_side_out
+    if previous is None and _inside_out(surface, similarity, source.mean, source.normals[source.index]):
+        surface, turned = surface.flipped(), True
     for modes, with_expression, spread, steps in schedule:
         modes, moving = min(modes, len(alpha)), len(beta) if with_expression else 0
         prior = np.concatenate([np.full(7, 1e-6), np.ones(modes), np.full(moving, _EXPRESSION_SPREAD**-2)])
@@ -233,8 +235,6 @@ def _fit(
             full = model.shape(alpha, beta).astype(np.float64)
             points = full[source.index]
             normals = vertex_normals(full, model.triangles)[source.index]
-            if previous is None and not turned and _inside_out(surface, similarity, points, normals):
-                surface, turned = surface.flipped(), True
             nearest = surface.nearest(similarity.apply(points), normals @ similarity.rotation.T, _COSINE)
             back = similarity.inverse()
             gap = np.where(np.isfinite(nearest.distance), nearest.distance, 0.0) / similarity.scale
