@@ -63,7 +63,7 @@ def coarse_alignments(
     if not len(candidates):
         return []
     starts = []
-    for rotation in _axis_rotations():
+    for rotation in axis_rotations():
         turned = candidates @ rotation  # the mesh in the default face's axes
         tip = candidates[turned[:, 2].argmax()]
         extent = float(np.ptp(turned[:, 1]))
@@ -144,7 +144,7 @@ def axis_rotation(up: int, front: int) -> np.ndarray:
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 
-def _axis_rotations() -> list[np.ndarray]:
+def axis_rotations() -> list[np.ndarray]:
     """All 24 ways of pointing up and forward, the usual ones first: +Y up and +Z forward, Blender's +Z and -Y."""
     usual = [(1, 2), (2, 4), (2, 1), (1, 5), (2, 0), (2, 3)]
     rest = [(u, f) for u, f in product(range(6), repeat=2) if u % 3 != f % 3 and (u, f) not in usual]
