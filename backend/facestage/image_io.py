@@ -217,6 +217,8 @@ def read_exr(path: Path) -> np.ndarray:
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Area-averaged (h, w, ...) float image."""
+    """(h, w, ...) float image of another size: area-averaged where it shrinks, else bilinear."""
     cv2 = _opencv()
-    return cv2.resize(np.ascontiguousarray(image, np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    larger = width > image.shape[1] or height > image.shape[0]
+    method = cv2.INTER_LINEAR if larger else cv2.INTER_AREA
+    return cv2.resize(np.ascontiguousarray(image, np.float32), (width, height), interpolation=method)

@@ -44,7 +44,7 @@ def _against(
     share = informative_share(problem, picture)
     if not np.isfinite(pixels):
         return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
-    if pixels > LANDMARK_SHARE_MAX * problem.face_size_px:
+    if pixels > LANDMARK_SHARE_MAX * problem.face_size_px / problem.window.factor:
         return (
             f"The fit ended with landmarks that are {pixels:.1f} px off (median); check the landmark file, "
             "or free the pose and expression."

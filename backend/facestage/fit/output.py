@@ -84,7 +84,7 @@ def _rms(problem: Problem, picture: Picture) -> float | None:
 def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
     """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
     box = len(face_pixels(forward, fitted.state))
-    return bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
+    return problem.window.whole and bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
 
 
 def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
@@ -145,7 +145,7 @@ def _errors(
     points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
     distance = np.linalg.norm(state.camera.project(points) - problem.landmarks.points, axis=1)
     errors["landmark_statistic"] = fitted.landmark_statistic
-    errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible]))
+    errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible])) / problem.window.factor
     if truth is not None:
         errors |= truth.geometry_errors(state)
         # The landmark stage's own error: a fit must never end further from the truth than its start.
@@ -168,8 +168,8 @@ def write_result(
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
     status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
-        status=status, advice=advice,
-        model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
+        status=status, advice=advice, model=problem.job.model,
+        camera=problem.window.full_camera(state.camera), camera_to_stage=fitted.camera_to_stage,
         model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
         albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
         vertices=vertices.astype(np.float32), triangles=model.triangles,
@@ -177,7 +177,7 @@ def write_result(
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
-        versions=_versions(), seed=problem.job.seed,
+        photo=problem.read_from_photo(), versions=_versions(), seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
         | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
@@ -189,7 +189,7 @@ def write_result(
     write_json(folder / "landmarks.json", problem.job.landmarks.to_json())
     write_exr(folder / "albedo.exr", finished.textures.albedo)
     write_exr(folder / "specular.exr", finished.textures.specular)
-    write_exr(folder / "render.exr", finished.picture.color)
+    write_exr(folder / "render.exr", problem.window.enlarged(finished.picture.color))
     cache = finished.picture.relight_cache(relight_fingerprint(result))
     if cache is not None:
         cache.save(folder)

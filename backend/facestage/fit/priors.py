@@ -38,17 +38,18 @@ class Priors:
 
     def __init__(
         self, layout: Layout, state: State, expression_box: bool | np.ndarray, weights: Weights,
-        light_scale: float = 1.0, stage_lights: int | None = None,
+        light_scale: float = 1.0, stage_lights: int | None = None, focal_sigma: float = FOCAL_SIGMA,
     ) -> None:  # fmt: skip
         """``expression_box``: which expressions (e,), or whether all, have weights in 0..1; others are Gaussian.
 
         ``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
 
+        ``focal_sigma``: standard deviation of the logarithm of the focal length of ``state``.
         ``stage_lights``: lights of the whole stage, those that are off too; by default those of ``state``.
         """
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
         self.expression_sigma = np.where(expression_box, EXPRESSION_SIGMA, 1.0)
-        self.focal_px = state.camera.focal_px
+        self.focal_px, self.focal_sigma = state.camera.focal_px, focal_sigma
         self._lights = len(state.light_position) if stage_lights is None else stage_lights
         self.smoothness = _texel_differences(state.specular.shape[0])
 
@@ -69,7 +70,7 @@ class Priors:
             "expression": scaled("expression", 0.0, self.expression_sigma),
             "albedo": scaled("albedo", 0.0, 1.0),
             "roughness": scaled("roughness", ROUGHNESS_MEAN, ROUGHNESS_SIGMA),
-            "focal": scaled("focal", np.log(self.focal_px), FOCAL_SIGMA),
+            "focal": scaled("focal", np.log(self.focal_px), self.focal_sigma),
             # One observation's worth for the level of the whole map; smoothness ties the texels.
             "specular_level": (
                 slices["specular"],

@@ -123,7 +123,7 @@ class View:
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
         priors = Priors(
             layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale,
-            len(problem.stage),
+            len(problem.stage), problem.focal_sigma,
         )  # fmt: skip
         energy = Energy(
             layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),

@@ -215,6 +215,7 @@ def _numbers(data: ReportData) -> str:
         _bars_card("Energy at the end", tables.energy_rows(result.energy), ""),
         _bars_card("Timings", tables.timing_rows(result.timings), "s"),
         _rows_card("Camera, pose and settings", tables.setup_rows(result)),
+        _rows_card("Read from the photo", [Row(name, text) for name, text in result.photo.items()]),
         _rows_card("Software", [Row(name, str(version)) for name, version in result.versions.items()]),
     ]
     return f'<div class="columns">{"".join(cards)}</div>'
