@@ -190,8 +190,11 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
 
 
-def read_problem(job: Job) -> Problem:
-    """Read and check everything a job names. Raises InputError with what is wrong."""
+def read_problem(job: Job, geometry: FaceGeometry | None = None) -> Problem:
+    """Read and check everything a job names. Raises InputError with what is wrong.
+
+    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
+    """
     photograph = read_photograph(job.image)
     width, height = photograph.size
     camera = job.camera or Camera.default(width, height)
@@ -211,11 +214,11 @@ def read_problem(job: Job) -> Problem:
         raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
-    model = load_model(job.model)
+    model = load_model(job.model) if geometry is None else geometry.model
     model.landmark_vertices(job.landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
-    geometry = FaceGeometry(model)
+    geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, job.landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
     return Problem(job, photograph, camera, job.landmarks, geometry, stage, fit_focal)
