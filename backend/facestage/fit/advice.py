@@ -61,6 +61,8 @@ def _against(
             f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
             "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
         )
+    if fitted.company:
+        return fitted.company
     if fitted.doubt:
         return (
             f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, and mask what is not the "

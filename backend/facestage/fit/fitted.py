@@ -51,3 +51,4 @@ class Fitted:
     landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
     penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
+    company: str = ""  # what speaks against this photo beside others of the same person; or empty

@@ -53,10 +53,16 @@ class Finished:
     trace: list[dict[str, Any]]
 
 
-def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None) -> Finished:
-    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too."""
+def finish(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None,
+    shared: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Finished:  # fmt: skip
+    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too.
+
+    ``shared``: albedo and coverage, as :func:`albedo_texture` gives them, that are known from several photos.
+    """
     started = time.monotonic()
-    albedo, coverage = _albedo_texture(problem, forward, fitted)
+    albedo, coverage = albedo_texture(problem, forward, fitted) if shared is None else shared
     textures = Textures(albedo, _specular_texture(problem, fitted.state))
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
@@ -98,11 +104,19 @@ def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
     return result
 
 
-def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
-    """(S, S, 3) albedo and (S, S) bool, which texels the photo shows."""
+def texture_size(face_px: float) -> int:
+    """Side of the albedo texture for a face of so many pixels."""
     size = TEXTURE_MIN
-    while size < min(TEXELS_PER_FACE_PX * problem.face_size_px, TEXTURE_MAX):
+    while size < min(TEXELS_PER_FACE_PX * face_px, TEXTURE_MAX):
         size *= 2
+    return size
+
+
+def albedo_texture(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(S, S, 3) albedo and (S, S) bool, which texels the photo shows; ``size`` S, by default the photo's own."""
+    size = texture_size(problem.face_size_px) if size is None else size
     atlas = Atlas.build(problem.geometry, size)
     logs = atlas.bake(forward.log_albedo(fitted.state))
     coverage = np.zeros((size, size), bool)

@@ -52,6 +52,8 @@ class Priors:
         self.focal_px, self.focal_sigma = state.camera.focal_px, focal_sigma
         self._lights = len(state.light_position) if stage_lights is None else stage_lights
         self.smoothness = _texel_differences(state.specular.shape[0])
+        # Blocks whose priors another photo of the same person carries.
+        self.omitted: frozenset[str] = frozenset()
 
     def _residual_operators(self, lights: LightParameters) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:
         """Per term: block, operator A and offset b of the residual A x - b in standard deviations."""
@@ -65,7 +67,7 @@ class Priors:
 
         light_operator, light_offset = _light_operator(lights, self.light_scale)
         light = np.sqrt(self.weights.light)
-        return {
+        terms = {
             "identity": scaled("identity", 0.0, 1.0),
             "expression": scaled("expression", 0.0, self.expression_sigma),
             "albedo": scaled("albedo", 0.0, 1.0),
@@ -85,6 +87,8 @@ class Priors:
             "light": (slices["lights"], light_operator * light, light_offset * light),
             "light_position": scaled("light_position", 0.0, LIGHT_POSITION_SHARE * spacing(self._lights)),
         }
+        omitted = [slices[name] for name in self.omitted]
+        return {name: term for name, term in terms.items() if term[0] not in omitted}
 
     def energies(self, state: State, lights: LightParameters) -> dict[str, float]:
         """The energy of each term at ``state``."""

@@ -210,11 +210,13 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
 
 
 def read_problem(
-    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None
-) -> Problem:
+    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
+    geometry: FaceGeometry | None = None,
+) -> Problem:  # fmt: skip
     """Read and check everything a job names. Raises InputError with what is wrong.
 
     The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
+    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
     """
     photograph = read_photograph(job.image)
     width, height = photograph.size
@@ -233,12 +235,12 @@ def read_problem(
         raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
-    model = load_model(job.model)
+    model = load_model(job.model) if geometry is None else geometry.model
     landmarks = known_to(model, job.landmarks)
     model.landmark_vertices(landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
-    geometry = FaceGeometry(model)
+    geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
