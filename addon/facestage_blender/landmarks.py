@@ -43,7 +43,7 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
     facestage_collection(scene).children.link(collection)
     plane = bpy.data.objects.new(PLANE, None)
     collection.objects.link(plane)
-    plane.empty_display_size, plane.hide_select = 1e-4, True
+    plane.hide_viewport = True  # or Blender draws lines from it to its children
     plane[BASE] = json.dumps(finite(landmarks.to_json()))
     plane[SIZE], plane[DEPTH] = (width, height), max(PLANE_DEPTH, 2 * camera.data.clip_start)
     _follow_camera(plane, camera, width, height)
@@ -141,11 +141,11 @@ def revert_landmarks(scene: bpy.types.Scene) -> None:
     base = base_landmarks(plane)
     width, height = photo_size(plane)
     editable = handles(base.scheme, len(base.points))
-    starts = _starts(base, editable, width, height)
+    starts = on_plane(_starts(base, editable, width, height), width, height)
     empties = _by_index(landmark_empties(scene))
     for handle, start in zip(editable, starts, strict=True):
         if (empty := empties.get(handle.index)) is not None:
-            empty.location = (*_on_plane(start, width, height), 0.0)
+            empty.location = (*start, 0.0)
             empty.facestage_landmark.state = _state(base, handle.index)
 
 
@@ -186,6 +186,11 @@ def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
     if not np.isfinite(pixel).all():
         raise InputError(f"The landmark '{empty.name}' is behind the camera; press Revert, or move it onto the photo.")
     return pixel
+
+
+def on_plane(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Pixels (m, 2) of a ``width`` x ``height`` photo in the plane's coordinates (m, 2)."""
+    return (pixels - [0.5 * width, 0.5 * height]) * [1.0, -1.0] / max(width, height)
 
 
 def plane_camera(plane: bpy.types.Object) -> bpy.types.Object | None:
@@ -242,11 +247,6 @@ def _plane_in_camera(camera: Camera, depth: float) -> tuple[np.ndarray, float]:
     cx, cy = camera.principal_px
     origin = np.array([(0.5 * camera.width - cx) * step, (cy - 0.5 * camera.height) * step, -depth])
     return origin, max(camera.width, camera.height) * step
-
-
-def _on_plane(pixel: np.ndarray, width: int, height: int) -> tuple[float, float]:
-    longer = max(width, height)
-    return float((pixel[0] - 0.5 * width) / longer), float((0.5 * height - pixel[1]) / longer)
 
 
 def _starts(base: Landmarks, editable: tuple[Handle, ...], width: int, height: int) -> np.ndarray:

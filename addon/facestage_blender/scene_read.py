@@ -35,7 +35,8 @@ def read_job(scene: bpy.types.Scene) -> Job:
     return Job(
         image=photo,
         model=rig.facestage_face.model,
-        landmarks=read_landmarks(scene, width, height),
+        landmarks=(landmarks := read_landmarks(scene, width, height)),
+        face=settings.face_number if landmarks is None else None,
         camera=camera,
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,

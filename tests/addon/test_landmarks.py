@@ -379,3 +379,67 @@ def test_editing_shows_the_photo(ready, landmark_file: Path) -> None:
     views = [area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
     assert views
     assert all(view.region_3d.view_perspective == "CAMERA" for view in views)
+
+
+@pytest.mark.parametrize("name", ["plain", "portrait"])
+def test_drawing_is_over_the_points(scene, name: str) -> None:
+    """What is drawn over the camera's view lies where its picture has the landmarks."""
+    import bpy
+
+    from facestage_blender.landmark_overlay import current_landmarks, discs_by_color, line_ends, on_screen
+    from facestage_blender.landmarks import landmark_empties, show_landmarks
+
+    width, height = size = set_view(scene, name)
+    given = made_up(*size, "mediapipe478")
+    show_landmarks(scene, given, *size)
+    bpy.context.view_layer.update()
+    window = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=width, y=height)
+    view = np.array(window @ scene.camera.matrix_world.inverted())
+    landmarks = current_landmarks(scene)
+    assert landmarks is not None
+    pixels = (on_screen(scene, landmarks, view) * [0.5, -0.5] + 0.5) * size
+    np.testing.assert_allclose(pixels, given.points, atol=0.02)
+    discs = discs_by_color(scene, landmarks, pixels, 1.0)
+    counts = [len(triangles) // 24 for _, triangles in discs]
+    states = [item.facestage_landmark.state for item in landmark_empties(scene)]
+    assert counts == [478 - len(states), states.count("VISIBLE"), states.count("HIDDEN"), 0]
+    assert len(line_ends(landmarks, pixels)) == 2 * (16 + 4 + 4 + 3 + 4 + 6 + 6 + 12 + 8)
+    # Behind the view nothing is drawn.
+    turned = np.array(window @ scene.camera.matrix_world.inverted()) * [[1], [1], [1], [-1]]
+    assert not len(line_ends(landmarks, on_screen(scene, landmarks, turned)))
+    landmark_empties(scene)[0].location.x += 0.1
+    bpy.context.view_layer.update()
+    assert current_landmarks(scene) is not landmarks
+
+
+def test_scheme_tables_agree_with_the_backend(scene) -> None:
+    from facestage.landmarks.ibug68 import POINTS
+    from facestage_blender.landmark_scheme import IBUG_NAMES, MEDIAPIPE_AS_IBUG, handles
+
+    assert tuple(POINTS) == MEDIAPIPE_AS_IBUG
+    assert handles("ibug68", 68)[30].name == "Landmark 31 nose tip"
+    assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
+    assert len(handles("another", 12)) == 12
+
+
+def test_followers_move_smoothly() -> None:
+    """One dragged handle takes its surroundings along and leaves the rest."""
+    from facestage_blender.landmark_scheme import follow
+
+    rng = np.random.default_rng(0)
+    axis = np.linspace(0, 100, 9)
+    knots = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    near, far = rng.uniform(-3, 3, (50, 2)) + 50, rng.uniform(0, 20, (50, 2))
+    points = np.concatenate([knots, near, far])
+    centre = 40
+    moved = knots.copy()
+    moved[centre] += [4, -2]
+    after = follow(points, np.arange(81), moved) - points
+    np.testing.assert_array_equal(after[:81], moved - knots)
+    assert np.abs(after[81:131] - [4, -2]).max() < 1.5
+    assert np.abs(after[131:]).max() < 0.1
+    # Handles on one point, as those of closed lids, and handles that cannot determine a plane.
+    np.testing.assert_allclose(
+        follow(np.array([[0.0, 0], [0, 0], [9, 0], [4, 5]]), np.arange(3), np.array([[1.0, 0], [1, 0], [10, 0]]))[3],
+        [5, 5], atol=1e-2,
+    )  # fmt: skip
