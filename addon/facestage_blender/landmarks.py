@@ -8,6 +8,7 @@ side is 1, x points right, y up, and the photo's centre is the origin.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -17,12 +18,14 @@ from mathutils import Matrix
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.result import Result
 from facestage.contract.storage import finite
 
 from .camera import read_camera, require_camera
 from .landmark_scheme import Handle, follow, handles, nearest_handle
 from .stage import facestage_collection
 
+FOUND = "landmarks.json"  # in a result's folder: the landmarks that were fitted
 COLLECTION, PLANE = "Facestage Landmarks", "Facestage Photo Plane"
 BASE, SIZE, DEPTH = "facestage_landmarks", "facestage_photo_size", "facestage_depth"
 VISIBLE, HIDDEN, IGNORED = "VISIBLE", "HIDDEN", "IGNORED"
@@ -161,6 +164,13 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
     for collection in collections:
         if collection.name.split(".")[0] == COLLECTION and not collection.all_objects:
             bpy.data.collections.remove(collection)
+
+
+def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
+    """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and edited."""
+    path = (result.folder or Path()) / FOUND
+    if not scene.facestage.landmarks and shown_plane(scene) is None and path.is_file():
+        scene.facestage.landmarks, scene.facestage.landmarks_from = str(path), "DETECTED"
 
 
 def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:

@@ -14,6 +14,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.result import CONVERGED, Result
 
 from .backend import doctor_command, fit_command, model_command, partial_folder
+from .landmarks import remember_landmarks
 from .preferences import addon_preferences, backend_command, work_folder
 from .process import BackendProcess, Outcome
 from .rig import build_rig
@@ -196,6 +197,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         """Remember the result and apply it."""
         result = Result.load(work_folder(context.scene) / "result")
         context.scene.facestage.result = str(result.folder)
+        remember_landmarks(context.scene, result)
         state = context.window_manager.facestage
         state.message, state.doubtful = result.advice, result.status != CONVERGED
         self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)

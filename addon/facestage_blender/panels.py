@@ -8,6 +8,7 @@ from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .backend import partial_folder
 from .operators import REPORT, result_folder
+from .operators_model import model_label, model_license
 from .preferences import draw_wrapped, work_folder
 from .stage import stage_lights
 
@@ -86,7 +87,8 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice of model and the rig's builder."""
         layout, settings = self.layout, context.scene.facestage
-        layout.prop(settings, "model", text="Model")
+        layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
+        draw_wrapped(layout, f"License: {model_license(context.scene)}", "NONE", _line_length(context))
         built = settings.rig is not None
         layout.operator(
             "facestage.build_rig", icon="FILE_REFRESH" if built else "ADD", text="Rebuild Face Rig" if built else None
