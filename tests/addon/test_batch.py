@@ -117,9 +117,8 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
 BAD_INPUTS = (
     "photo missing", "photo is text", "photo is empty", "landmarks missing", "landmarks of the wrong count",
     "landmarks outside the photo", "camera of another photo", "two cameras", "no such side",
-    "expression without value", "unknown frozen parameter", "no such face", "face and landmarks", "negative budget", "no lights",
-    "output is a file",
-    "truth missing",
+    "expression without value", "unknown frozen parameter", "no such face", "face and landmarks", "negative budget",
+    "no lights", "output is a file", "truth missing",
 )  # fmt: skip
 
 
