@@ -129,9 +129,10 @@ class AdamRun:
         values = self.map.values(state)
         photo_loss, derivative = self.scene.gradient(values, self.target, self.samples, seed)
         prior = self.energy.priors.quadratic(state, self.energy.light_parameters)
-        residual = self.energy.landmarks.residuals(state)
-        weights = self.energy.weights.landmarks * self.energy.landmarks.robust_weights(residual)
-        by_landmarks = self.energy.landmarks.jacobian(state, self.energy.layout).T @ (weights * residual)
+        landmarks = self.energy.landmarks.at(state)
+        residual = landmarks.residuals(state)
+        weights = self.energy.weights.landmarks * landmarks.robust_weights(residual)
+        by_landmarks = landmarks.jacobian(state, self.energy.layout).T @ (weights * residual)
         total = photo_loss + sum(prior.energy.values()) + 0.5 * float(weights @ residual**2)
         return total, self.map.gradient(state, values, derivative) + prior.gradient + by_landmarks
 

@@ -24,11 +24,11 @@ from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
-from facestage.fit.skin_mask import hull_pixels, skin_weight
+from facestage.fit.skin_mask import face_pixels, face_size_px, skin_weight
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
-# Longer side of the landmarks' bounding box, pixels, at which the face is fitted: finer adds cost, not shape.
+# Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer adds cost, not shape.
 FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
 SPECULAR_SIZE = 32
 # A doll's head and a statue's, in metres.
@@ -75,19 +75,19 @@ class Problem:
     @cached_property
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
-        return np.where(hull_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
+        return np.where(face_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
 
     @cached_property
     def white(self) -> float:
         """The radiance that PSNR takes for white."""
         mask = self.photograph.mask
-        face = mask & hull_pixels((mask.shape[0], mask.shape[1]), self.landmarks)
+        face = mask & face_pixels((mask.shape[0], mask.shape[1]), self.landmarks)
         return white_level(self.photograph.color, face if face.any() else mask)
 
     @cached_property
     def face_size_px(self) -> float:
-        """Longer side of the landmarks' bounding box in pixels of the photo."""
-        return float(np.ptp(self.landmarks.points[self.landmarks.visible], axis=0).max())
+        """Longer side of the bounding box of the face from chin to brows, in pixels of the photo."""
+        return face_size_px(self.landmarks)
 
     def scale(self, face_px: float) -> float:
         """The factor, at most 1, that brings the face to ``face_px`` pixels."""

@@ -136,9 +136,10 @@ class _System:
         self.hessian, self.gradient = prior.hessian.copy(), prior.gradient
         self.terms = dict(prior.energy)
         self._prior_total = sum(prior.energy.values())
-        residual = energy.landmarks.residuals(state)
-        self._landmark_weights = energy.weights.landmarks * energy.landmarks.robust_weights(residual)
-        jacobian = energy.landmarks.jacobian(state, energy.layout)
+        self._landmarks = energy.landmarks.at(state)
+        residual = self._landmarks.residuals(state)
+        self._landmark_weights = energy.weights.landmarks * self._landmarks.robust_weights(residual)
+        jacobian = self._landmarks.jacobian(state, energy.layout)
         self.hessian += jacobian.T @ (jacobian * self._landmark_weights[:, None])
         self.gradient += jacobian.T @ (self._landmark_weights * residual)
         self._landmark_energy = 0.5 * float(self._landmark_weights @ residual**2)
@@ -164,7 +165,7 @@ class _System:
     def decrease(self, state: State, evaluation: Evaluation | None) -> float:
         """How much lower the energy is at ``state``, the weights unchanged."""
         prior = sum(self.energy.priors.energies(state, self.energy.light_parameters).values())
-        residual = self.energy.landmarks.residuals(state)
+        residual = self._landmarks.residuals(state)
         if not np.isfinite(residual).all():
             return -np.inf
         result = self._prior_total - prior

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facestage.contract.landmarks import Landmarks
+from facestage.models.landmark_schemes import scheme_of
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
 DARK_SHARE = 0.1
@@ -13,8 +14,8 @@ DARK_SHARE = 0.1
 SPREAD_MIN = (0.12, 0.12, 0.28)
 # Distances, in spreads, at which a pixel counts in full and no longer.
 FULL, NONE = 2.0, 3.5
-# Jaw and nose: a hull of cheeks and chin, without brows and forehead. Eyes and mouth are the mesh's matter.
-SAMPLE_POINTS = {"ibug68": list(range(2, 15)) + list(range(27, 36))}
+# Points of the outline that must show for its bounding box to say how large the face is.
+OUTLINE_MIN = 12
 
 
 def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
@@ -23,7 +24,8 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
     stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
     """
-    inside = hull_pixels((photo.shape[0], photo.shape[1]), landmarks, SAMPLE_POINTS.get(landmarks.scheme))
+    # A hull of cheeks and chin, without brows and forehead. Eyes and mouth are the mesh's matter.
+    inside = _hull_pixels((photo.shape[0], photo.shape[1]), landmarks.points[scheme_of(landmarks.scheme).skin])
     if inside.sum() < 20:
         return np.ones(photo.shape[:2], np.float32)
     dark = max(DARK_SHARE * float(photo[inside].mean()), 1e-6)
@@ -39,11 +41,27 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return np.clip((NONE - distance) / (NONE - FULL), 0, 1).astype(np.float32)
 
 
-def hull_pixels(shape: tuple[int, int], landmarks: Landmarks, points: list[int] | None = None) -> np.ndarray:
-    """(h, w) bool, inside the convex hull of ``points`` of the scheme (all when None)."""
+def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, the face from chin to brows: the convex hull of the scheme's outline."""
+    return _hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).outline])
+
+
+def face_size_px(landmarks: Landmarks) -> float:
+    """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows; 0 for no face.
+
+    It means the same in every scheme. Where none of the outline counts, all counted points stand in for it.
+    """
+    outline = np.zeros(len(landmarks.points), bool)
+    outline[scheme_of(landmarks.scheme).outline] = True
+    chosen = landmarks.counted & outline
+    points = landmarks.points[chosen if chosen.sum() >= OUTLINE_MIN else landmarks.counted]
+    return float(np.ptp(points, axis=0).max())
+
+
+def _hull_pixels(shape: tuple[int, int], chosen: np.ndarray) -> np.ndarray:
+    """(h, w) bool, inside the convex hull of points ``chosen`` (k, 2)."""
     from skimage.morphology import convex_hull_image
 
-    chosen = landmarks.points if points is None else landmarks.points[points]
     chosen = chosen[np.isfinite(chosen).all(1)]
     column, row = np.round(chosen - 0.5).astype(int).T
     seeds = np.zeros(shape, bool)

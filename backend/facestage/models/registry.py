@@ -52,9 +52,10 @@ def _fingerprint(path: Path) -> str:
 
 
 def _source_fingerprint() -> str:
-    """Changes when the code that builds models changes."""
+    """Changes when the code or the data that builds models changes."""
     digest = hashlib.sha256(f"{__version__}-{CACHE_VERSION}".encode())
-    for file in sorted(Path(__file__).parent.rglob("*.py")):
+    folder = Path(__file__).parent
+    for file in sorted([*folder.rglob("*.py"), *folder.rglob("data/*.npz")]):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
