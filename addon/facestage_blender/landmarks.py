@@ -50,7 +50,7 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
     plane[BASE] = json.dumps(finite(landmarks.to_json()))
     plane[SIZE], plane[DEPTH] = (width, height), max(PLANE_DEPTH, 2 * camera.data.clip_start)
     _follow_camera(plane, camera, width, height)
-    size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.visible], axis=0).max()) / max(width, height)
+    size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.counted], axis=0).max()) / max(width, height)
     for handle in handles(landmarks.scheme, len(landmarks.points)):
         empty = bpy.data.objects.new(handle.name, None)
         collection.objects.link(empty)
@@ -275,8 +275,7 @@ def _state(landmarks: Landmarks, index: int) -> str:
 
 def point_weights(landmarks: Landmarks) -> np.ndarray:
     """(m,) how much each landmark counts; 1 is as usual, 0 not at all."""
-    weights: np.ndarray | None = getattr(landmarks, "weights", None)
-    return np.ones(len(landmarks.points)) if weights is None else weights
+    return np.ones(len(landmarks.points)) if landmarks.weights is None else landmarks.weights
 
 
 def _by_index(empties: list[bpy.types.Object]) -> dict[int, bpy.types.Object]:

@@ -91,8 +91,8 @@ def _count(path: Path, _changed: int) -> str:
         landmarks = Landmarks.read(path)
     except InputError:
         return "No landmarks"
-    hidden = int((~landmarks.visible).sum())
-    return f"{len(landmarks.points)} points" + (f" ({hidden} hidden)" if hidden else "")
+    left = len(landmarks.points) - int(landmarks.counted.sum())
+    return f"{len(landmarks.points)} points" + (f" ({left} hidden or ignored)" if left else "")
 
 
 CLASSES = (FACESTAGE_PT_photo,)

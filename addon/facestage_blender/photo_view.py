@@ -29,7 +29,7 @@ def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks:
         if bpy.app.background or region is None:
             continue
         rv3d.update()
-        points = on_plane(landmarks.points[landmarks.visible], *photo_size(plane))
+        points = on_plane(landmarks.points[landmarks.counted], *photo_size(plane))
         low, high = (
             location_3d_to_region_2d(region, rv3d, plane.matrix_world @ Vector((*corner, 0.0)))
             for corner in (points.min(axis=0), points.max(axis=0))

@@ -154,6 +154,27 @@ def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
     np.testing.assert_array_equal(changed, np.flatnonzero((nearest == handle.facestage_landmark.index) & given.visible))
 
 
+def test_weights_of_a_file_are_kept(scene) -> None:
+    from dataclasses import replace
+
+    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+
+    size = set_view(scene, "plain")
+    given = replace(made_up(*size), weights=np.arange(68) / 10)
+    show_landmarks(scene, given, *size)
+    empties = landmark_empties(scene)
+    assert [item.facestage_landmark.state for item in empties].count("IGNORED") == 1
+    assert edited_landmarks(scene).to_json() == given.to_json()
+    empties[0].facestage_landmark.state = "VISIBLE"
+    empties[7].facestage_landmark.state = "IGNORED"
+    expected = np.arange(68) / 10
+    expected[[0, 7]] = 1, 0
+    np.testing.assert_array_equal(edited_landmarks(scene).weights, expected)
+    empties[7].facestage_landmark.state = "HIDDEN"
+    now = edited_landmarks(scene)
+    assert now.weights[7] == 0.7 and not now.visible[7]
+
+
 def test_a_landmark_without_position_waits_on_the_photo(scene) -> None:
     from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
 
@@ -247,8 +268,10 @@ def test_marks_and_revert(ready, landmark_file: Path) -> None:
     empties[5].location.x += 0.1
     bpy.data.objects.remove(empties[60])
     now = edited_landmarks(ready)
-    assert not now.visible[:3].any()
-    assert now.visible.sum() == 65
+    assert now.weights is not None
+    np.testing.assert_array_equal(np.flatnonzero(~now.visible), [0, 1, 2])
+    np.testing.assert_array_equal(np.flatnonzero(now.weights == 0), [60])  # deleted is ignored
+    np.testing.assert_array_equal(now.points[60], given.points[60])
     assert bpy.ops.facestage.revert_landmarks() == {"FINISHED"}
     assert len(landmark_empties(ready)) == 68
     assert edited_landmarks(ready).to_json() == given.to_json()
@@ -290,8 +313,10 @@ def test_what_cannot_be_read_says_so(ready, landmark_file: Path) -> None:
     ready.collection.objects.link(copy)
     refused(bpy.ops.facestage.done_landmarks, "the same landmark")
     bpy.ops.facestage.revert_landmarks()
-    for empty in landmark_empties(ready)[5:]:
+    for empty in landmark_empties(ready)[5:40]:
         empty.facestage_landmark.state = "HIDDEN"
+    for empty in landmark_empties(ready)[40:]:
+        empty.facestage_landmark.state = "IGNORED"
     refused(bpy.ops.facestage.done_landmarks, "at least 6")
 
 
