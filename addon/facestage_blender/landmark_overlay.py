@@ -11,13 +11,15 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 
+from .landmark_plane import on_plane, photo_size
 from .landmark_scheme import handles, lines
-from .landmarks import HIDDEN, IGNORED, VISIBLE, edited_landmarks, landmark_empties, on_plane, photo_size, shown_plane
+from .landmarks import HIDDEN, IGNORED, VISIBLE, edited_landmarks, landmark_empties, shown_plane
 
 Color = tuple[float, float, float, float]
 COLORS = {VISIBLE: (0.25, 1.0, 0.35, 1.0), HIDDEN: (1.0, 0.6, 0.1, 1.0), IGNORED: (0.75, 0.75, 0.75, 1.0)}
+SELECTED_COLOR = (1.0, 1.0, 1.0, 1.0)
 FOLLOWER_COLOR, LINE_COLOR = (0.35, 0.8, 1.0, 0.75), (1.0, 1.0, 1.0, 0.4)
-HANDLE_RADIUS, FOLLOWER_RADIUS = 2.6, 1.6  # pixels of the screen at a scale of 1
+HANDLE_RADIUS, SELECTED_RADIUS, FOLLOWER_RADIUS = 3.2, 5.2, 1.6  # pixels of the screen at a scale of 1
 CORNERS = np.exp(2j * np.pi * np.arange(9) / 8).view(np.float64).reshape(-1, 2)
 
 
@@ -96,8 +98,13 @@ def discs_by_color(
     """Colors, each with the triangles (3 t, 2) of its discs: what follows first, what can be dragged over it."""
     indices = [handle.index for handle in handles(landmarks.scheme, len(landmarks.points))]
     followers = np.setdiff1d(np.arange(len(pixels)), indices)
-    result = [(FOLLOWER_COLOR, _discs(pixels[followers], FOLLOWER_RADIUS * scale))]
-    marks = [item.facestage_landmark for item in landmark_empties(scene)]
+    empties = landmark_empties(scene)
+    selected = [item.facestage_landmark.index for item in empties if item.select_get()]
+    result = [
+        (FOLLOWER_COLOR, _discs(pixels[followers], FOLLOWER_RADIUS * scale)),
+        (SELECTED_COLOR, _discs(pixels[selected], SELECTED_RADIUS * scale)),
+    ]
+    marks = [item.facestage_landmark for item in empties]
     for state, color in COLORS.items():
         chosen = [mark.index for mark in marks if mark.state == state]
         result.append((color, _discs(pixels[chosen], HANDLE_RADIUS * scale)))

@@ -12,6 +12,7 @@ from facestage.contract.storage import write_json
 from . import landmarks as shown
 from .backend import detect_command
 from .camera import load_image
+from .landmark_plane import photo_size
 from .operators import forget_landmarks, reported
 from .operators_fit import BackendTask
 from .photo_view import look_at_face
@@ -126,7 +127,7 @@ class FACESTAGE_OT_revert_landmarks(bpy.types.Operator):
 
         def revert() -> None:
             plane = shown.require_plane(context.scene)
-            shown.show_landmarks(context.scene, shown.base_landmarks(plane), *shown.photo_size(plane))
+            shown.show_landmarks(context.scene, shown.base_landmarks(plane), *photo_size(plane))
 
         return reported(self, context, revert)
 
@@ -148,7 +149,7 @@ def keep_landmarks(scene: bpy.types.Scene) -> None:
     A file that was there is left alone, so that undo leads back to what it held.
     """
     plane = shown.require_plane(scene)
-    landmarks = read_landmarks(scene, *shown.photo_size(plane))
+    landmarks = read_landmarks(scene, *photo_size(plane))
     assert landmarks is not None  # they are shown
     if landmarks.to_json() != shown.base_landmarks(plane).to_json():
         path = free_path(work_folder(scene), EDITED)

@@ -11,7 +11,7 @@ from mathutils import Vector
 
 from facestage.contract.landmarks import Landmarks
 
-from .landmarks import on_plane, photo_size
+from .landmark_plane import on_plane, photo_size
 
 FACE_SHARE = 0.62  # of the view that the face fills
 ZOOM_LIMIT = 600.0  # Blender's own

@@ -13,7 +13,8 @@ from facestage.contract.landmarks import Landmarks
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
-from .landmarks import edited_landmarks, photo_size, shown_plane
+from .landmark_plane import photo_size
+from .landmarks import edited_landmarks, shown_plane
 from .rig import read_weights, require_rig
 from .stage import read_stage, relative_matrix, require_stage
 
