@@ -1,32 +1,27 @@
-"""Landmarks as empties on the photo: made from a set of landmarks, dragged by the user, read back in pixels.
-
-The empties stand on a plane in front of the camera that is the photo: it follows the camera by a constraint and its
-lens by drivers, so that a landmark stays on its pixel whatever becomes of the camera. On the plane the photo's longer
-side is 1, x points right, y up, and the photo's centre is the origin.
-"""
+"""Landmarks as empties on the photo: made from a set of landmarks, dragged by the user, read back in pixels."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.result import Result
 from facestage.contract.storage import finite
 
-from .camera import read_camera, require_camera
+from .camera import put_photo_in_front, require_camera
+from .landmark_plane import build_plane, empty_pixel, on_plane, photo_size, plane_camera, put_on_plane
 from .landmark_scheme import Handle, follow, handles, nearest_handle
 from .stage import facestage_collection
 
-COLLECTION, PLANE = "Facestage Landmarks", "Facestage Photo Plane"
-BASE, SIZE, DEPTH = "facestage_landmarks", "facestage_photo_size", "facestage_depth"
+FOUND = "landmarks.json"  # in a result's folder: the landmarks that were fitted
+COLLECTION, BASE = "Facestage Landmarks", "facestage_landmarks"
 VISIBLE, HIDDEN, IGNORED = "VISIBLE", "HIDDEN", "IGNORED"
-PLANE_DEPTH = 0.3  # metres in front of the camera
 EMPTY_SHARE = 0.011  # size of an empty as a share of the face's
 # A landmark that is closer to where it began than a 32-bit float can say was not moved.
 UNMOVED_PX, UNMOVED_SHARE = 1e-3, 2e-7
@@ -41,20 +36,14 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
     remove_landmarks(scene)
     collection = bpy.data.collections.new(COLLECTION)
     facestage_collection(scene).children.link(collection)
-    plane = bpy.data.objects.new(PLANE, None)
-    collection.objects.link(plane)
-    plane.empty_display_size, plane.hide_select = 1e-4, True
+    plane = build_plane(collection, camera, width, height)
     plane[BASE] = json.dumps(finite(landmarks.to_json()))
-    plane[SIZE], plane[DEPTH] = (width, height), max(PLANE_DEPTH, 2 * camera.data.clip_start)
-    _follow_camera(plane, camera, width, height)
-    size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.visible], axis=0).max()) / max(width, height)
+    put_photo_in_front(camera, True)
+    size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.counted], axis=0).max()) / max(width, height)
     for handle in handles(landmarks.scheme, len(landmarks.points)):
         empty = bpy.data.objects.new(handle.name, None)
         collection.objects.link(empty)
-        empty.parent, empty.matrix_parent_inverse = plane, Matrix()
-        empty.show_in_front = True
-        empty.lock_location[2] = True
-        empty.lock_rotation = empty.lock_scale = (True, True, True)
+        put_on_plane(plane, empty)
         mark = empty.facestage_landmark
         mark.index, mark.size = handle.index, size
     scene.facestage.landmark_plane = plane
@@ -87,11 +76,6 @@ def landmark_empties(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 def base_landmarks(plane: bpy.types.Object) -> Landmarks:
     """The landmarks that the empties were made from."""
     return Landmarks.from_json(json.loads(plane[BASE]), "set of landmarks in the scene")
-
-
-def photo_size(plane: bpy.types.Object) -> tuple[int, int]:
-    """Width and height in pixels of the photo that the landmarks belong to."""
-    return int(plane[SIZE][0]), int(plane[SIZE][1])
 
 
 def edited_landmarks(scene: bpy.types.Scene) -> Landmarks:
@@ -141,11 +125,11 @@ def revert_landmarks(scene: bpy.types.Scene) -> None:
     base = base_landmarks(plane)
     width, height = photo_size(plane)
     editable = handles(base.scheme, len(base.points))
-    starts = _starts(base, editable, width, height)
+    starts = on_plane(_starts(base, editable, width, height), width, height)
     empties = _by_index(landmark_empties(scene))
     for handle, start in zip(editable, starts, strict=True):
         if (empty := empties.get(handle.index)) is not None:
-            empty.location = (*_on_plane(start, width, height), 0.0)
+            empty.location = (*start, 0.0)
             empty.facestage_landmark.state = _state(base, handle.index)
 
 
@@ -155,6 +139,8 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
     scene.facestage.landmark_plane = None
     if plane is None:
         return
+    if (camera := plane_camera(plane)) is not None:
+        put_photo_in_front(camera, False)
     collections = plane.users_collection
     for item in [*landmark_empties(scene), plane]:
         bpy.data.objects.remove(item)
@@ -163,90 +149,11 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
             bpy.data.collections.remove(collection)
 
 
-def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
-    """(2,) pixel of the photo on which the plane's camera sees an empty."""
-    width, height = photo_size(plane)
-    view = plane_camera(plane)
-    if empty.parent == plane and not empty.constraints:
-        # In double precision, and true for objects that Blender does not update because they are hidden.
-        u, v, w = np.array(empty.matrix_parent_inverse @ empty.matrix_basis, np.float64)[:3, 3]
-        if w == 0 or view is None:
-            return np.array([0.5 * width + u * max(width, height), 0.5 * height - v * max(width, height)])
-        camera = read_camera(view.data, width, height)
-        origin, scale = _plane_in_camera(camera, plane[DEPTH])
-        point = origin + scale * np.array([u, v, w])
-    elif view is None:
-        raise InputError(f"The landmark '{empty.name}' is no longer on the photo; press Revert, or parent it again.")
-    else:
-        camera = read_camera(view.data, width, height)
-        pose = np.array(view.matrix_world, np.float64)
-        pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
-        point = (np.linalg.inv(pose) @ np.array([*empty.matrix_world.translation, 1.0]))[:3]
-    pixel = camera.project(point[None])[0]
-    if not np.isfinite(pixel).all():
-        raise InputError(f"The landmark '{empty.name}' is behind the camera; press Revert, or move it onto the photo.")
-    return pixel
-
-
-def plane_camera(plane: bpy.types.Object) -> bpy.types.Object | None:
-    """The camera that the plane stands in front of, None when it was deleted."""
-    target = next((item.target for item in plane.constraints if item.type == "CHILD_OF"), None)
-    return target if target is not None and target.type == "CAMERA" else None
-
-
-def _follow_camera(plane: bpy.types.Object, camera: bpy.types.Object, width: int, height: int) -> None:
-    """Hold the plane where the photo is: a constraint for the camera's pose, drivers for its lens."""
-    hold = plane.constraints.new("CHILD_OF")
-    hold.target = camera
-    hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # a camera's scale does not change its picture
-    hold.inverse_matrix = Matrix()
-    longer, depth = max(width, height), plane[DEPTH]
-    plane.location[2] = -depth
-    for axis in range(3):
-        # As read_camera: the focal length is lens * side / sensor with the side that the sensor is fitted to.
-        _drive(
-            plane, "scale", axis, camera,
-            f"{depth} / lens * (sensor_height * {longer / height!r} if sensor_fit > 1.5 else "
-            f"sensor_width * ({longer / width!r} if sensor_fit > 0.5 else 1.0))",
-            ("lens", "sensor_fit", "sensor_width", "sensor_height"),
-        )  # fmt: skip
-    for axis, shift in enumerate(("shift_x", "shift_y")):
-        _drive(
-            plane, "location", axis, camera,
-            f"{depth} / lens * {shift} * (sensor_height if sensor_fit > 1.5 else sensor_width)",
-            ("lens", "sensor_fit", "sensor_width", "sensor_height", shift),
-        )  # fmt: skip
-
-
-def _drive(
-    plane: bpy.types.Object,
-    channel: str,
-    axis: int,
-    camera: bpy.types.Object,
-    expression: str,
-    inputs: tuple[str, ...],
-) -> None:
-    """Drive a channel by properties of the camera's lens; plain arithmetic runs without leave to run scripts."""
-    driver = plane.driver_add(channel, axis).driver
-    driver.type, driver.expression = "SCRIPTED", expression
-    for name in inputs:
-        variable = driver.variables.new()
-        variable.name = name
-        target = variable.targets[0]
-        target.id_type, target.id, target.data_path = "CAMERA", camera.data, name
-
-
-def _plane_in_camera(camera: Camera, depth: float) -> tuple[np.ndarray, float]:
-    """The plane's origin (3,) and the length of its unit, in the camera frame, in metres."""
-    step = depth / camera.focal_px
-    cx, cy = camera.principal_px
-    origin = np.array([(0.5 * camera.width - cx) * step, (cy - 0.5 * camera.height) * step, -depth])
-    return origin, max(camera.width, camera.height) * step
-
-
-def _on_plane(pixel: np.ndarray, width: int, height: int) -> tuple[float, float]:
-    longer = max(width, height)
-    return float((pixel[0] - 0.5 * width) / longer), float((0.5 * height - pixel[1]) / longer)
+def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
+    """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and edited."""
+    path = (result.folder or Path()) / FOUND
+    if not scene.facestage.landmarks and shown_plane(scene) is None and path.is_file():
+        scene.facestage.landmarks, scene.facestage.landmarks_from = str(path), "DETECTED"
 
 
 def _starts(base: Landmarks, editable: tuple[Handle, ...], width: int, height: int) -> np.ndarray:
@@ -265,8 +172,7 @@ def _state(landmarks: Landmarks, index: int) -> str:
 
 def point_weights(landmarks: Landmarks) -> np.ndarray:
     """(m,) how much each landmark counts; 1 is as usual, 0 not at all."""
-    weights: np.ndarray | None = getattr(landmarks, "weights", None)
-    return np.ones(len(landmarks.points)) if weights is None else weights
+    return np.ones(len(landmarks.points)) if landmarks.weights is None else landmarks.weights
 
 
 def _by_index(empties: list[bpy.types.Object]) -> dict[int, bpy.types.Object]:

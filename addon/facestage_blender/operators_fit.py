@@ -14,8 +14,9 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.result import CONVERGED, Result
 
 from .backend import doctor_command, fit_command, model_command, partial_folder
+from .landmarks import remember_landmarks
 from .preferences import addon_preferences, backend_command, work_folder
-from .process import BackendProcess, Outcome
+from .process import CANCELLED, BackendProcess, Outcome
 from .rig import build_rig
 from .scene_read import read_job
 from .stage import build_stage, default_stage
@@ -45,6 +46,7 @@ class BackendTask:
     """
 
     task = ""
+    resumable = False  # whether a run that was stopped can go on
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
 
@@ -114,7 +116,7 @@ class BackendTask:
         Running.process = None
         context.window_manager.facestage.task = ""
         if not outcome.ok:
-            self._fail(context, outcome.message)
+            self._fail(context, outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.")
             return {"CANCELLED"}
         try:
             with preserved(context.view_layer):
@@ -172,6 +174,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     task = "Fitting"
+    resumable = True
 
     resume: BoolProperty(
         name="Resume", description="Go on from the last checkpoint of a fit that was stopped", options={"SKIP_SAVE"}
@@ -196,6 +199,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         """Remember the result and apply it."""
         result = Result.load(work_folder(context.scene) / "result")
         context.scene.facestage.result = str(result.folder)
+        remember_landmarks(context.scene, result)
         state = context.window_manager.facestage
         state.message, state.doubtful = result.advice, result.status != CONVERGED
         self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)

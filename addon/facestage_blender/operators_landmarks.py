@@ -12,8 +12,10 @@ from facestage.contract.storage import write_json
 from . import landmarks as shown
 from .backend import detect_command
 from .camera import load_image
+from .landmark_plane import photo_size
 from .operators import forget_landmarks, reported
 from .operators_fit import BackendTask
+from .photo_view import look_at_face
 from .preferences import backend_command, work_folder
 from .process import BackendProcess
 from .scene_read import absolute, read_landmarks
@@ -45,8 +47,7 @@ class FACESTAGE_OT_detect_landmarks(BackendTask, bpy.types.Operator):
         width, height = load_image(require_photo(scene)).size
         landmarks.check_inside(width, height)
         scene.facestage.landmarks, scene.facestage.landmarks_from = str(self.out), "DETECTED"
-        shown.show_landmarks(scene, landmarks, width, height)
-        look_through_camera(context)
+        look_at_face(context, shown.show_landmarks(scene, landmarks, width, height), landmarks)
 
 
 class FACESTAGE_OT_forget_landmarks(bpy.types.Operator):
@@ -72,7 +73,8 @@ class FACESTAGE_OT_edit_landmarks(bpy.types.Operator):
         """Show the points, ready to be dragged."""
         verdict = reported(self, context, lambda: edit_landmarks(context.scene))
         if verdict == {"FINISHED"}:
-            look_through_camera(context)
+            plane = shown.require_plane(context.scene)
+            look_at_face(context, plane, shown.base_landmarks(plane))
             if context.mode != "OBJECT":
                 bpy.ops.object.mode_set(mode="OBJECT")
         return verdict
@@ -125,7 +127,7 @@ class FACESTAGE_OT_revert_landmarks(bpy.types.Operator):
 
         def revert() -> None:
             plane = shown.require_plane(context.scene)
-            shown.show_landmarks(context.scene, shown.base_landmarks(plane), *shown.photo_size(plane))
+            shown.show_landmarks(context.scene, shown.base_landmarks(plane), *photo_size(plane))
 
         return reported(self, context, revert)
 
@@ -147,7 +149,7 @@ def keep_landmarks(scene: bpy.types.Scene) -> None:
     A file that was there is left alone, so that undo leads back to what it held.
     """
     plane = shown.require_plane(scene)
-    landmarks = read_landmarks(scene, *shown.photo_size(plane))
+    landmarks = read_landmarks(scene, *photo_size(plane))
     assert landmarks is not None  # they are shown
     if landmarks.to_json() != shown.base_landmarks(plane).to_json():
         path = free_path(work_folder(scene), EDITED)
@@ -178,14 +180,6 @@ def free_path(folder: Path, stem: str) -> Path:
     while path.exists():
         path, number = folder / f"{stem}_{number}.json", number + 1
     return path
-
-
-def look_through_camera(context: bpy.types.Context) -> None:
-    """Have the 3D View show the photo: the one in use, else all of the window."""
-    areas = context.window.screen.areas if context.window is not None else []
-    views = [area for area in areas if area.type == "VIEW_3D"]
-    for area in [context.area] if context.area in views else views:
-        area.spaces.active.region_3d.view_perspective = "CAMERA"
 
 
 CLASSES = (

@@ -8,6 +8,7 @@ from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .backend import partial_folder
 from .operators import REPORT, result_folder
+from .operators_model import model_label, model_license
 from .preferences import draw_wrapped, work_folder
 from .stage import stage_lights
 
@@ -86,7 +87,8 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice of model and the rig's builder."""
         layout, settings = self.layout, context.scene.facestage
-        layout.prop(settings, "model", text="Model")
+        layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
+        draw_wrapped(layout, f"License: {model_license(context.scene)}", "NONE", line_length(context))
         built = settings.rig is not None
         layout.operator(
             "facestage.build_rig", icon="FILE_REFRESH" if built else "ADD", text="Rebuild Face Rig" if built else None
@@ -126,7 +128,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                 ]
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
         if state.failure:
-            draw_wrapped(layout.box(), state.failure, "ERROR", _line_length(context))
+            draw_wrapped(layout.box(), state.failure, "ERROR", line_length(context))
 
 
 class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
@@ -181,7 +183,7 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, "rig", text="Rig")
         if state.message and not state.task:
             icon = "ERROR" if state.doubtful else "INFO"
-            draw_wrapped(layout.box(), state.message, icon, _line_length(context))
+            draw_wrapped(layout.box(), state.message, icon, line_length(context))
 
 
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
@@ -196,7 +198,7 @@ def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder
         )
     row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
     if preview.status:
-        draw_wrapped(layout.box(), preview.status, "ERROR", _line_length(context))
+        draw_wrapped(layout.box(), preview.status, "ERROR", line_length(context))
 
 
 def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
@@ -219,7 +221,8 @@ def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) ->
         layout.label(text=", ".join(details), icon="TIME")
 
 
-def _line_length(context: bpy.types.Context) -> int:
+def line_length(context: bpy.types.Context) -> int:
+    """About how many characters go into a line of the sidebar."""
     scale = context.preferences.system.ui_scale
     return max(20, int((context.region.width / scale - 40) * CHARACTERS_PER_PIXEL))
 

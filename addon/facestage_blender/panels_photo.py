@@ -10,7 +10,8 @@ from facestage.contract.landmarks import Landmarks
 
 from .landmarks import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from .operators_landmarks import FACESTAGE_OT_detect_landmarks
-from .panels import SidebarPanel, draw_progress
+from .panels import SidebarPanel, draw_progress, line_length
+from .preferences import draw_wrapped
 from .scene_read import absolute
 
 FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
@@ -48,10 +49,9 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
         if shown_plane(context.scene) is not None:
             draw_editing(layout.box().column(align=True), context)
         else:
-            row = layout.row(align=True)
-            row.label(text=landmark_line(settings))
             if settings.landmarks:
-                row.operator("facestage.edit_landmarks", icon="GREASEPENCIL", text="Edit")
+                layout.operator("facestage.edit_landmarks", icon="GREASEPENCIL")
+            draw_wrapped(layout, landmark_line(settings), "NONE", line_length(context))
         column = layout.column(align=True)
         column.prop(settings, "known_lens")
         column.prop(settings, "keep_camera")
@@ -91,8 +91,8 @@ def _count(path: Path, _changed: int) -> str:
         landmarks = Landmarks.read(path)
     except InputError:
         return "No landmarks"
-    hidden = int((~landmarks.visible).sum())
-    return f"{len(landmarks.points)} points" + (f" ({hidden} hidden)" if hidden else "")
+    left = len(landmarks.points) - int(landmarks.counted.sum())
+    return f"{len(landmarks.points)} points" + (f" ({left} hidden or ignored)" if left else "")
 
 
 CLASSES = (FACESTAGE_PT_photo,)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import bpy
 
 from . import (
+    landmark_overlay,
     operators,
     operators_fit,
     operators_landmarks,
+    operators_model,
     operators_preview,
     panels,
     panels_photo,
@@ -23,6 +25,7 @@ MODULES = (
     operators,
     operators_fit,
     operators_landmarks,
+    operators_model,
     operators_preview,
     panels_photo,
     panels,
@@ -36,11 +39,13 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     preview.register()
+    landmark_overlay.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
     operators_fit.stop_running()
+    landmark_overlay.unregister()
     preview.unregister()
     properties.detach()
     for module in reversed(MODULES):

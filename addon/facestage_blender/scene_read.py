@@ -13,7 +13,8 @@ from facestage.contract.landmarks import Landmarks
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
-from .landmarks import edited_landmarks, photo_size, shown_plane
+from .landmark_plane import photo_size
+from .landmarks import edited_landmarks, shown_plane
 from .rig import read_weights, require_rig
 from .stage import read_stage, relative_matrix, require_stage
 
@@ -35,7 +36,8 @@ def read_job(scene: bpy.types.Scene) -> Job:
     return Job(
         image=photo,
         model=rig.facestage_face.model,
-        landmarks=read_landmarks(scene, width, height),
+        landmarks=(landmarks := read_landmarks(scene, width, height)),
+        face=settings.face_number if landmarks is None else None,
         camera=camera,
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,

@@ -79,6 +79,10 @@ def fit(job_folder: Path, out: Path) -> None:
         for name, channels in (("albedo", 3), ("specular", 1), ("render", 3), ("light_probe", 3)):
             pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
             assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
+        if job.landmarks is None:
+            detect(job.image, folder / "landmarks.json", job.face or 1)
+        else:
+            write_json(folder / "landmarks.json", job.landmarks.to_json())
         (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
 
 

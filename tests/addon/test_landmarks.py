@@ -60,7 +60,8 @@ def seen_pixels(scene) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(VIEWS))
 def test_empties_stand_on_their_pixels(scene, name: str) -> None:
-    from facestage_blender.landmarks import edited_landmarks, empty_pixel, landmark_empties, show_landmarks
+    from facestage_blender.landmark_plane import empty_pixel
+    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
 
     size = set_view(scene, name)
     given = made_up(*size)
@@ -152,6 +153,27 @@ def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
     distance = np.linalg.norm(given.points[:, None] - given.points[indices], axis=2)
     nearest = indices[distance.argmin(axis=1)]
     np.testing.assert_array_equal(changed, np.flatnonzero((nearest == handle.facestage_landmark.index) & given.visible))
+
+
+def test_weights_of_a_file_are_kept(scene) -> None:
+    from dataclasses import replace
+
+    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+
+    size = set_view(scene, "plain")
+    given = replace(made_up(*size), weights=np.arange(68) / 10)
+    show_landmarks(scene, given, *size)
+    empties = landmark_empties(scene)
+    assert [item.facestage_landmark.state for item in empties].count("IGNORED") == 1
+    assert edited_landmarks(scene).to_json() == given.to_json()
+    empties[0].facestage_landmark.state = "VISIBLE"
+    empties[7].facestage_landmark.state = "IGNORED"
+    expected = np.arange(68) / 10
+    expected[[0, 7]] = 1, 0
+    np.testing.assert_array_equal(edited_landmarks(scene).weights, expected)
+    empties[7].facestage_landmark.state = "HIDDEN"
+    now = edited_landmarks(scene)
+    assert now.weights[7] == 0.7 and not now.visible[7]
 
 
 def test_a_landmark_without_position_waits_on_the_photo(scene) -> None:
@@ -247,8 +269,10 @@ def test_marks_and_revert(ready, landmark_file: Path) -> None:
     empties[5].location.x += 0.1
     bpy.data.objects.remove(empties[60])
     now = edited_landmarks(ready)
-    assert not now.visible[:3].any()
-    assert now.visible.sum() == 65
+    assert now.weights is not None
+    np.testing.assert_array_equal(np.flatnonzero(~now.visible), [0, 1, 2])
+    np.testing.assert_array_equal(np.flatnonzero(now.weights == 0), [60])  # deleted is ignored
+    np.testing.assert_array_equal(now.points[60], given.points[60])
     assert bpy.ops.facestage.revert_landmarks() == {"FINISHED"}
     assert len(landmark_empties(ready)) == 68
     assert edited_landmarks(ready).to_json() == given.to_json()
@@ -290,8 +314,10 @@ def test_what_cannot_be_read_says_so(ready, landmark_file: Path) -> None:
     ready.collection.objects.link(copy)
     refused(bpy.ops.facestage.done_landmarks, "the same landmark")
     bpy.ops.facestage.revert_landmarks()
-    for empty in landmark_empties(ready)[5:]:
+    for empty in landmark_empties(ready)[5:40]:
         empty.facestage_landmark.state = "HIDDEN"
+    for empty in landmark_empties(ready)[40:]:
+        empty.facestage_landmark.state = "IGNORED"
     refused(bpy.ops.facestage.done_landmarks, "at least 6")
 
 
@@ -376,6 +402,71 @@ def test_editing_shows_the_photo(ready, landmark_file: Path) -> None:
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
+    assert ready.camera.data.background_images[0].display_depth == "FRONT"
     views = [area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
     assert views
     assert all(view.region_3d.view_perspective == "CAMERA" for view in views)
+
+
+@pytest.mark.parametrize("name", ["plain", "portrait"])
+def test_drawing_is_over_the_points(scene, name: str) -> None:
+    """What is drawn over the camera's view lies where its picture has the landmarks."""
+    import bpy
+
+    from facestage_blender.landmark_overlay import current_landmarks, discs_by_color, line_ends, on_screen
+    from facestage_blender.landmarks import landmark_empties, show_landmarks
+
+    width, height = size = set_view(scene, name)
+    given = made_up(*size, "mediapipe478")
+    show_landmarks(scene, given, *size)
+    bpy.context.view_layer.update()
+    window = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=width, y=height)
+    view = np.array(window @ scene.camera.matrix_world.inverted())
+    landmarks = current_landmarks(scene)
+    assert landmarks is not None
+    pixels = (on_screen(scene, landmarks, view) * [0.5, -0.5] + 0.5) * size
+    np.testing.assert_allclose(pixels, given.points, atol=0.02)
+    discs = discs_by_color(scene, landmarks, pixels, 1.0)
+    counts = [len(triangles) // 24 for _, triangles in discs]
+    states = [item.facestage_landmark.state for item in landmark_empties(scene)]
+    assert counts == [478 - len(states), 0, states.count("VISIBLE"), states.count("HIDDEN"), 0]
+    assert len(line_ends(landmarks, pixels)) == 2 * (16 + 4 + 4 + 3 + 4 + 6 + 6 + 12 + 8)
+    # Behind the view nothing is drawn.
+    turned = np.array(window @ scene.camera.matrix_world.inverted()) * [[1], [1], [1], [-1]]
+    assert not len(line_ends(landmarks, on_screen(scene, landmarks, turned)))
+    landmark_empties(scene)[0].location.x += 0.1
+    bpy.context.view_layer.update()
+    assert current_landmarks(scene) is not landmarks
+
+
+def test_scheme_tables_agree_with_the_backend(scene) -> None:
+    from facestage.landmarks.ibug68 import POINTS
+    from facestage_blender.landmark_scheme import IBUG_NAMES, MEDIAPIPE_AS_IBUG, handles
+
+    assert tuple(POINTS) == MEDIAPIPE_AS_IBUG
+    assert handles("ibug68", 68)[30].name == "Landmark 31 nose tip"
+    assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
+    assert len(handles("another", 12)) == 12
+
+
+def test_followers_move_smoothly() -> None:
+    """One dragged handle takes its surroundings along and leaves the rest."""
+    from facestage_blender.landmark_scheme import follow
+
+    rng = np.random.default_rng(0)
+    axis = np.linspace(0, 100, 9)
+    knots = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    near, far = rng.uniform(-3, 3, (50, 2)) + 50, rng.uniform(0, 20, (50, 2))
+    points = np.concatenate([knots, near, far])
+    centre = 40
+    moved = knots.copy()
+    moved[centre] += [4, -2]
+    after = follow(points, np.arange(81), moved) - points
+    np.testing.assert_array_equal(after[:81], moved - knots)
+    assert np.abs(after[81:131] - [4, -2]).max() < 1.5
+    assert np.abs(after[131:]).max() < 0.1
+    # Handles on one point, as those of closed lids, and handles that cannot determine a plane.
+    np.testing.assert_allclose(
+        follow(np.array([[0.0, 0], [0, 0], [9, 0], [4, 5]]), np.arange(3), np.array([[1.0, 0], [1, 0], [10, 0]]))[3],
+        [5, 5], atol=1e-2,
+    )  # fmt: skip
