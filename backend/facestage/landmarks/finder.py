@@ -33,7 +33,7 @@ TURN_MAX = 65
 DUPLICATE = 0.3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Face:
     """A face in a photo: its mesh, which of its points the camera sees, and how sure the networks are (0..1)."""
 
@@ -77,7 +77,7 @@ class FaceFinder:
         """The faces of a photo; as it is first, then more closely, then exposed anew, until there is one."""
         views = PhotoViews(photograph)
         unclear: list[np.ndarray] = []
-        for gain in dict.fromkeys((views.gain, views.exposure_gain)):
+        for gain in views.gains():
             views.gain = gain
             for windows in (coarse_windows, fine_windows):
                 candidates = find_candidates(self._detector, views, windows(*photograph.size))
