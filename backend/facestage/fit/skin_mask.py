@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter, map_coordinates
 
 from facestage.contract.landmarks import Landmarks
+from facestage.image_io import resize
 from facestage.models.landmark_schemes import scheme_of
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
@@ -13,6 +16,8 @@ DARK_SHARE = 0.1
 # Least spread of (log red/green, log blue/green, log luminance) on a face: light of two colors, cheeks
 # against forehead, shading. A face half in shadow widens its own luminance spread.
 SPREAD_MIN = (0.12, 0.12, 0.28)
+# The face's size in pixels beyond which it is looked at smaller: a mask has no finer edges than that.
+MASK_FACE_PX = 256.0
 # Distances, in spreads, at which a pixel counts in full and no longer.
 FULL, NONE = 2.0, 3.5
 # A highlight has the lamp's color: from the skin's, away from that of its pigments, which is much the same for all
@@ -45,10 +50,21 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
     stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
     """
+    height, width = photo.shape[:2]
+    scale = MASK_FACE_PX / max(face_size_px(landmarks), 1.0)
+    if scale >= 1:
+        return _skin_weight(photo, landmarks)
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
+    smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
+    return resize(_skin_weight(resize(photo, *size), smaller), width, height)
+
+
+def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    height, width = photo.shape[:2]
     # A hull of cheeks and chin, without brows and forehead. Eyes and mouth are the mesh's matter.
-    inside = _hull_pixels((photo.shape[0], photo.shape[1]), landmarks.points[scheme_of(landmarks.scheme).skin])
+    inside = _hull_pixels((height, width), landmarks.points[scheme_of(landmarks.scheme).skin])
     if inside.sum() < 20:
-        return np.ones(photo.shape[:2], np.float32)
+        return np.ones((height, width), np.float32)
     features = _features(_denoised(photo, inside), inside)
     thin = _thin_and_dark(features[..., 2], landmarks)
     samples = features[inside & (thin < 0.5)] if (inside & (thin < 0.5)).sum() >= 20 else features[inside]
@@ -59,7 +75,7 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     brighter = np.maximum(offset[..., 2], 0.0)
     reach = PIGMENT_REACH * -np.expm1(-np.where(brighter > 0, brighter + HIGHLIGHT_SLACK, 0.0))
     # Only on the face: a pale wall has the color of a highlight.
-    face = _hull_pixels((photo.shape[0], photo.shape[1]), _with_forehead(landmarks))
+    face = _hull_pixels((height, width), _with_forehead(landmarks))
     along = np.where(face, np.clip(offset[..., :2] @ PIGMENT_HUE, 0.0, reach), 0.0)
     offset[..., :2] -= along[..., None] * PIGMENT_HUE
     offset[..., 2] = np.minimum(offset[..., 2], 0.0)
@@ -67,7 +83,7 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     near = (NONE - distance) / (NONE - FULL)
     common = (_share_alike(features, samples) - COMMON_SHARE[0]) / (COMMON_SHARE[1] - COMMON_SHARE[0])
     # Beyond the landmarks lies the forehead, where what is dark may as well be hair.
-    common = np.where(face_pixels((photo.shape[0], photo.shape[1]), landmarks), common, 0.0)
+    common = np.where(face_pixels((height, width), landmarks), common, 0.0)
     weight = np.clip(np.maximum(near, common * (1 - thin)), 0, 1)
     return _coherent(photo, weight.astype(np.float32), landmarks)
 
@@ -80,8 +96,7 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     import cv2
 
     points = landmarks.points[np.isfinite(landmarks.points).all(axis=1)]
-    low, high = points.min(axis=0), points.max(axis=0)
-    side = face_size_px(landmarks)
+    low, high, side = points.min(axis=0), points.max(axis=0), face_size_px(landmarks)
     left, top = np.clip(low - CUT_MARGIN * side, 0, None).astype(int)
     right, bottom = np.clip(high + CUT_MARGIN * side, 0, weight.shape[::-1]).astype(int)
     part = np.s_[top:bottom, left:right]
@@ -119,7 +134,7 @@ def _thin_and_dark(luminance: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     import cv2
 
     width = 2 * max(round(THIN_SHARE * face_size_px(landmarks)), 1) + 1
-    square = np.ones((min(width, 255), min(width, 255)), np.uint8)
+    square = np.ones((width, width), np.uint8)
     hat = cv2.morphologyEx(luminance, cv2.MORPH_BLACKHAT, square)
     return np.clip((hat - THIN_DARK[0]) / (THIN_DARK[1] - THIN_DARK[0]), 0, 1)
 
