@@ -18,7 +18,8 @@ from facestage.contract.person import PHOTOS_MAX, Person, PersonPhoto
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
 from facestage.contract.storage import atomic_folder
 from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.joint_run import JointFitted, JointProgress, JointRun, Member
+from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
+from facestage.fit.member import Member
 from facestage.fit.merged_albedo import MergedAlbedo
 from facestage.fit.output import albedo_texture, finish, texture_size, write_result
 from facestage.fit.problem import Problem, read_problem
