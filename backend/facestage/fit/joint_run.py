@@ -97,13 +97,20 @@ class JointRun:
         return JointFitted(tuple(concluded), odd)
 
     def _landmarks(self) -> dict[int, Difference]:
-        """The phases without the photo: each photo alone, then all with one identity; which do not go with the rest."""
+        """The phases without the photo: each photo alone, then all with one identity; which do not go with the rest.
+
+        Those are left out where at least two others agree.
+        """
         evidence = [member.landmarks_alone(self._heard_alone) for member in self.members]
         known = [one for one in evidence if one is not None]
         odd, shared = {}, self.members[0].state
         if len(known) == len(self.members):
             odd = odd_ones(known)
-            shared = replace(shared, identity=combined(known)[0])
+            if len(odd) <= len(known) - 2:
+                for index in odd:
+                    self.members[index].joined, self.members[index].stranger = False, True
+            joined = [one for one, member in zip(known, self.members, strict=True) if member.joined]
+            shared = replace(shared, identity=combined(joined)[0])
         for member in self.members:
             member.state = with_shared(member.state, shared)
         for number, phase in enumerate(self.phases):
@@ -130,7 +137,8 @@ class JointRun:
                 # Light and skin are fitted to the landmarks' shape.
                 self.shape_held = True
                 for member in self.members:
-                    member.joined, member.state = True, with_shape(member.state, member.together)
+                    if not member.stranger:
+                        member.joined, member.state = True, with_shape(member.state, member.together)
             first_step, checkpoint = 1, None
 
     def _descend(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:

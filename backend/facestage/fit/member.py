@@ -41,6 +41,7 @@ class Member:
     trace: list[dict[str, Any]] = field(default_factory=list)
     last: Iteration | None = None
     joined: bool = True  # takes part in the joint fit
+    stranger: bool = False  # left out because its landmarks may be another person's
     doubt: str = ""  # why the photo is not believed about the shape
     statistic: float = 0.0  # how far the joint fit pulled the shape from the photo's own landmarks', see guard.py
 

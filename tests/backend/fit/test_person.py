@@ -164,6 +164,15 @@ def test_another_person_is_named(jobs: list[Job], tmp_path: Path):
 
 
 @pytest.mark.usefixtures("quick")
+def test_another_person_among_three_is_left_out(jobs: list[Job], scene: Scene, tmp_path: Path):
+    person = fit_person(jobs, tmp_path / "three")
+    assert person.status == STOPPED and person.advice.startswith("Photo 3 (photo.png): This photo may show another")
+    assert [photo.shares_shape for photo in person.photos] == [True, True, False]
+    two = fit_person(jobs[:2], tmp_path / "two")
+    np.testing.assert_allclose(person.identity, two.identity, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.usefixtures("quick")
 def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     noise = np.random.default_rng(5).integers(0, 255, (80, 80, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
