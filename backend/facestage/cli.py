@@ -286,17 +286,22 @@ def _run_fit(options: argparse.Namespace) -> int:
     def emit(event: Event) -> None:
         print(event.to_line(), flush=True)
 
-    jobs = _jobs(options)
     if options.same_person:
-        fit_person(jobs, options.out, options.resume, emit, options.landmark_model)
-    elif len(jobs) == 1:
-        fit_job(jobs[0], options.out, options.resume, emit, options.landmark_model)
+        fit_person(_jobs(options), options.out, options.resume, emit, options.landmark_model)
     else:
+        fit_job(_job(options), options.out, options.resume, emit, options.landmark_model)
+    return EXIT_DONE
+
+
+def _job(options: argparse.Namespace) -> Job:
+    """The job of a ``fit`` command line that is about one photo."""
+    jobs = _jobs(options)
+    if len(jobs) > 1:
         raise InputError(
             f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of them, or fit them "
             "one by one."
         )
-    return EXIT_DONE
+    return jobs[0]
 
 
 def _jobs(options: argparse.Namespace) -> list[Job]:

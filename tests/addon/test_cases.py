@@ -94,6 +94,23 @@ def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
     assert len({case_seed(name, seed) for name in ("cap", "cap_2", "beard") for seed in range(3)}) == 9
 
 
+def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
+    from facestage_blender.cases.__main__ import case_seed, photos
+    from facestage_blender.cases.person import person_of
+
+    chosen = photos(2)
+    first, second = (person_of(head, each, case_seed(f"7/{name}", 0), 7) for name, each in chosen.items())
+    other = person_of(head, chosen["photo_1"], case_seed("8/photo_1", 0), 8)
+    for name in ("identity", "albedo", "specular", "roughness"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        assert not np.array_equal(getattr(first, name), getattr(other, name))
+    for name in ("expression", "model_to_camera"):
+        assert not np.array_equal(getattr(first, name), getattr(second, name))
+    for wrong in (0, 9):
+        with pytest.raises(InputError, match="expected 1 to 8"):
+            photos(wrong)
+
+
 def test_expressions_are_found_by_either_spelling(head: FaceModel) -> None:
     from facestage_blender.cases.person import expression_weights
 

@@ -4,52 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.checks import Ending, conclude, photo_doubt
 from facestage.fit.fitted import Fitted, Progress
-from facestage.fit.guard import statistic_limit
 from facestage.fit.joint import SHARED, JointIteration, JointStage, with_shared
 from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.parameters import Layout, State, with_shape
+from facestage.fit.member import Member
+from facestage.fit.parameters import Layout, with_shape
 from facestage.fit.phases import SHAPE, Phase, Schedule, default_schedule
 from facestage.fit.problem import Problem
-from facestage.fit.same_person import Difference, Evidence, combined, odd_ones
+from facestage.fit.same_person import Difference, combined, odd_ones
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.solver import Damping
-from facestage.fit.trace import trace_row
 from facestage.fit.truth import Truth
 from facestage.fit.view import View
-
-
-@dataclass
-class Member:
-    """One photo of a person, and where its fit stands."""
-
-    number: int  # 1, 2, ...
-    view: View
-    phases: tuple[Phase, ...]
-    truth: Truth | None
-    state: State
-    start: State  # where its own landmark stage ended
-    together: State  # where the landmark stage of all photos ended
-    trace: list[dict[str, Any]] = field(default_factory=list)
-    last: Iteration | None = None
-    joined: bool = True  # takes part in the joint fit
-    doubt: str = ""  # why the photo is not believed about the shape
-    statistic: float = 0.0  # how far the joint fit pulled the shape from the photo's own landmarks', see guard.py
-
-    @property
-    def problem(self) -> Problem:
-        """The photo's problem."""
-        return self.view.problem
 
 
 @dataclass(frozen=True)
@@ -90,74 +64,67 @@ class JointRun:
             self.members.append(Member(number, view, phases, truth, state, state, state))
         self.phases = self.members[0].phases
         self.folder, self.listen = folder, listen
+        # No photo was believed: the shape is the landmarks'.
         self.shape_held = False
+        # The last step, for what all photos together say of each one's parameters.
         self._final: tuple[JointStage, JointIteration, list[Member]] | None = None
         self._started, self._deadline, self._fraction = 0.0, np.inf, 0.0
+        self._quiet = False  # while what a checkpoint has seen already is done again
 
     def run(self, deadline: float, checkpoint: JointCheckpoint | None = None) -> JointFitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
         self._started, self._deadline = time.monotonic(), deadline
+        first, step = sum(phase.face_px is None for phase in self.phases), 1
         if checkpoint is not None:
             self._check(checkpoint)
             self._started -= checkpoint.photos[0].seconds
-        odd = self._landmarks(quiet=checkpoint is not None)
-        first, step = sum(phase.face_px is None for phase in self.phases), 1
+        self._quiet = checkpoint is not None
+        odd = self._landmarks()
+        self._quiet = False
         if checkpoint is not None:
             first, step = self._restore(checkpoint)
         for number in range(first, len(self.phases)):
             if time.monotonic() > deadline:
                 break
-            self._phase(number, step, checkpoint if step > 1 else None)
+            self._photo_phase(number, step, checkpoint if step > 1 else None)
             step = 1
+        shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
             if not member.joined:
-                self._follow(member)
+                member.follow(shared, deadline, self._heard_alone)
         self._marginalize_the_last_step()
-        return JointFitted(tuple(self._concluded(member) for member in self.members), odd)
+        concluded = [member.concluded(self.shape_held, self._started, deadline) for member in self.members]
+        return JointFitted(tuple(concluded), odd)
 
-    def _landmarks(self, quiet: bool) -> dict[int, Difference]:
-        """The phases without the photo: each photo alone, then all with one identity; who does not go with the rest."""
-        evidence = [self._landmarks_alone(member, quiet) for member in self.members]
+    def _landmarks(self) -> dict[int, Difference]:
+        """The phases without the photo: each photo alone, then all with one identity; which do not go with the rest.
+
+        Those are left out where at least two others agree.
+        """
+        evidence = [member.landmarks_alone(self._heard_alone) for member in self.members]
         known = [one for one in evidence if one is not None]
-        odd = {}
+        odd, shared = {}, self.members[0].state
         if len(known) == len(self.members):
             odd = odd_ones(known)
-            identity = combined(known)[0]
-        else:
-            identity = self.members[0].state.identity
-        shared = replace(self.members[0].state, identity=identity)
+            if len(odd) <= len(known) - 2:
+                for index in odd:
+                    self.members[index].joined, self.members[index].stranger = False, True
+            joined = [one for one, member in zip(known, self.members, strict=True) if member.joined]
+            shared = replace(shared, identity=combined(joined)[0])
         for member in self.members:
             member.state = with_shared(member.state, shared)
         for number, phase in enumerate(self.phases):
             if phase.face_px is None and not set(SHARED).isdisjoint(phase.blocks):
-                self._descend(number, 1, None, quiet)
+                self._descend(number, 1, None)
         for member in self.members:
             member.together = member.state
         return odd
 
-    def _landmarks_alone(self, member: Member, quiet: bool) -> Evidence | None:
-        """A photo's own landmark stage; what it says of the identity, where that is fitted and has a prior."""
-        view, last, free = member.view, None, np.zeros(0, bool)
-        for number, phase in enumerate(member.phases):
-            stage = view.solver_stage(phase, member.state) if phase.face_px is None else None
-            if stage is None:
-                continue
-            for item in stage.run(member.state, view.problem.job.seed + number, np.inf):
-                member.state, last, free = item.state, item, stage.active
-                if not quiet:
-                    self._record(phase, member, item, stage)
-                    self._tell(phase, number, member, item, stage, together=False)
-        member.start = member.state
-        where = Layout(member.state).slices["identity"]
-        if last is None or not free[where].all() or not view.problem.job.weights.prior or where.start == where.stop:
-            return None
-        return Evidence.of(last, free)
-
-    def _phase(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:
+    def _photo_phase(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:
         """A phase with the photos; again, without the least believed photo, when one is not believed after it."""
         while True:
-            before = [(member, member.state, member.last) for member in self.members if member.joined]
             final = self._final
+            before = [(member, member.state, member.last) for member in self.members if member.joined]
             self._descend(number, first_step, checkpoint)
             leaving = self._least_believed(self.phases[number])
             if leaving is None:
@@ -167,114 +134,62 @@ class JointRun:
                 member.state, member.last = state, last
             leaving.joined = False
             if not any(member.joined for member in self.members):
-                # The landmarks' shape, with light and skin fitted to it.
+                # Light and skin are fitted to the landmarks' shape.
                 self.shape_held = True
                 for member in self.members:
-                    member.joined, member.state = True, with_shape(member.state, member.together)
+                    if not member.stranger:
+                        member.joined, member.state = True, with_shape(member.state, member.together)
             first_step, checkpoint = 1, None
 
-    def _descend(
-        self, number: int, first_step: int, checkpoint: JointCheckpoint | None, quiet: bool = False
-    ) -> None:  # fmt: skip
-        """All photos that take part, through phase ``number`` together."""
-        joined, stages = [], []
-        for member in self.members:
-            phase = self._of(member, number)
-            if not member.joined:
-                continue
-            if first_step == 1 and phase.face_px is not None:
-                member.view.choose_lamps(member.state)
-            stage = member.view.solver_stage(phase, member.state)
-            if stage is None:
-                continue
-            if first_step == 1 and phase.face_px is not None:
-                member.state = self._with_initial_lights(member, stage)
-            if checkpoint is not None:
-                checkpoint.photos[member.number - 1].restore_stage(stage)
-            joined.append(member)
-            stages.append(stage)
-        if not stages:
+    def _descend(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:
+        """All photos that take part, through phase ``number`` together; ``checkpoint`` if it was left in the middle."""
+        joined = [member for member in self.members if member.joined]
+        phases = {member.number: member.phase(number, self.shape_held) for member in joined}
+        found = {member.number: self._stage(member, phases[member.number], first_step) for member in joined}
+        stages = {photo: stage for photo, stage in found.items() if stage is not None}
+        joined = [member for member in joined if member.number in stages]
+        if not joined:
             return
-        joint = JointStage(stages)
+        joint = JointStage(list(stages.values()))
         if checkpoint is not None:
             joint.damping = Damping(*checkpoint.photos[0].damping)
-        scaled = tuple(member.view.scaled(self._of(member, number), member.state) for member in joined)
-        for item in joint.run(scaled, self.members[0].problem.job.seed + number, self._deadline, first_step):
-            for member, stage, part in zip(joined, stages, item.parts, strict=True):
-                phase = self._of(member, number)
-                member.state, member.last = member.view.full_size(phase, part.state, member.state), part
-                if not quiet:
-                    self._record(phase, member, part, stage)
+            for photo, stage in stages.items():
+                checkpoint.photos[photo - 1].restore_stage(stage)
+        scaled = tuple(member.view.scaled(phases[member.number], member.state) for member in joined)
+        for item in joint.run(scaled, joined[0].problem.job.seed + number, self._deadline, first_step):
             self._final = (joint, item, joined)
-            if self._of(joined[0], number).face_px is not None:
-                self._save(number, item, dict(zip((member.number for member in joined), stages, strict=True)))
-            if not quiet:
-                # Each step shows another photo.
-                shown = item.number % len(joined)
-                one = joined[shown]
-                self._tell(self._of(one, number), number, one, item.parts[shown], stages[shown], together=True)
+            for member, part in zip(joined, item.parts, strict=True):
+                phase = phases[member.number]
+                member.state, member.last = member.view.full_size(phase, part.state, member.state), part
+                if not self._quiet:
+                    member.record(phase, part, stages[member.number], time.monotonic() - self._started)
+            if phases[joined[0].number].face_px is not None:
+                self._save(number, item, stages)
+            # Each step shows another photo.
+            shown = item.number % len(joined)
+            photo = joined[shown].number
+            self._tell(joined[shown], number, phases[photo], item.parts[shown], stages[photo], together=True)
 
-    def _of(self, member: Member, number: int) -> Phase:
-        """Phase ``number`` for a photo."""
-        phase = member.phases[number]
-        if phase.face_px is None:
-            # The name "landmarks" is the photo's own landmark stage's.
-            return replace(phase, name=f"{phase.name} together")
-        if not self.shape_held:
-            return phase
-        blocks = tuple(name for name in phase.blocks if name not in SHAPE)
-        return replace(phase, name=f"{phase.name}, shape held", blocks=blocks)
-
-    def _with_initial_lights(self, member: Member, stage: Stage) -> State:
-        try:
-            return member.view.with_initial_lights(stage, member.state)
-        except InputError as error:
-            raise InputError(f"Photo {member.number} ({member.problem.job.image.name}): {error}") from error
+    def _stage(self, member: Member, phase: Phase, first_step: int) -> Stage | None:
+        """A photo's stage for a phase, with its lamps chosen and lit at the phase's first step."""
+        starts = first_step == 1 and phase.face_px is not None
+        if starts:
+            member.view.choose_lamps(member.state)
+        stage = member.view.solver_stage(phase, member.state)
+        if stage is not None and starts:
+            member.state = member.with_initial_lights(stage)
+        return stage
 
     def _least_believed(self, phase: Phase) -> Member | None:
         """Of the photos that take part, the one that is least believed about the shape, if any is not."""
         if self.shape_held or set(SHAPE).isdisjoint(phase.blocks):
             return None
-        worst, excess, why = None, 0.0, ""
-        for member in self.members:
-            if not member.joined:
-                continue
-            psnr = member.trace[-1].get("psnr") if member.trace else None
-            clause, member.statistic = photo_doubt(member.view, member.start, member.state, member.last, psnr)
-            limit = statistic_limit(member.view.free_shape(Layout(member.state)))
-            # What no face explains is worse than any distance.
-            badness = 0.0 if not clause else member.statistic / limit if member.statistic > limit else np.inf
-            if badness > excess:
-                worst, excess, why = member, badness, clause
-        if worst is not None:
-            worst.doubt = why
+        found = [(member, *member.disbelief()) for member in self.members if member.joined]
+        worst, disbelief, clause = max(found, key=lambda one: one[1])
+        if not disbelief:
+            return None
+        worst.doubt = clause
         return worst
-
-    def _follow(self, member: Member) -> None:
-        """A photo that is not believed takes the others' shape and skin; pose, expression and light are its own."""
-        shared = next(other for other in self.members if other.joined)
-        member.state = with_shared(member.together, shared.state)
-        member.state = replace(member.state, lights=np.zeros_like(member.state.lights))
-        for number, phase in enumerate(member.phases):
-            own = set(phase.blocks) - set(SHARED)
-            blocks = tuple(
-                name for name in phase.blocks if name in (own if phase.face_px is None else own - set(SHAPE))
-            )
-            alone = replace(phase, name=f"{phase.name}, shape shared", blocks=blocks)
-            if number > 1 and time.monotonic() > self._deadline:
-                return
-            if phase.face_px is not None:
-                member.view.choose_lamps(member.state)
-            stage = member.view.solver_stage(alone, member.state) if blocks else None
-            if stage is None:
-                continue
-            if phase.face_px is not None:
-                member.state = self._with_initial_lights(member, stage)
-            scaled = member.view.scaled(alone, member.state)
-            for item in stage.run(scaled, member.problem.job.seed + number, self._deadline):
-                member.state, member.last = member.view.full_size(alone, item.state, member.state), item
-                self._record(alone, member, item, stage)
-                self._tell(alone, number, member, item, stage, together=False)
 
     def _marginalize_the_last_step(self) -> None:
         """Each photo's last step with what all photos together say of its parameters."""
@@ -286,23 +201,20 @@ class JointRun:
             if member.joined:
                 member.last = item.marginal(index, joint.layout, free)
 
-    def _concluded(self, member: Member) -> Fitted:
-        ending = Ending(
-            self._of(member, len(self.phases) - 1), member.start, member.state, member.last, member.trace,
-            member.doubt, member.statistic,
-        )  # fmt: skip
-        return conclude(member.view, ending, self._started, self._deadline)
-
-    def _record(self, phase: Phase, member: Member, item: Iteration, stage: Stage) -> None:
-        seconds = time.monotonic() - self._started
-        member.trace.append(trace_row(member.problem, phase, item, stage, member.state, seconds, member.truth))
+    def _heard_alone(self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage) -> None:
+        """A step that a photo took without the others."""
+        if not self._quiet:
+            member.record(phase, item, stage, time.monotonic() - self._started)
+        self._tell(member, number, phase, item, stage, together=False)
 
     def _tell(
-        self, phase: Phase, number: int, member: Member, item: Iteration, stage: Stage, together: bool
+        self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage, together: bool
     ) -> None:  # fmt: skip
-        share = phase.share * (1.0 if item.finished else item.number / phase.steps)
+        if self._quiet:
+            return
         if together:
-            done = sum(earlier.share for earlier in self.phases[:number]) + share
+            done = sum(earlier.share for earlier in self.phases[:number])
+            done += phase.share * (1.0 if item.finished else item.number / phase.steps)
         else:
             landmarks = sum(one.share for one in self.phases if one.face_px is None)
             done = landmarks * (member.number - 1) / len(self.members)
@@ -319,17 +231,19 @@ class JointRun:
     def _save(self, number: int, item: JointIteration, stages: dict[int, Stage]) -> None:
         """``stages`` by the number of the photo."""
         phase, step = (number + 1, 0) if item.finished else (number, item.number)
-        seconds, members = time.monotonic() - self._started, self.members
-        photos = [
-            Checkpoint.of(
-                member.view, phase, step, item.damping, seconds, member.state, member.trace, stages.get(member.number)
+        seconds = time.monotonic() - self._started
+        photos = []
+        for member in self.members:
+            stage = stages.get(member.number)
+            photos.append(
+                Checkpoint.of(member.view, phase, step, item.damping, seconds, member.state, member.trace, stage)
             )
-            for member in members
-        ]
-        doubts, joined = tuple(one.doubt for one in members), tuple(one.joined for one in members)
+        doubts = tuple(member.doubt for member in self.members)
+        joined = tuple(member.joined for member in self.members)
         JointCheckpoint(tuple(photos), doubts, joined, self.shape_held).save(self.folder)
 
     def _check(self, checkpoint: JointCheckpoint) -> None:
+        """Raise InputError unless ``checkpoint`` is of these photos."""
         if len(checkpoint.photos) != len(self.members):
             raise InputError(
                 f"The checkpoint in '{self.folder}' is of {len(checkpoint.photos)} photos, and {len(self.members)} "

@@ -18,8 +18,9 @@ from facestage.contract.person import PHOTOS_MAX, Person, PersonPhoto
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
 from facestage.contract.storage import atomic_folder
 from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.joint_run import JointFitted, JointProgress, JointRun, Member
-from facestage.fit.merged_albedo import MergedAlbedo
+from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
+from facestage.fit.member import Member
+from facestage.fit.merged_texture import MergedTexture
 from facestage.fit.output import albedo_texture, finish, texture_size, write_result
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.run import PREVIEW_INTERVAL, prepare_partial, seconds_to_fit
@@ -138,19 +139,18 @@ def _write(
 
 
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo (S, S, 3) and coverage (S, S) bool of all photos."""
+    """Albedo (S, S, 3) and coverage (S, S) bool of the photos that share their skin."""
     problems = [member.problem for member in run.members]
     size = texture_size(max(problem.face_size_px for problem in problems))
-    merged = MergedAlbedo(problems[0].geometry, size)
+    merged = MergedTexture(problems[0].geometry, size)
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(problems)} shows"
         emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(problems), message=words))
-        # The skin of whom the others are not sure may not be this person's.
-        if not member.joined or (member.number - 1 in fitted.odd and len(fitted.odd) < len(problems)):
-            continue
-        albedo, coverage = albedo_texture(member.problem, member.view.forward, one, size)
-        merged.add(albedo, coverage, one.state, member.problem.face_size_px)
-    return merged.albedo(), merged.coverage
+        if member.joined:
+            albedo, coverage = albedo_texture(member.problem, member.view.forward, one, size)
+            # Photos differ in the light that they were given, so by a factor.
+            merged.add(np.log(np.maximum(albedo, 1e-6)), coverage, one.state, member.problem.face_size_px)
+    return np.exp(merged.mean()).astype(np.float32), merged.coverage
 
 
 def _company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
@@ -158,8 +158,9 @@ def _company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
     difference = fitted.odd.get(member.number - 1)
     if difference is not None:
         return (
-            f"This photo may show another person than the others: {_distance(difference)}. Check who is on it and its "
-            "landmarks, or leave it out."
+            f"This photo may show another person than the others: {_distance(difference)}."
+            f"{' It is left out of the shape that they share.' if member.stranger else ''} Check who is on it and its "
+            "landmarks."
         )
     if member.doubt and not shape_held:
         return (

@@ -1,9 +1,9 @@
 """Whether the landmarks of several photos can be of one person.
 
 Each photo's landmark stage, alone, ends at an identity m_k with the information J_k that its landmarks hold of it, pose
-and expression unknown. If all photos show one person, the others' landmarks predict what photo k's own say: the
-difference, measured in its standard deviations over the modes that its landmarks tell something of, is chi-squared.
-A model fits no real face exactly, and who marks landmarks errs alike on points of a kind; hence the margin.
+and expression unknown. If all photos show one person, the others' landmarks predict what photo k's own say. How far
+off that is, squared and in standard deviations over the modes that its landmarks tell something of, in units of how
+badly each photo's own face fits its landmarks, is an F statistic: careless landmarks are not taken for another face.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
+from facestage.fit.guard import landmark_energy
 from facestage.fit.parameters import Layout
-from facestage.fit.schedule import Iteration
+from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.uncertainty import marginal_hessian
 
 # Chance of so large a difference between photos of one person.
 CHANCE = 1e-3
-# How much larger than chance alone explains a difference must be to speak of another person.
-MARGIN = 1.5
 # Information, relative to the prior's, below which a mode is not compared: its landmarks say nothing of it.
 INFORMED = 1.0
+POSE_PARAMETERS = 6
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,19 @@ class Evidence:
     identity: np.ndarray  # (k,) where the landmark stage ended
     information: np.ndarray  # (k, k) of the landmarks alone
     prior: np.ndarray  # (k, k)
+    misfit: float = 0.0  # twice the energy that landmarks and priors are left with
+    freedom: int = 1  # residuals less parameters; priors count as residuals
 
     @classmethod
-    def of(cls, last: Iteration, free: np.ndarray) -> Evidence:
-        """From the last step of a photo's own landmark stage; ``free`` (size,) bool marks what was fitted."""
+    def of(cls, last: Iteration, stage: Stage) -> Evidence:
+        """From the last step of a photo's own landmark stage."""
         where = Layout(last.state).slices["identity"]
         kept = np.arange(where.start, where.stop)
         prior = last.prior_hessian[where, where]
-        return cls(last.state.identity, marginal_hessian(last.hessian, kept, free) - prior, prior)
+        information = marginal_hessian(last.hessian, kept, stage.active) - prior
+        seen = int(np.isfinite(stage.energy.landmarks.sigma).sum())
+        misfit = 2.0 * landmark_energy(stage.energy, last.state)
+        return cls(last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1))
 
     @property
     def pull(self) -> np.ndarray:
@@ -78,8 +83,11 @@ def difference(one: Evidence, others: Sequence[Evidence]) -> Difference:
         return Difference(0.0, np.inf)
     surprise = modes.T @ (one.pull - one.information @ expected)
     spread = modes.T @ (one.information @ covariance @ one.information + one.information) @ modes
-    statistic = float(surprise @ np.linalg.solve(spread, surprise))
-    return Difference(statistic, MARGIN * float(chi2.ppf(1.0 - CHANCE, modes.shape[1])))
+    count, everyone = modes.shape[1], [one, *others]
+    freedom = sum(each.freedom for each in everyone)
+    scale = max(sum(each.misfit for each in everyone) / freedom, 1e-12)
+    statistic = float(surprise @ np.linalg.solve(spread, surprise)) / scale
+    return Difference(statistic, count * float(f_distribution.ppf(1.0 - CHANCE, count, freedom)))
 
 
 def odd_ones(evidence: Sequence[Evidence]) -> dict[int, Difference]:

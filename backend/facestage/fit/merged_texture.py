@@ -1,4 +1,4 @@
-"""One albedo texture from several photos: each texel is the mean of what the photos say, by how well they see it."""
+"""One texture from several photos: each texel is the mean of what the photos say, by how well they see it."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ SEAM_SHARE = 0.03
 GUESS = 1e-4
 
 
-class MergedAlbedo:
-    """Adds up log albedo (S, S, 3) with confidence (S, S), one photo after another."""
+class MergedTexture:
+    """The weighted mean of textures (S, S, c), taken up one photo after another."""
 
-    def __init__(self, geometry: FaceGeometry, size: int) -> None:
+    def __init__(self, geometry: FaceGeometry, size: int, channels: int = 3) -> None:
         self._atlas = Atlas.build(geometry, size)
         self._geometry = geometry
-        self._sum, self._weight = np.zeros((size, size, 3)), np.zeros((size, size))
+        self._sum, self._weight = np.zeros((size, size, channels)), np.zeros((size, size))
         self.coverage = np.zeros((size, size), bool)  # texels that any photo shows
 
-    def add(self, albedo: np.ndarray, coverage: np.ndarray, state: State, face_px: float) -> None:
-        """A photo's ``albedo`` (S, S, 3) and ``coverage`` (S, S) bool; its face is ``face_px`` pixels large.
+    def add(self, texture: np.ndarray, coverage: np.ndarray, state: State, face_px: float) -> None:
+        """A photo's ``texture`` (S, S, c) and ``coverage`` (S, S) bool; its face is ``face_px`` pixels large.
 
         As in a least-squares fit, a texel counts by the number of pixels that show it.
         """
         confidence = face_px**2 * (_confidence(self._atlas, self._geometry, state, coverage) + GUESS)
-        self._sum += confidence[..., None] * np.log(np.maximum(albedo, 1e-6))
+        self._sum += confidence[..., None] * texture
         self._weight += confidence
         self.coverage |= coverage
 
-    def albedo(self) -> np.ndarray:
-        """(S, S, 3) float32."""
-        return np.exp(self._sum / self._weight[..., None]).astype(np.float32)
+    def mean(self) -> np.ndarray:
+        """(S, S, c) float64, once there is a photo."""
+        return np.asarray(self._sum / self._weight[..., None])
 
 
 def _confidence(atlas: Atlas, geometry: FaceGeometry, state: State, coverage: np.ndarray) -> np.ndarray:
