@@ -130,7 +130,7 @@ class BackendTask:
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
-        redraw(context.window_manager)
+        redraw(context.window_manager, everything=True)
         return verdict
 
     def _fail(self, context: bpy.types.Context, sentence: str) -> None:
@@ -252,12 +252,16 @@ def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
     state.seconds_left = -1.0 if event.seconds_left is None else event.seconds_left
 
 
-def redraw(manager: bpy.types.WindowManager) -> None:
-    """Have the 3D Views and the preferences drawn again, which show the progress."""
+def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
+    """Have the sidebars and the preferences drawn again, which show the progress; the views only with ``everything``.
+
+    Drawing a view ten times a second takes from the backend what it computes with.
+    """
     for window in manager.windows:
         for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "PREFERENCES"}:
-                area.tag_redraw()
+            for region in area.regions if area.type in {"VIEW_3D", "PREFERENCES"} else ():
+                if everything or area.type == "PREFERENCES" or region.type == "UI":
+                    region.tag_redraw()
 
 
 CLASSES = (FACESTAGE_OT_build_rig, FACESTAGE_OT_fit, FACESTAGE_OT_cancel, FACESTAGE_OT_check_backend)

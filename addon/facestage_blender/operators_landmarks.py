@@ -17,7 +17,7 @@ from .operators import forget_landmarks, reported
 from .operators_fit import BackendTask
 from .photo_view import look_at_face
 from .preferences import backend_command, work_folder
-from .process import BackendProcess
+from .process import BackendProcess, Outcome
 from .scene_read import absolute, read_landmarks
 
 DETECTED, EDITED = "landmarks_detected", "landmarks_edited"
@@ -49,6 +49,12 @@ class FACESTAGE_OT_detect_landmarks(BackendTask, bpy.types.Operator):
         scene.facestage.landmarks, scene.facestage.landmarks_from = str(self.out), "DETECTED"
         look_at_face(context, shown.show_landmarks(scene, landmarks, width, height), landmarks)
 
+    def _end(self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome) -> set[str]:
+        verdict = super()._end(context, process, outcome)
+        if verdict == {"FINISHED"}:
+            ready_to_drag(context)
+        return verdict
+
 
 class FACESTAGE_OT_forget_landmarks(bpy.types.Operator):
     """Forget the landmarks of the photo: the fit finds them by itself"""
@@ -75,8 +81,7 @@ class FACESTAGE_OT_edit_landmarks(bpy.types.Operator):
         if verdict == {"FINISHED"}:
             plane = shown.require_plane(context.scene)
             look_at_face(context, plane, shown.base_landmarks(plane))
-            if context.mode != "OBJECT":
-                bpy.ops.object.mode_set(mode="OBJECT")
+            ready_to_drag(context)
         return verdict
 
 
@@ -180,6 +185,12 @@ def free_path(folder: Path, stem: str) -> Path:
     while path.exists():
         path, number = folder / f"{stem}_{number}.json", number + 1
     return path
+
+
+def ready_to_drag(context: bpy.types.Context) -> None:
+    """Only in object mode can objects be clicked."""
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 CLASSES = (

@@ -10,8 +10,7 @@ from facestage.contract.landmarks import Landmarks
 
 from .landmarks import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from .operators_landmarks import FACESTAGE_OT_detect_landmarks
-from .panels import SidebarPanel, draw_progress, line_length
-from .preferences import draw_wrapped
+from .panels import SidebarPanel, draw_progress
 from .scene_read import absolute
 
 FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
@@ -51,7 +50,9 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
         else:
             if settings.landmarks:
                 layout.operator("facestage.edit_landmarks", icon="GREASEPENCIL")
-            draw_wrapped(layout, landmark_line(settings), "NONE", line_length(context))
+            column = layout.column(align=True)
+            for line in landmark_lines(settings):
+                column.label(text=line)
         column = layout.column(align=True)
         column.prop(settings, "known_lens")
         column.prop(settings, "keep_camera")
@@ -72,27 +73,26 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     row.operator("facestage.revert_landmarks", icon="LOOP_BACK")
 
 
-def landmark_line(settings: bpy.types.PropertyGroup) -> str:
-    """How many landmarks there are and where they come from, in one line."""
+def landmark_lines(settings: bpy.types.PropertyGroup) -> list[str]:
+    """How many landmarks there are, where they come from, and how many the fit trusts less."""
     if not settings.landmarks:
-        return "Landmarks: found automatically"
+        return ["Landmarks: found automatically"]
     path = absolute(settings.landmarks)
     try:
-        changed = path.stat().st_mtime_ns
-    except OSError:
-        return "The landmark file is gone"
-    return f"{_count(path, changed)}, {FROM[settings.landmarks_from]}"
+        count, left = _count(path, path.stat().st_mtime_ns)
+    except (OSError, InputError):
+        return ["The landmark file cannot be read"]
+    return [f"{count} points, {FROM[settings.landmarks_from]}", *([f"{left} hidden or ignored"] if left else [])]
 
 
 @lru_cache(maxsize=4)
-def _count(path: Path, _changed: int) -> str:
-    """What a landmark file holds; read once for each change of the file, since panels are drawn all the time."""
-    try:
-        landmarks = Landmarks.read(path)
-    except InputError:
-        return "No landmarks"
-    left = len(landmarks.points) - int(landmarks.counted.sum())
-    return f"{len(landmarks.points)} points" + (f" ({left} hidden or ignored)" if left else "")
+def _count(path: Path, _changed: int) -> tuple[int, int]:
+    """How many landmarks a file holds, and how many of them are hidden or ignored.
+
+    Read once for each change of the file, since panels are drawn all the time. Raises InputError.
+    """
+    landmarks = Landmarks.read(path)
+    return len(landmarks.points), len(landmarks.points) - int(landmarks.counted.sum())
 
 
 CLASSES = (FACESTAGE_PT_photo,)

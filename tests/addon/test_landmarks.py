@@ -66,6 +66,8 @@ def test_empties_stand_on_their_pixels(scene, name: str) -> None:
     size = set_view(scene, name)
     given = made_up(*size)
     plane = show_landmarks(scene, given, *size)
+    # Others need leave to run scripts.
+    assert all(curve.driver.is_simple_expression for curve in plane.animation_data.drivers)
     read = np.array([empty_pixel(plane, item) for item in landmark_empties(scene)])
     off, exact = np.abs(seen_pixels(scene) - given.points).max(), np.abs(read - given.points).max()
     print(f"{name}: Blender shows them off by {off:.1e} px, read back off by {exact:.1e} of 1e-3 px")
@@ -397,15 +399,22 @@ def test_a_saved_scene_goes_on(ready, landmark_file: Path, tmp_path: Path) -> No
     np.testing.assert_array_equal(kept["points"], expected.points)
 
 
-def test_editing_shows_the_photo(ready, landmark_file: Path) -> None:
+@pytest.mark.parametrize("operator", ["edit_landmarks", "detect_landmarks"])
+def test_editing_shows_the_photo_in_object_mode(ready, landmark_file: Path, operator: str) -> None:
     import bpy
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
-    bpy.ops.facestage.edit_landmarks()
+    bpy.ops.facestage.build_rig()
+    bpy.context.view_layer.objects.active = ready.facestage.rig
+    bpy.ops.object.mode_set(mode="SCULPT")
+    assert getattr(bpy.ops.facestage, operator)() == {"FINISHED"}
+    assert bpy.context.mode == "OBJECT"
     assert ready.camera.data.background_images[0].display_depth == "FRONT"
     views = [area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
     assert views
     assert all(view.region_3d.view_perspective == "CAMERA" for view in views)
+    bpy.ops.facestage.done_landmarks()
+    assert ready.camera.data.background_images[0].display_depth == "BACK"
 
 
 @pytest.mark.parametrize("name", ["plain", "portrait"])
@@ -470,3 +479,25 @@ def test_followers_move_smoothly() -> None:
         follow(np.array([[0.0, 0], [0, 0], [9, 0], [4, 5]]), np.arange(3), np.array([[1.0, 0], [1, 0], [10, 0]]))[3],
         [5, 5], atol=1e-2,
     )  # fmt: skip
+
+
+def test_the_panel_says_where_landmarks_come_from(ready, landmark_file: Path) -> None:
+    import bpy
+
+    from facestage_blender.panels_photo import landmark_lines
+
+    settings = ready.facestage
+    assert landmark_lines(settings) == ["Landmarks: found automatically"]
+    bpy.ops.facestage.detect_landmarks()
+    assert landmark_lines(settings) == ["478 points, found automatically", "10 hidden or ignored"]
+    bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
+    assert landmark_lines(settings) == ["68 points, from the file"]
+    bpy.ops.facestage.edit_landmarks()
+    bpy.data.objects["Landmark 31 nose tip"].facestage_landmark.state = "HIDDEN"
+    bpy.ops.facestage.done_landmarks()
+    assert landmark_lines(settings) == ["68 points, edited by hand", "1 hidden or ignored"]
+    landmark_file.unlink()
+    settings.landmarks = str(landmark_file)
+    assert landmark_lines(settings) == ["The landmark file cannot be read"]
+    bpy.ops.facestage.forget_landmarks()
+    assert landmark_lines(settings) == ["Landmarks: found automatically"]
