@@ -11,7 +11,7 @@ from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS
 
 GROUP = "Facestage Skin"
-TEXTURES = ("Albedo", "Specular")
+TEXTURES = ("Albedo", "Specular", "Roughness")  # the roughness map is linked where there is one
 
 
 def skin_group() -> bpy.types.NodeTree:
@@ -119,7 +119,8 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
         node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
         node.name = node.label = texture
         node.interpolation, node.extension = "Linear", "EXTEND"
-        links.new(node.outputs["Color"], skin.inputs[texture])
+        if texture != "Roughness":
+            links.new(node.outputs["Color"], skin.inputs[texture])
         if uv_map:
             uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
             uvs.uv_map = uv_map
@@ -127,18 +128,34 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
     return material
 
 
-def set_textures(rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float) -> None:
-    """Give all materials of a rig these textures and this roughness; images used no more are removed."""
-    face = rig.facestage_face
-    retired = [image for image in (face.albedo_image, face.specular_image) if image not in (None, albedo, specular)]
-    face.albedo_image, face.specular_image, face.roughness = albedo, specular, roughness
+def set_textures(
+    rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float,
+    roughness_map: bpy.types.Image | None = None,
+) -> None:  # fmt: skip
+    """Give all materials of a rig these textures; images used no more are removed.
+
+    Without a ``roughness_map`` the skin has the one value ``roughness``.
+    """
+    face, images = rig.facestage_face, (albedo, specular, roughness_map)
+    before = (face.albedo_image, face.specular_image, face.roughness_image)
+    retired = [image for image in before if image is not None and image not in images]
+    face.albedo_image, face.specular_image, face.roughness_image = images
+    face.roughness = roughness
     for slot in rig.material_slots:
-        nodes = slot.material.node_tree.nodes if slot.material and slot.material.node_tree else {}
-        if GROUP in nodes:
-            nodes[GROUP].inputs["Roughness"].default_value = roughness
-        for name, image in zip(TEXTURES, (albedo, specular), strict=True):
+        material = slot.material
+        if material is None or material.node_tree is None:
+            continue
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        for name, image in zip(TEXTURES, images, strict=True):
             if name in nodes:
                 nodes[name].image = image
+        if GROUP in nodes:
+            socket = nodes[GROUP].inputs["Roughness"]
+            socket.default_value = roughness
+            for link in list(socket.links):
+                links.remove(link)
+            if roughness_map is not None and "Roughness" in nodes:
+                links.new(nodes["Roughness"].outputs["Color"], socket)
     for image in retired:
         if not image.users:
             bpy.data.images.remove(image)

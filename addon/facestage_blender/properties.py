@@ -88,6 +88,7 @@ class FaceSettings(bpy.types.PropertyGroup):
     roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
     albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
     specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
+    roughness_image: PointerProperty(type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear")
     own_mesh: StringProperty(name="Own mesh", description="How a mesh of the user's is tied to its face model")
     fit_shape: BoolProperty(
         name="Fit the face's shape",

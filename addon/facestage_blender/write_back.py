@@ -9,7 +9,7 @@ import numpy as np
 from mathutils import Matrix
 
 from facestage.contract.errors import InputError
-from facestage.contract.result import Result
+from facestage.contract.result import ROUGHNESS, Result
 
 from . import frames
 from .camera import ensure_camera, write_camera
@@ -37,13 +37,15 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if own is not None:
         check_vertices(rig, result)
     albedo, specular = load_texture(result, "albedo"), load_texture(result, "specular")
+    has_map = (Path(result.folder or "") / ROUGHNESS).is_file()  # older results have one value alone
+    roughness = load_texture(result, Path(ROUGHNESS).stem) if has_map else None
     set_weights(rig, dict(zip(result.identity_names, result.identity.tolist(), strict=True)),
                 dict(zip(result.expression_names, result.expression.tolist(), strict=True)))  # fmt: skip
     if own is not None:
         write_borrowed_shape(rig, own, result)
     build_stage(scene, result.stage)
     place(empty, rig, result.model_to_stage, rig_axes(rig))
-    set_textures(rig, albedo, specular, result.roughness)
+    set_textures(rig, albedo, specular, result.roughness, roughness)
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)

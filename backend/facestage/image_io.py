@@ -211,6 +211,14 @@ def write_exr(path: Path, image: np.ndarray) -> None:
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
 
 
+def write_png(path: Path, image: np.ndarray) -> None:
+    """Write (h, w, 3) uint8 as a PNG of these very bytes, whole or not at all."""
+    from PIL import Image
+
+    with atomic_file(path) as temporary:
+        Image.fromarray(image).save(temporary, format="PNG")
+
+
 def read_exr(path: Path) -> np.ndarray:
     """(h, w, 3) float32 linear RGB of an EXR."""
     return read_photograph(path).color

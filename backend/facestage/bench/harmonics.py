@@ -59,6 +59,7 @@ class HarmonicForward(ForwardModel):
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
         traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        roughness: np.ndarray | None = None,
     ) -> LightTerms:  # fmt: skip
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)

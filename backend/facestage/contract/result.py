@@ -17,11 +17,15 @@ SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
+# Maps that older results lack: they have one roughness, and say nothing of where their texels are from.
+ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"
+# The red channel of COVERAGE; 0: the model's own.
+SEEN, BY_SYMMETRY = 255, 128
 
 
 @dataclass(frozen=True)
 class Result:
-    """The fitted face. ``folder`` holds the pictures named in PICTURES and the report."""
+    """The fitted face. ``folder`` holds the pictures named in PICTURES, ROUGHNESS and COVERAGE, and the report."""
 
     status: str  # CONVERGED, BUDGET_SPENT or STOPPED
     advice: str  # one sentence: what it means and what to do

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from facestage.fit.atlas import Atlas
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import State
-from facestage.fit.texture import Atlas
 
 # Cosine between view and surface from which a texel is seen in full; what is seen at a slant is smeared.
 COSINE_FULL = 0.8

@@ -20,9 +20,10 @@ from facestage.contract.storage import atomic_folder
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
 from facestage.fit.member import Member
-from facestage.fit.merged_texture import MergedTexture
-from facestage.fit.output import albedo_texture, finish, texture_size, write_result
+from facestage.fit.merged_maps import MergedMaps
+from facestage.fit.output import finish, write_result
 from facestage.fit.problem import Problem, read_problem
+from facestage.fit.refine import SPECULAR_TEXTURE, Refined, refine, texture_size
 from facestage.fit.run import PREVIEW_INTERVAL, prepare_partial, seconds_to_fit
 from facestage.fit.same_person import Difference
 from facestage.fit.shading import ForwardModel
@@ -131,26 +132,25 @@ def _write(
         "cold_start": cold_start, "optimisation": fitted.photos[0].seconds,
         "checks": sum(one.check_seconds for one in fitted.photos), "results": time.monotonic() - started,
     }  # fmt: skip
-    write_exr(folder / "albedo.exr", shared[0])
+    write_exr(folder / "albedo.exr", shared.textures.albedo)
     person = _person(run, fitted, results, timings)
     person.write_into(folder)
     write_person_report(folder, person)
     return person
 
 
-def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo (S, S, 3) and coverage (S, S) bool of the photos that share their skin."""
+def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> Refined:
+    """The maps of the photos that share their skin."""
     problems = [member.problem for member in run.members]
     size = texture_size(max(problem.face_size_px for problem in problems))
-    merged = MergedTexture(problems[0].geometry, size)
+    merged = MergedMaps(problems[0].geometry, size, SPECULAR_TEXTURE)
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(problems)} shows"
         emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(problems), message=words))
         if member.joined:
-            albedo, coverage = albedo_texture(member.problem, member.view.forward, one, size)
-            # Photos differ in the light that they were given, so by a factor.
-            merged.add(np.log(np.maximum(albedo, 1e-6)), coverage, one.state, member.problem.face_size_px)
-    return np.exp(merged.mean()).astype(np.float32), merged.coverage
+            maps = refine(member.problem, member.view.forward, one, size)
+            merged.add(maps, one.state, member.problem.face_size_px)
+    return merged.maps()
 
 
 def _company(member: Member, fitted: JointFitted, shape_held: bool) -> str:

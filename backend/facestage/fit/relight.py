@@ -12,7 +12,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import ON, LightStage
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import Result
+from facestage.contract.result import ROUGHNESS, Result
 from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
@@ -131,7 +131,11 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera frame), textures."""
     start_renderer("auto")
     folder = _folder(result)
-    textures = Textures(read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0])
+    rough = folder / ROUGHNESS  # older results have one value alone
+    textures = Textures(
+        read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0],
+        read_exr(rough)[..., 0] if rough.is_file() else None,
+    )  # fmt: skip
     geometry = FaceGeometry(load_model(result.model))
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False))

@@ -40,8 +40,8 @@ def opened(case: Case) -> tuple[Problem, Truth, Judge]:
 def small_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Textures of a size that fits a photo of 96 pixels, and two steps per photo phase."""
     monkeypatch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MIN", 64)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MAX", 64)
-    monkeypatch.setattr("facestage.fit.output.SPECULAR_TEXTURE", 32)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MIN", 64)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MAX", 64)
+    monkeypatch.setattr("facestage.fit.refine.SPECULAR_TEXTURE", 32)
     short = tuple(replace(phase, steps=min(phase.steps, 2)) if phase.face_px else phase for phase in phases.PHASES)
     monkeypatch.setattr(phases, "PHASES", short)
