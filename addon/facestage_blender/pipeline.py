@@ -26,6 +26,7 @@ from facestage.contract.result import Result
 from . import process
 from .backend import fit_command, model_command
 from .camera import ensure_camera, load_image, show_photo, write_camera
+from .landmarks import remember_landmarks
 from .process import BackendProcess
 from .render import quiet
 from .rig import build_rig
@@ -55,6 +56,7 @@ class Order:
     device: str = "auto"
     truth: Path | None = None
     resume: bool = False
+    face: int = 1  # which face of a photo without landmarks; 1 is the largest
 
 
 def empty_scene() -> bpy.types.Scene:
@@ -80,6 +82,7 @@ def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event
     folder = order.out / RESULT_FOLDER
     run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
     result = Result.load(folder)
+    remember_landmarks(scene, result)
     apply_result(scene, result)
     save_blend(order.out / SCENE_FILE)
     return result
@@ -103,6 +106,7 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         ) from error
     model = face_model(order.model, backend, on_event)
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
+    settings.face_number = order.face
     settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
     settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
     settings.device, settings.output, settings.quality = order.device, str(order.out), order.quality

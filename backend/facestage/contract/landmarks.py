@@ -18,11 +18,21 @@ SCHEME_SIZES = {"ibug68": 68, "mediapipe478": 478}
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Points (m, 2) in pixels of a named scheme, with a visibility flag (m,) each."""
+    """Points (m, 2) in pixels of a named scheme, with a visibility flag (m,) each.
+
+    ``weights`` (m,) >= 0 say how much each point counts beside what its scheme says of it: 1 is as usual, 0 not at
+    all, 4 as a point of half the standard deviation; None is 1 for all.
+    """
 
     scheme: str
     points: np.ndarray
     visible: np.ndarray
+    weights: np.ndarray | None = None
+
+    @property
+    def counted(self) -> np.ndarray:
+        """(m,) bool, the visible points that are not left out by a weight of 0."""
+        return self.visible if self.weights is None else self.visible & (self.weights > 0)
 
     @classmethod
     def from_json(cls, data: dict[str, Any], what: str = "landmarks") -> Landmarks:
@@ -43,11 +53,14 @@ class Landmarks:
             raise InputError(f"The {what} holds {found} points; scheme {scheme} has {count} points of [x, y].")
         if visible.shape != (count,):
             raise InputError(f"The {what} has {visible.size} visibility flags; expected {count}.")
-        if not np.isfinite(points[visible]).all():
+        result = cls(scheme, points, visible, _weights(data.get("weights"), count, what))
+        if not np.isfinite(points[result.counted]).all():
             raise InputError(f"The {what} holds NaN or infinity for a visible point; remove it or mark it hidden.")
-        if visible.sum() < 6:
-            raise InputError(f"The {what} marks {visible.sum()} points visible; at least 6 are needed to place a face.")
-        return cls(scheme, points, visible)
+        if result.counted.sum() < 6:
+            raise InputError(
+                f"The {what} marks {result.counted.sum()} points visible; at least 6 are needed to place a face."
+            )
+        return result
 
     @classmethod
     def read(cls, path: Path) -> Landmarks:
@@ -56,14 +69,15 @@ class Landmarks:
 
     def to_json(self) -> dict[str, Any]:
         """The landmarks as landmarks.json holds them."""
-        return {"scheme": self.scheme, "points": self.points.tolist(), "visible": self.visible.tolist()}
+        result = {"scheme": self.scheme, "points": self.points.tolist(), "visible": self.visible.tolist()}
+        return result if self.weights is None else result | {"weights": self.weights.tolist()}
 
     def check_inside(self, width: int, height: int) -> None:
         """Raise InputError when the visible points do not lie on a ``width`` x ``height`` image.
 
         Half an image of slack: detectors extrapolate a face that the frame cuts.
         """
-        points = self.points[self.visible]
+        points = self.points[self.counted]
         inside = (points > [-0.5 * width, -0.5 * height]).all(1) & (points < [1.5 * width, 1.5 * height]).all(1)
         centre = np.median(points, axis=0)
         if not inside.all() or not (0 <= centre[0] <= width and 0 <= centre[1] <= height):
@@ -80,3 +94,21 @@ class Landmarks:
             raise InputError(
                 "The landmarks lie on one line, as those of no face do; check that the file has both coordinates right."
             )
+
+
+def _weights(given: Any, count: int, what: str) -> np.ndarray | None:
+    """(count,) float of a decoded list, or None. Raises InputError for anything but finite numbers of 0 or more."""
+    if given is None:
+        return None
+    try:
+        weights = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"The {what} holds weights that are not numbers ({error}).") from error
+    if weights.shape != (count,):
+        raise InputError(f"The {what} has {weights.size} weights; expected {count}, one for each point.")
+    if not (np.isfinite(weights) & (weights >= 0)).all():
+        wrong = int(np.flatnonzero(~(np.isfinite(weights) & (weights >= 0)))[0])
+        raise InputError(
+            f"The {what} gives point {wrong} the weight {weights[wrong]}; expected a number from 0 (ignored) upwards."
+        )
+    return weights

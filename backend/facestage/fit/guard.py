@@ -12,7 +12,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from facestage.fit.energy import Energy, Evaluation, Photo
-from facestage.fit.landmark_term import CAUCHY_SCALE
 from facestage.fit.parameters import State
 
 # Chance that a true shape lies beyond the limit.
@@ -34,8 +33,7 @@ def landmark_statistic(energy: Energy, start: State, end: State) -> float:
 
 def landmark_energy(energy: Energy, state: State) -> float:
     """Energy of landmarks and shape priors; robust, so that a wrong landmark weighs little."""
-    squared = (energy.landmarks.residuals(state).reshape(-1, 2) ** 2).sum(axis=1)
-    landmarks = 0.5 * energy.weights.landmarks * CAUCHY_SCALE**2 * float(np.log1p(squared / CAUCHY_SCALE**2).sum())
+    landmarks = energy.weights.landmarks * energy.landmarks.at(state).robust_energy(state)
     priors = energy.priors.energies(state, energy.light_parameters)
     return landmarks + priors["identity"] + priors["expression"]
 

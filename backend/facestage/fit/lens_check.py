@@ -46,7 +46,7 @@ def check_lens(stage_of: Callable[[State], Stage | None], start: State, seed: in
     trials = [_energy_through(stage_of, start, ratio, seed) for ratio in RATIOS]
     best = int(np.argmin(trials))
     # The priors count as observations: as many more residuals as there are coefficients, which leaves the pose.
-    freedom = max(2 * int(np.isfinite(stage.energy.landmarks.sigma).sum()) - POSE_PARAMETERS, 1)
+    freedom = max(2 * stage.energy.landmarks.observations - POSE_PARAMETERS, 1)
     scale = max(2.0 * trials[best] / freedom, 1e-12)
     return LensCheck(RATIOS[best], max(2.0 * (given - trials[best]) / scale, 0.0))
 

@@ -19,6 +19,13 @@ class SurfacePoints:
         self._mean = np.einsum("mi,mix->mx", weights, geometry.mean[corners])
         self._identity_count = geometry.identity_count
 
+    def part(self, chosen: np.ndarray) -> SurfacePoints:
+        """Some of the points (indices or a mask)."""
+        result = object.__new__(SurfacePoints)
+        result._basis, result._mean = self._basis[chosen], self._mean[chosen]
+        result._identity_count = self._identity_count
+        return result
+
     def positions(self, state: State) -> np.ndarray:
         """(m, 3) metres in the camera frame."""
         weights = np.concatenate([state.identity, state.expression])

@@ -13,6 +13,7 @@ from facestage.models.head.expressions import expressions
 from facestage.models.head.identity import identity_modes
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
+from facestage.models.landmark_tables import SCHEME, read_table
 from facestage.models.skin import albedo_basis
 
 NAME = "default"
@@ -47,7 +48,10 @@ def build_default_model() -> FaceModel:
         "albedo_mean": np.clip(coloring.mean_albedo(mesh, masks), 0.004, 0.95).astype(np.float32),
         "albedo_basis": basis,
     }
-    landmarks = {"ibug68": np.concatenate([np.repeat(landmark[:, None], 3, axis=1), weights], axis=1)}
+    landmarks = {
+        "ibug68": np.concatenate([np.repeat(landmark[:, None], 3, axis=1), weights], axis=1),
+        SCHEME: read_table("default")[0],
+    }
     for array in (*arrays.values(), *landmarks.values(), *regions.values()):
         array.setflags(write=False)
     return FaceModel(

@@ -16,6 +16,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.models.landmark_tables import SCHEME, read_table
 from facestage.models.skin import albedo_basis
 
 LICENSE = "MIT (USC Institute for Creative Technologies)"
@@ -91,7 +92,10 @@ def _load(path: Path) -> FaceModel:
         identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
         expression_names=tuple(Path(name).stem for name in expression_files), expression_basis=basis(expression_files),
         albedo_mean=mean, albedo_basis=albedo, face_tile=(*_TILES[0][2], _TILES[0][3]),
-        landmarks={"ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1)},
+        landmarks={
+            "ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1),
+            SCHEME: read_table("ict")[0],
+        },
         regions={
             "narrow_face": np.arange(NARROW_FACE, dtype=np.int32),
             "face": np.arange(FACE, dtype=np.int32),

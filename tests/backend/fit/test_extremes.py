@@ -57,7 +57,7 @@ def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
     points = np.zeros((68, 2))
     term = LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0)
     state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0))
-    assert term.on_face.jacobian(state, Layout(state)).shape[:2] == (68, 2)
+    assert term.at(state).jacobian(state, Layout(state)).shape == (2 * 68, Layout(state).size)
 
 
 def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
@@ -110,7 +110,7 @@ def test_wide_lights_get_more_samples(
     )  # fmt: skip
     problem = read_problem(job)
     run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path)
-    assert run.samples_factor == factor
+    assert run.view.samples_factor == factor
 
 
 def test_landmarks_on_a_line_are_refused() -> None:

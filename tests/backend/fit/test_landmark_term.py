@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.landmark_term import CONTOUR_SIGMA, HIDDEN_SIGMA, LandmarkTerm
+from facestage.fit.landmark_term import HIDDEN_SIGMA, LandmarkTerm, PlacedLandmarks
 from facestage.fit.parameters import Layout
 from reference.synthetic_scene import Scene, moved
 
 
-def term_of(scene: Scene, noise_px: float = 3.0) -> LandmarkTerm:
-    return LandmarkTerm(scene.geometry, scene.landmarks(noise_px=noise_px), 1.5)
+def term_of(scene: Scene, noise_px: float = 3.0) -> PlacedLandmarks:
+    return LandmarkTerm(scene.geometry, scene.landmarks(noise_px=noise_px), 1.5).at(scene.state)
 
 
 @pytest.mark.parametrize("block", ["pose", "focal", "identity", "expression"])
@@ -41,7 +41,7 @@ def test_other_parameters_do_not_move_landmarks(scene: Scene):
 
 
 def test_residuals_vanish_at_the_truth_and_count_standard_deviations(scene: Scene):
-    exact = LandmarkTerm(scene.geometry, scene.landmarks(), 1.5)
+    exact = LandmarkTerm(scene.geometry, scene.landmarks(), 1.5).at(scene.state)
     assert np.abs(exact.residuals(scene.state)).max() < 1e-3
     landmarks = scene.landmarks()
     points = landmarks.points.copy()
@@ -49,10 +49,10 @@ def test_residuals_vanish_at_the_truth_and_count_standard_deviations(scene: Scen
     visible = landmarks.visible.copy()
     visible[50] = False
     points[50] += [0.0, 3.0]
-    shifted = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, visible), 1.5)
+    shifted = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, visible), 1.5).at(scene.state)
     residual = shifted.residuals(scene.state).reshape(-1, 2)
     assert residual[40, 0] == pytest.approx(-2, abs=1e-2)
-    assert residual[3, 0] == pytest.approx(-2 / CONTOUR_SIGMA, abs=1e-2), "the outline is not on fixed vertices"
+    assert residual[3, 0] == pytest.approx(-2 / 1.5, abs=1e-2), "the outline is on no feature"
     assert residual[50, 1] == pytest.approx(-2 / HIDDEN_SIGMA, abs=1e-2), "a hidden point is a guess"
 
 
@@ -60,7 +60,7 @@ def test_an_unknown_hidden_point_says_nothing(scene: Scene):
     landmarks = scene.landmarks()
     points = landmarks.points.copy()
     points[30] = np.nan
-    term = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, np.arange(68) != 30), 1.5)
+    term = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, np.arange(68) != 30), 1.5).at(scene.state)
     residual = term.residuals(scene.state).reshape(-1, 2)
     jacobian = term.jacobian(scene.state, Layout(scene.state)).reshape(68, 2, -1)
     assert np.isfinite(residual).all() and not residual[30].any()

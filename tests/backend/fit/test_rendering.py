@@ -12,7 +12,7 @@ from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.problem import select_lights
 from facestage.fit.rendering import Textures, light_probe, render_picture
-from facestage.fit.skin_mask import hull_pixels, skin_weight
+from facestage.fit.skin_mask import face_pixels, skin_weight
 from facestage.fit.texture import Atlas, detail_texture, pigment_share
 from reference.synthetic_scene import Scene
 
@@ -161,10 +161,10 @@ def test_skin_is_told_from_cloth_and_background(scene: Scene):
     assert weight[seen].mean() > 0.8 and weight[~seen].mean() < 0.1
 
 
-def test_hull_pixels_and_points_that_are_no_numbers():
+def test_face_pixels_and_points_that_are_no_numbers():
     points = np.full((68, 2), np.nan)
     points[:4] = [[2.5, 2.5], [12.5, 2.5], [12.5, 8.5], [2.5, 8.5]]
-    inside = hull_pixels((16, 20), Landmarks("ibug68", points, np.arange(68) < 4))
+    inside = face_pixels((16, 20), Landmarks("ibug68", points, np.arange(68) < 4))
     assert inside[2:9, 2:13].all() and inside.sum() == 7 * 11
 
 
