@@ -25,7 +25,7 @@ from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
 from facestage.fit.priors import FOCAL_SIGMA
-from facestage.fit.skin_mask import face_pixels, face_size_px, skin_weight
+from facestage.fit.skin_mask import face_pixels, face_size_px, paint_weight, skin_weight
 from facestage.fit.window import Window
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
@@ -79,7 +79,7 @@ class Problem:
     @cached_property
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
-        return np.where(face_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
+        return paint_weight(self.skin, self.landmarks)
 
     def read_from_photo(self) -> dict[str, str]:
         """What was taken from the photo's file besides its pixels, in words; see Result.photo."""

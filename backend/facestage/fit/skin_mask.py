@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_dilation, binary_erosion, label, mean
 
 from facestage.contract.landmarks import Landmarks
 from facestage.image_io import resize
@@ -24,13 +24,6 @@ FULL, NONE = 2.0, 3.5
 # skin. As far as the pixel's brightness over the face's median lets the highlight's share be, plus a slack for where
 # the skin itself is in half-light.
 PIGMENT_HUE, PIGMENT_REACH, HIGHLIGHT_SLACK = np.array([-0.67, 0.74]), 0.7, 0.25
-# A color that this share of the face's own samples has, within about one spread, is skin whatever the median says:
-# shadows that another lamp or a wall fills with its color. Between the shares it counts in part.
-COMMON_SHARE = (0.01, 0.03)
-BINS_PER_SPREAD, BIN_LIMIT = 2, 24
-# What is darker than all around it by this much of the log luminance, within this share of the face, is the frame of
-# glasses, a strand of hair, a nostril; no shading is.
-THIN_SHARE, THIN_DARK = 0.03, (0.4, 0.8)
 # Relative noise per pixel beyond which colors are read from the median of 3 x 3 or 5 x 5 pixels.
 NOISE_3, NOISE_5 = 0.04, 0.12
 # GrabCut: how far around the landmarks it looks and at which size of the face, in sides of the landmarks' box and
@@ -39,6 +32,8 @@ CUT_MARGIN, CUT_FACE_PX, CUT_STEPS = 0.6, 160.0, 3
 CUT_SKIN, CUT_OTHER, CUT_TRUST, CUT_SAMPLES_MIN = 0.95, 0.02, 0.7, 30
 # Points of the outline that must show for its bounding box to say how large the face is.
 OUTLINE_MIN = 12
+# Half the height of a brow, as a share of the face; share within the landmarks of a region that is the face's own.
+BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
 
 # How far the forehead goes on beyond the brows, as a share of the way from the chin.
 FOREHEAD_SHARE = 0.5
@@ -66,8 +61,7 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     if inside.sum() < 20:
         return np.ones((height, width), np.float32)
     features = _features(_denoised(photo, inside), inside)
-    thin = _thin_and_dark(features[..., 2], landmarks)
-    samples = features[inside & (thin < 0.5)] if (inside & (thin < 0.5)).sum() >= 20 else features[inside]
+    samples = features[inside]
     centre = np.median(samples, axis=0)
     quartiles = np.percentile(samples, [25, 75], axis=0)
     spread = np.maximum(0.741 * (quartiles[1] - quartiles[0]), SPREAD_MIN).astype(np.float32)
@@ -80,11 +74,7 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     offset[..., :2] -= along[..., None] * PIGMENT_HUE
     offset[..., 2] = np.minimum(offset[..., 2], 0.0)
     distance = np.sqrt(((offset / spread) ** 2).sum(-1))
-    near = (NONE - distance) / (NONE - FULL)
-    common = (_share_alike(features, samples) - COMMON_SHARE[0]) / (COMMON_SHARE[1] - COMMON_SHARE[0])
-    # Beyond the landmarks lies the forehead, where what is dark may as well be hair.
-    common = np.where(face_pixels((height, width), landmarks), common, 0.0)
-    weight = np.clip(np.maximum(near, common * (1 - thin)), 0, 1)
+    weight = np.clip((NONE - distance) / (NONE - FULL), 0, 1)
     return _coherent(photo, weight.astype(np.float32), landmarks)
 
 
@@ -129,22 +119,27 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     return result
 
 
-def _thin_and_dark(luminance: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    """(h, w) float32 0..1, how likely a pixel of the log luminance (h, w) is a frame or a strand: its black hat."""
-    import cv2
-
-    width = 2 * max(round(THIN_SHARE * face_size_px(landmarks)), 1) + 1
-    square = np.ones((width, width), np.uint8)
-    hat = cv2.morphologyEx(luminance, cv2.MORPH_BLACKHAT, square)
-    return np.clip((hat - THIN_DARK[0]) / (THIN_DARK[1] - THIN_DARK[0]), 0, 1)
-
-
 def _with_forehead(landmarks: Landmarks) -> np.ndarray:
     """(k, 2) pixels: the face's outline, and the brows once more where the hair begins."""
     scheme, points = scheme_of(landmarks.scheme), landmarks.points
     brows, chin = points[scheme.brows], points[scheme.chin]
     raised = brows + FOREHEAD_SHARE * (np.nanmean(brows, axis=0) - np.nanmean(chin, axis=0))
     return np.concatenate([points[scheme.outline], raised])
+
+
+def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    """(h, w) 0..1, which pixels may color the texture: skin for sure, and brows and lips inside the landmarks.
+
+    ``skin`` (h, w) is :func:`skin_weight`. A region that is no skin and goes on outside the landmarks came in from
+    there: hair, a scarf; it is nothing to paint on a face.
+    """
+    inside = face_pixels((skin.shape[0], skin.shape[1]), landmarks)
+    regions, count = label(skin < 0.5)
+    # The landmarks of a brow lie along its middle.
+    near = binary_dilation(inside, iterations=max(round(BROW_SHARE * face_size_px(landmarks)), 1))
+    share = np.asarray(mean(near, regions, np.arange(count + 1)))
+    foreign = (regions > 0) & (share < OWN_SHARE_MIN)[regions]
+    return np.where(inside & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
 
 
 def _features(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -167,24 +162,6 @@ def _denoised(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
     if noise < NOISE_3:
         return photo
     return cv2.medianBlur(photo, 3 if noise < NOISE_5 else 5)
-
-
-def _share_alike(features: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """(h, w) 0..1, which share of ``samples`` (n, 3) is like each of ``features`` (h, w, 3): a kernel density.
-
-    The kernel is a Gaussian of SPREAD_MIN, 1 at its centre, over a histogram.
-    """
-    bins = np.array(SPREAD_MIN) / BINS_PER_SPREAD
-    low = np.median(samples, axis=0) - BIN_LIMIT * bins
-    place = np.round((samples - low) / bins).astype(int)
-    size = 2 * BIN_LIMIT + 1
-    place = place[((place >= 0) & (place < size)).all(axis=1)]
-    histogram = np.zeros((size, size, size))
-    np.add.at(histogram, tuple(place.T), 1.0 / len(samples))
-    peak = (np.sqrt(2 * np.pi) * BINS_PER_SPREAD) ** 3
-    density = peak * gaussian_filter(histogram, BINS_PER_SPREAD, mode="constant")
-    at = np.moveaxis((features - low) / bins, -1, 0)
-    return map_coordinates(density.astype(np.float32), at, order=1, mode="constant")
 
 
 def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.skin_mask import skin_weight
+from facestage.fit.skin_mask import hull_pixels, paint_weight, skin_weight
 
 SIZE = 160
 SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
@@ -86,15 +86,18 @@ def test_noise_leaves_no_holes(landmarks: Landmarks):
     assert skin_weight(noisy, landmarks)[inside & lit].mean() > 0.95
 
 
-def test_a_shadow_that_a_wall_fills_with_its_color_is_skin(landmarks: Landmarks):
-    photo, inside = draw("light", light=(0.9, 0.1, 0.4))
-    x = (X - CENTER[0]) / RADII[0]
-    photo += np.where(inside, 0.09 * np.clip(-x, 0, 1), 0)[..., None] * [0.15, 1.0, 0.3]
-    photo[~inside] = [0.05, 0.6, 0.12]
-    weight = skin_weight(photo, landmarks)
-    cheek = inside & (np.abs(Y - 85) < 20) & (x < -0.3) & (x > -0.8)
-    assert weight[cheek].mean() > 0.8
-    assert weight[~inside].mean() < 0.05
+def test_a_wall_of_another_color_is_not_skin(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    for color in ([0.05, 0.6, 0.12], [0.9, 0.9, 0.9], [0.1, 0.2, 0.7]):
+        photo[~inside] = color
+        assert (skin_weight(photo, landmarks)[~inside] > 0.5).mean() < 0.05
+
+
+def test_sunglasses_are_not_skin(landmarks: Landmarks):
+    photo, _ = draw("light")
+    glass = (np.abs(Y - 70) < 12) & (np.abs(X - 80) < 34) & (np.abs(X - 80) > 3)
+    photo[glass] = [0.02, 0.02, 0.022]
+    assert skin_weight(photo, landmarks)[glass].mean() < 0.1
 
 
 def test_a_frame_of_glasses_is_not_skin(landmarks: Landmarks):
@@ -118,3 +121,18 @@ def test_pixels_without_light_and_faces_at_the_border_give_numbers(landmarks: La
 def test_the_same_photo_gives_the_same_mask(landmarks: Landmarks):
     photo, _ = draw("dark")
     np.testing.assert_array_equal(skin_weight(photo, landmarks), skin_weight(photo.copy(), landmarks))
+
+
+def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    brows = np.zeros((SIZE, SIZE), bool)
+    for start in (17, 22):
+        for x, y in landmarks.points[start : start + 5]:
+            brows |= np.hypot(X - x, Y - y - 2) < 2.5
+    lock = (np.abs(X - 96) < 5) & (Y < 90) & (Y > 20)
+    photo = np.where((brows | lock)[..., None], [0.05, 0.03, 0.02], photo)
+    weight = paint_weight(skin_weight(photo, landmarks), landmarks)
+    hull = hull_pixels((SIZE, SIZE), landmarks)
+    assert weight[brows & hull & (X < 80)].min() == 1.0
+    assert weight[lock].mean() < 0.1
+    assert weight[inside & hull & ~lock & (X < 88)].min() == 1.0
