@@ -82,7 +82,8 @@ def _add_fit(commands: Any) -> None:
         help="fit a face to a photograph",
         description="Fit shape, expression, pose, albedo, specular map and light to one photograph; or one shape and "
         "one skin to several of the same person, with a result for each photo.",
-        epilog="Example: facestage fit photo.png --out result --budget 60. "
+        epilog="Example: facestage fit photo.png --out result --budget 60, or "
+        "facestage fit a.png b.png --same-person --out result. "
         "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
     )
     fit.add_argument(

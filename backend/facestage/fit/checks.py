@@ -41,16 +41,16 @@ class Ending:
     statistic: float = 0.0
 
 
-def conclude(view: View, ending: Ending, started: float, deadline: float) -> Fitted:
-    """The fit as it ended, now, with what is asked of it; clocks are monotonic."""
-    ended, state, last = time.monotonic(), ending.state, ending.last
+def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitted:
+    """The fit as it ended after ``seconds``, with what is asked of it; whether it came to its end ``in_time``."""
+    began, state, last = time.monotonic(), ending.state, ending.last
     certainty, shading = _certainty(view, state, last), _shading_doubt(view, last)
     lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
     return Fitted(
         state, view.anchor(state), view.placed_stage(state), ending.trace, last.energy if last else {},
-        last.condition if last else 1.0, ended - started, time.monotonic() - ended, ended <= deadline, certainty,
-        shading, view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width), ending.doubt, settled,
-        lens, ending.statistic, view.plan.ledger, view.penumbra,
+        last.condition if last else 1.0, seconds, time.monotonic() - began, in_time, certainty, shading,
+        view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width), ending.doubt, settled, lens,
+        ending.statistic, view.plan.ledger, view.penumbra,
     )  # fmt: skip
 
 

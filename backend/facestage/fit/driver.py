@@ -84,7 +84,8 @@ class FitRun:
         if clause:
             state, last = self._hold_shape(start, state, last, deadline, started)
         ending = Ending(self.phases[-1], start, state, last, self.trace, clause, statistic)
-        return conclude(view, ending, started, deadline)
+        ended = time.monotonic()
+        return conclude(view, ending, ended - started, ended <= deadline)
 
     def _landmark_state(self) -> State:
         """Where the phases without the photo end, for a run that was resumed after them."""

@@ -93,7 +93,9 @@ class JointRun:
             if not member.joined:
                 member.follow(shared, deadline, self._heard_alone)
         self._marginalize_the_last_step()
-        concluded = [member.concluded(self.shape_held, self._started, deadline) for member in self.members]
+        ended = time.monotonic()
+        seconds, in_time = ended - self._started, ended <= deadline
+        concluded = [member.concluded(self.shape_held, seconds, in_time) for member in self.members]
         return JointFitted(tuple(concluded), odd)
 
     def _landmarks(self) -> dict[int, Difference]:

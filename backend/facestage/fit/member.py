@@ -117,11 +117,11 @@ class Member:
         """Add a row to the trace."""
         self.trace.append(trace_row(self.problem, phase, item, stage, self.state, seconds, self.truth))
 
-    def concluded(self, shape_held: bool, started: float, deadline: float) -> Fitted:
-        """The fit as it ended."""
+    def concluded(self, shape_held: bool, seconds: float, in_time: bool) -> Fitted:
+        """The fit as it ended, see :func:`conclude`."""
         phase = self.phase(len(self.phases) - 1, shape_held)
         ending = Ending(phase, self.start, self.state, self.last, self.trace, self.doubt, self.statistic)
-        return conclude(self.view, ending, started, deadline)
+        return conclude(self.view, ending, seconds, in_time)
 
 
 def _without(blocks: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:

@@ -26,12 +26,14 @@ class MergedTexture:
         self._sum, self._weight = np.zeros((size, size, channels)), np.zeros((size, size))
         self.coverage = np.zeros((size, size), bool)  # texels that any photo shows
 
-    def add(self, texture: np.ndarray, coverage: np.ndarray, state: State, face_px: float) -> None:
+    def add(
+        self, texture: np.ndarray, coverage: np.ndarray, state: State, face_px: float, variance: float = 1.0
+    ) -> None:
         """A photo's ``texture`` (S, S, c) and ``coverage`` (S, S) bool; its face is ``face_px`` pixels large.
 
-        As in a least-squares fit, a texel counts by the number of pixels that show it.
+        As in a least-squares fit, a texel counts by the number of pixels that show it, over their ``variance``.
         """
-        confidence = face_px**2 * (_confidence(self._atlas, self._geometry, state, coverage) + GUESS)
+        confidence = face_px**2 / variance * (_confidence(self._atlas, self._geometry, state, coverage) + GUESS)
         self._sum += confidence[..., None] * texture
         self._weight += confidence
         self.coverage |= coverage

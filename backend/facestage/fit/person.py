@@ -14,29 +14,23 @@ from facestage.contract import person as contract
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
-from facestage.contract.person import PHOTOS_MAX, Person, PersonPhoto
-from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
+from facestage.contract.person import Person, PersonPhoto
+from facestage.contract.result import Result
 from facestage.contract.storage import atomic_folder
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
-from facestage.fit.member import Member
 from facestage.fit.merged_maps import MergedMaps
 from facestage.fit.output import finish, write_result
-from facestage.fit.problem import Problem, read_problem
+from facestage.fit.person_advice import company, person_verdict
+from facestage.fit.person_photos import at_own_size, check_jobs, face_px, read_photos
 from facestage.fit.refine import SPECULAR_TEXTURE, Refined, refine, texture_size
 from facestage.fit.run import PREVIEW_INTERVAL, prepare_partial, seconds_to_fit
-from facestage.fit.same_person import Difference
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
 from facestage.image_io import write_exr
 from facestage.render.variant import start_renderer
 from facestage.report import write_person_report, write_preview
 
-# What the jobs of one person must agree on, in words.
-COMMON = {
-    "model": "the face model", "freeze": "what is frozen", "weights": "the weights", "quality": "the quality",
-    "plan": "the plan", "seed": "the seed", "device": "the device",
-}  # fmt: skip
 FITTED_FRACTION = 0.9  # of the whole work, without textures and pictures
 
 
@@ -50,9 +44,9 @@ def fit_person(
     """
     out = Path(out).resolve()
     began = time.monotonic()
-    _check(jobs)
+    check_jobs(jobs)
     emit(Event(STARTED, message=f"Reading {len(jobs)} photos of one person"))
-    problems = _read(jobs, emit, landmark_model)
+    problems = read_photos(jobs, emit, landmark_model)
     truths = [Truth(job.truth, problems[0].geometry) if job.truth else None for job in jobs]
     start_renderer(jobs[0].device)
     partial = prepare_partial(out, contract.FILE)
@@ -79,38 +73,6 @@ def fit_person(
     return replace(person, folder=out)
 
 
-def _check(jobs: Sequence[Job]) -> None:
-    """Raise InputError unless the jobs can be of one person."""
-    if not 2 <= len(jobs) <= PHOTOS_MAX:
-        raise InputError(
-            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 to {PHOTOS_MAX}. "
-            "Leave out --same-person for one photo; of many, choose those that differ most in pose and light."
-        )
-    for name, words in COMMON.items():
-        for number, job in enumerate(jobs[1:], 2):
-            if getattr(job, name) != getattr(jobs[0], name):
-                raise InputError(
-                    f"The jobs of photos 1 and {number} differ in {words} ('{getattr(jobs[0], name)}' and "
-                    f"'{getattr(job, name)}'), which photos of one person share; make them equal."
-                )
-    seen: dict[Path, int] = {}
-    for number, job in enumerate(jobs, 1):
-        earlier = seen.setdefault(job.image.resolve(), number)
-        if earlier != number:
-            raise InputError(f"Photos {earlier} and {number} are the same file '{job.image}'; give each photo once.")
-
-
-def _read(jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None) -> list[Problem]:
-    """The problems of all photos, over one face geometry."""
-    problems: list[Problem] = []
-    for number, job in enumerate(jobs, 1):
-        try:
-            problems.append(read_problem(job, emit, landmark_model, problems[0].geometry if problems else None))
-        except InputError as error:
-            raise InputError(f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}") from error
-    return problems
-
-
 def _write(
     folder: Path, run: JointRun, fitted: JointFitted, cold_start: float, emit: Callable[[Event], None]
 ) -> Person:  # fmt: skip
@@ -121,13 +83,14 @@ def _write(
     for index, (member, one) in enumerate(zip(run.members, fitted.photos, strict=True)):
         words = f"Drawing the pictures of photo {member.number} of {count}"
         emit(Event(PROGRESS, "pictures", 0, fraction=0.93 + 0.07 * index / count, message=words))
-        one = replace(one, company=_company(member, fitted, run.shape_held))
-        finished = finish(member.problem, member.view.forward, one, member.truth, shared)
+        one = replace(one, company=company(member, fitted, run.shape_held))
+        problem, one = at_own_size(member, one)
+        finished = finish(problem, member.view.forward, one, member.truth, shared)
         own = folder / f"{member.number}-{member.problem.job.image.stem}"
         own.mkdir()
         timings = {"cold_start": cold_start, "optimisation": one.seconds, "checks": one.check_seconds}
         # Arrays that only the pictures need go with each photo.
-        results.append(replace(write_result(own, member.problem, one, finished, timings), folder=Path(own.name)))
+        results.append(replace(write_result(own, problem, one, finished, timings), folder=Path(own.name)))
     timings = {
         "cold_start": cold_start, "optimisation": fitted.photos[0].seconds,
         "checks": sum(one.check_seconds for one in fitted.photos), "results": time.monotonic() - started,
@@ -141,40 +104,15 @@ def _write(
 
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> Refined:
     """The maps of the photos that share their skin."""
-    problems = [member.problem for member in run.members]
-    size = texture_size(max(problem.face_size_px for problem in problems))
-    merged = MergedMaps(problems[0].geometry, size, SPECULAR_TEXTURE)
+    size = texture_size(max(face_px(member) for member in run.members))
+    merged = MergedMaps(run.members[0].problem.geometry, size, SPECULAR_TEXTURE)
     for member, one in zip(run.members, fitted.photos, strict=True):
-        words = f"Painting the skin that photo {member.number} of {len(problems)} shows"
-        emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(problems), message=words))
+        words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"
+        emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(run.members), message=words))
         if member.joined:
-            maps = refine(member.problem, member.view.forward, one, size)
-            merged.add(maps, one.state, member.problem.face_size_px)
+            problem, one = at_own_size(member, one)
+            merged.add(refine(problem, member.view.forward, one, size), one.state, problem.face_size_px)
     return merged.maps()
-
-
-def _company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
-    """What speaks against a photo beside the others."""
-    difference = fitted.odd.get(member.number - 1)
-    if difference is not None:
-        return (
-            f"This photo may show another person than the others: {_distance(difference)}."
-            f"{' It is left out of the shape that they share.' if member.stranger else ''} Check who is on it and its "
-            "landmarks."
-        )
-    if member.doubt and not shape_held:
-        return (
-            f"This photo is left out of the shape that the others share, because {member.doubt}; check its landmarks, "
-            "and mask what is not the face with an alpha channel."
-        )
-    return ""
-
-
-def _distance(difference: Difference) -> str:
-    return (
-        f"its landmarks lie further from what those of the others predict than chance explains (a squared distance of "
-        f"{difference.statistic:.0f}, at most {difference.limit:.0f} is plausible)"
-    )
 
 
 def _person(run: JointRun, fitted: JointFitted, results: Sequence[Result], timings: dict[str, float]) -> Person:
@@ -186,35 +124,11 @@ def _person(run: JointRun, fitted: JointFitted, results: Sequence[Result], timin
         for member, result in zip(run.members, results, strict=True)
     )  # fmt: skip
     state = next(member.state for member in run.members if member.joined)
-    status, advice = _verdict(photos, fitted)
+    status, advice = person_verdict(photos, fitted)
     return Person(
         status, advice, run.members[0].problem.job.model, photos, state.identity, state.albedo, state.specular,
         state.roughness, timings,
     )  # fmt: skip
-
-
-def _verdict(photos: Sequence[PersonPhoto], fitted: JointFitted) -> tuple[str, str]:
-    """Status and advice for all photos together."""
-    statuses = {photo.status for photo in photos}
-    if BUDGET_SPENT in statuses:
-        return BUDGET_SPENT, next(photo.advice for photo in photos if photo.status == BUDGET_SPENT)
-    odd = sorted(fitted.odd)
-    if len(photos) == len(odd) == 2:
-        return STOPPED, (
-            f"Photos 1 and 2 may show different people: {_distance(fitted.odd[0])}. Check who is on them and their "
-            "landmarks, or fit them one by one."
-        )
-    if odd:
-        which = photos[odd[0]]
-        return STOPPED, f"Photo {which.number} ({Path(which.image).name}): {which.advice}"
-    against = next((photo for photo in photos if photo.status == STOPPED), None)
-    if against is not None:
-        return STOPPED, f"Photo {against.number} ({Path(against.image).name}): {against.advice}"
-    psnr = [photo.errors["psnr_skin"] for photo in photos if "psnr_skin" in photo.errors]
-    return CONVERGED, (
-        f"Converged: {len(photos)} photos share one shape and one skin, which explain them with a PSNR of "
-        f"{min(psnr):.1f} to {max(psnr):.1f} dB."
-    )
 
 
 class _Listener:

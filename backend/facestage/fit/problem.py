@@ -122,6 +122,19 @@ class Problem:
             resize(source.clipped.astype(np.float32), *size) > 0.25,
         )
 
+    def reduced(self, face_px: float) -> Problem:
+        """The problem of a smaller photo, whose face has ``face_px`` pixels; of one that is no larger, itself."""
+        factor = self.scale(face_px)
+        if factor == 1.0:
+            return self
+        photo = self.photo_at(factor)
+        small = replace(
+            self.photograph, color=photo.color.astype(np.float32), mask=photo.usable, clipped=photo.clipped
+        )  # fmt: skip
+        return replace(
+            self, photograph=small, camera=self.camera.scaled(factor), landmarks=self.landmarks_at(factor)
+        )  # fmt: skip
+
     def landmarks_at(self, factor: float) -> Landmarks:
         """The landmarks of the photo resized by ``factor``."""
         return replace(self.landmarks, points=self.landmarks.points * factor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from html import escape
 from pathlib import Path
 
@@ -57,6 +58,8 @@ def _page(folder: Path, person: Person) -> str:
         f"<td>{escape(_decibel(photo.errors))}</td><td>{escape(photo.advice)}</td></tr>"
         for photo in person.photos
     )
+    folders = " ".join(shlex.quote(photo.folder) for photo in person.photos)
+    repeat = escape(f"facestage fit --job {folders} --same-person --out ../again")
     words = STATUS_WORDS.get(person.status, person.status)
     picture = data_uri((folder / PICTURE).read_bytes())
     return (
@@ -71,7 +74,9 @@ def _page(folder: Path, person: Person) -> str:
         f'of all photos" src="{picture}"></figure>\n</section>\n'
         '<section>\n<h2>Each photo</h2>\n<div class="card"><table><tr><th></th><th>Photo and its report</th>'
         f"<th>Shares the shape</th><th>PSNR of the skin</th><th>What the fit says</th></tr>{rows}</table></div>\n"
-        "</section>\n</main>\n</body>\n</html>\n"
+        "</section>\n<section>\n<h2>Repeat this fit</h2>\n"
+        '<div class="card">The jobs as they were resolved lie in the folders beside this page. In this folder, run'
+        f"<pre><code>{repeat}</code></pre></div>\n</section>\n</main>\n</body>\n</html>\n"
     )
 
 

@@ -21,6 +21,7 @@ from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.fit.metrics import aligned_distance
 from facestage.fit.person import fit_person
+from facestage.fit.problem import read_problem
 from facestage.fit.relight import render_result
 from facestage.fit.run import fit_job, partial_folder
 from facestage.image_io import read_exr
@@ -155,6 +156,25 @@ def test_a_checkpoint_of_other_photos_is_refused(jobs: list[Job], tmp_path: Path
         fit_person(jobs[1::-1], tmp_path / "out", resume=True)
     with pytest.raises(InputError, match="of 2 photos, and 3"):
         fit_person(jobs, tmp_path / "out", resume=True)
+
+
+@pytest.mark.usefixtures("quick")
+def test_large_photos_are_fitted_small_and_shown_whole(
+    jobs: list[Job], scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    small = [read_problem(job).face_size_px for job in jobs[:2]]
+    plain = fit_person(jobs[:2], tmp_path / "plain")
+    # As if the faces were larger than what the phases look at.
+    monkeypatch.setattr("facestage.fit.person_photos.WORKING_FACE_PX", 0.8 * max(small))
+    person = fit_person(jobs[:2], tmp_path / "out")
+    results = [Result.load(tmp_path / "out" / photo.folder) for photo in person.photos]
+    assert [result.camera.width for result in results] == [96, 80]
+    for result, photo, job in zip(results, plain.photos, jobs, strict=False):
+        assert result.camera == job.camera
+        assert read_exr(tmp_path / "out" / f"{photo.folder}" / "render.exr").shape[1] == job.camera.width
+        print(f"PSNR {photo.errors['psnr']:.1f} dB, fitted smaller {result.errors['psnr']:.1f} dB")
+        assert result.errors["psnr"] > photo.errors["psnr"] - 3
+        assert result.errors["landmark_px"] == pytest.approx(photo.errors["landmark_px"], abs=0.3)
 
 
 @pytest.mark.usefixtures("quick")
