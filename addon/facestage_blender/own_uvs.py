@@ -27,8 +27,8 @@ def face_uvs(item: bpy.types.Object) -> tuple[str, np.ndarray]:
         return LAYER, _unwrapped(item)
     uvs = _corners(chosen)
     everything = np.ones(len(mesh.polygons), bool)
-    inside = np.isfinite(uvs).all() and uvs.min() >= -1e-4 and uvs.max() <= 1 + 1e-4
-    if inside and not overlaps(_triangles(mesh, uvs, everything)):
+    one_square = bool(np.isfinite(uvs).all() and uvs.min() >= -1e-4 and uvs.max() <= 1 + 1e-4)
+    if one_square and not overlaps(_triangles(mesh, uvs, everything)):
         return chosen.name, np.clip(uvs, 0.0, 1.0)
     polygon = _corner_polygons(mesh)
     material = np.empty(len(mesh.polygons), np.int32)
