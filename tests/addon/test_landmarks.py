@@ -417,7 +417,7 @@ def test_editing_shows_the_photo_in_object_mode(ready, landmark_file: Path, oper
     assert ready.camera.data.background_images[0].display_depth == "BACK"
 
 
-@pytest.mark.parametrize("name", ["plain", "portrait"])
+@pytest.mark.parametrize("name", ["plain", "portrait", "scaled"])
 def test_drawing_is_over_the_points(scene, name: str) -> None:
     """What is drawn over the camera's view lies where its picture has the landmarks."""
     import bpy
@@ -430,7 +430,7 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     show_landmarks(scene, given, *size)
     bpy.context.view_layer.update()
     window = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=width, y=height)
-    view = np.array(window @ scene.camera.matrix_world.inverted())
+    view = np.array(window @ scene.camera.matrix_world.normalized().inverted())
     landmarks = current_landmarks(scene)
     assert landmarks is not None
     pixels = (on_screen(scene, landmarks, view) * [0.5, -0.5] + 0.5) * size
@@ -441,7 +441,7 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     assert counts == [478 - len(states), 0, states.count("VISIBLE"), states.count("HIDDEN"), 0]
     assert len(line_ends(landmarks, pixels)) == 2 * (16 + 4 + 4 + 3 + 4 + 6 + 6 + 12 + 8)
     # Behind the view nothing is drawn.
-    turned = np.array(window @ scene.camera.matrix_world.inverted()) * [[1], [1], [1], [-1]]
+    turned = np.array(window @ scene.camera.matrix_world.normalized().inverted()) * [[1], [1], [1], [-1]]
     assert not len(line_ends(landmarks, on_screen(scene, landmarks, turned)))
     landmark_empties(scene)[0].location.x += 0.1
     bpy.context.view_layer.update()
