@@ -15,7 +15,7 @@ MARGIN = 1.5  # side of the crop over that of the mesh's box
 RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Points (478, 3) of a face: x, y in pixels of the photo, z in the same unit, growing away from the camera.
 

@@ -27,10 +27,13 @@ PASSES = 3
 # is no face the network goes on moving, and sees another one in the mirror.
 SETTLED, MIRROR_MAX = 0.008, 0.025
 CANDIDATES_MAX = 24
+# The detector is as sure as this of a face in profile, which the mesh network does not know.
+UNCLEAR_SCORE = 0.75
+TURN_MAX = 65
 DUPLICATE = 0.3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Face:
     """A face in a photo: its mesh, which of its points the camera sees, and how sure the networks are (0..1)."""
 
@@ -55,6 +58,14 @@ class Face:
         return Landmarks(SCHEME, self.mesh.points[:, :2], self.visible)
 
 
+@dataclass(frozen=True)
+class Search:
+    """The faces of a photo, the largest first, and boxes (m, 3) (centre x, y, side; pixels) of what is hardly one."""
+
+    faces: list[Face]
+    unclear: np.ndarray
+
+
 class FaceFinder:
     """Finds faces with the networks of one bundle."""
 
@@ -62,25 +73,29 @@ class FaceFinder:
         self.canonical: CanonicalFace = read_canonical(bundle.geometry)
         self._detector, self._mesh = FaceDetector(bundle.detector), FaceMesh(bundle.mesh)
 
-    def find(self, photograph: Photograph) -> list[Face]:
-        """The faces of a photo, the largest first; empty when there is none."""
+    def find(self, photograph: Photograph) -> Search:
+        """The faces of a photo; as it is first, then more closely, then exposed anew, until there is one."""
         views = PhotoViews(photograph)
-        for gain in dict.fromkeys((views.gain, views.exposure_gain)):
+        unclear: list[np.ndarray] = []
+        for gain in views.gains():
             views.gain = gain
             for windows in (coarse_windows, fine_windows):
-                faces = self._verified(views, find_candidates(self._detector, views, windows(*photograph.size)))
+                candidates = find_candidates(self._detector, views, windows(*photograph.size))
+                faces = self._verified(views, candidates, unclear)
                 if faces:
-                    return sorted(faces, key=lambda face: -face.size)
-        return []
+                    return Search(sorted(faces, key=lambda face: -face.size), np.zeros((0, 3)))
+        return Search([], np.array(unclear).reshape(-1, 3))
 
-    def _verified(self, views: PhotoViews, candidates: Detections) -> list[Face]:
-        """The candidates that are faces, each once."""
+    def _verified(self, views: PhotoViews, candidates: Detections, unclear: list[np.ndarray]) -> list[Face]:
+        """The candidates that are faces, each once; the detector's surest of the others go to ``unclear``."""
         faces: list[Face] = []
         for number in range(min(len(candidates), CANDIDATES_MAX)):
             closer = look_closely(self._detector, views, candidates.select(np.array([number])))
             face = self._face(views, closer) if len(closer) else None
             if face is not None:
                 faces.append(face)
+            elif len(closer) and closer.scores[0] > UNCLEAR_SCORE:
+                unclear.append(closer.boxes[0])
         faces.sort(key=lambda face: -face.confidence)
         kept: list[Face] = []
         for face in faces:
@@ -99,7 +114,7 @@ class FaceFinder:
                 return None
         if _distance(mesh, last) > SETTLED * crop.side:
             return None
-        visible = visible_points(mesh.points, self.canonical)
+        visible = visible_points(mesh.points, self.canonical) & _inside(mesh.points, views)
         return Face(mesh, visible, mesh.presence * float(detection.scores[0]))
 
     def _both_ways(self, views: PhotoViews, crop: Crop) -> tuple[Mesh, float]:
@@ -115,6 +130,11 @@ def _distance(first: Mesh, second: Mesh) -> float:
     return float(np.linalg.norm((first.points - second.points)[:, :2], axis=1).mean())
 
 
+def _inside(points: np.ndarray, views: PhotoViews) -> np.ndarray:
+    """(m,) bool, the points that the photo's frame does not cut off."""
+    return np.asarray(((points[:, :2] > 0) & (points[:, :2] < [views.width, views.height])).all(axis=1))
+
+
 def _square(face: Face) -> np.ndarray:
     """(3,) centre x, y and side."""
     return np.array([*face.mesh.crop.center, face.size])
@@ -125,14 +145,21 @@ def detect_faces(photograph: Photograph, model: Path | None = None) -> list[Face
     return require_faces(FaceFinder(open_model(model)).find(photograph))
 
 
-def require_faces(faces: list[Face]) -> list[Face]:
-    """``faces``. Raises InputError when there is none."""
-    if not faces:
+def require_faces(search: Search) -> list[Face]:
+    """The faces of a search. Raises InputError, with what to do, when there is none."""
+    if search.faces:
+        return search.faces
+    if len(search.unclear):
+        x, y, side = search.unclear[np.argmax(search.unclear[:, 2])]
         raise InputError(
-            "No face was found in the photo; crop it to the face, turn it upright, or give the landmarks by "
-            "--landmarks FILE.json."
+            f"No face was found in the photo for sure: what is at ({x:.0f}, {y:.0f}), {side:.0f} pixels wide, may be "
+            f"one that is turned away by more than about {TURN_MAX} degrees, covered or blurred; give its landmarks by "
+            "--landmarks FILE.json, or another photo."
         )
-    return faces
+    raise InputError(
+        "No face was found in the photo; crop it to the face, turn it upright, or give the landmarks by "
+        "--landmarks FILE.json."
+    )
 
 
 def choose_face(faces: list[Face], number: int | None) -> Face:

@@ -20,6 +20,8 @@ SIDE_MIN, SIDE_MAX = 1024, 2048
 EDGE, HIDDEN_EDGE = (120, 200, 255), (110, 90, 120)
 POINT, HIDDEN_POINT = (80, 255, 120), (255, 70, 90)
 CHOSEN_BOX, OTHER_BOX = (255, 210, 60), (190, 190, 190)
+# Radius of a point over the face's size, and its bounds in pixels of the picture.
+DOT_SHARE, DOT_RADII = 0.006, (1.0, 4.0)
 SUBPIXEL = 4  # fractional bits of OpenCV's coordinates
 
 
@@ -42,9 +44,10 @@ def draw_faces(path: Path, photograph: Photograph, faces: list[Face], chosen: in
                 color = HIDDEN_EDGE if hidden else EDGE
                 ends = [_fixed(mesh[corner], factor) for corner in (first, second)]
                 cv2.line(canvas, *ends, color, 1, cv2.LINE_AA, SUBPIXEL)
+    radius = round(float(np.clip(faces[chosen].size * factor * DOT_SHARE, *DOT_RADII)) * 2**SUBPIXEL)
     for point, visible in zip(mesh, seen, strict=True):
         color = POINT if visible else HIDDEN_POINT
-        cv2.circle(canvas, _fixed(point, factor), 2 << SUBPIXEL, color, cv2.FILLED, cv2.LINE_AA, SUBPIXEL)
+        cv2.circle(canvas, _fixed(point, factor), radius, color, cv2.FILLED, cv2.LINE_AA, SUBPIXEL)
     for number, face in enumerate(faces):
         _draw_box(canvas, face, factor, f"{number + 1}", CHOSEN_BOX if number == chosen else OTHER_BOX)
     with atomic_file(path) as temporary:

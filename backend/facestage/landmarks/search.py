@@ -16,6 +16,8 @@ from facestage.landmarks.views import PhotoViews
 QUARTER_TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 # A portrait that the frame cuts is seen whole in a square wider than the photo.
 FRAMES = (1.0, 2.0)
+# The smallest tiles are the longer side over this: a panorama eight times as long as high is still searched.
+DIVISION_MAX = 16
 # Side of the square around a face, over its box, in which the detector is surest of it.
 CLOSE = 2.5
 # How far the same face may seem to move, in widths of its box, when looked at more closely.
@@ -30,11 +32,11 @@ def coarse_windows(width: int, height: int) -> list[Crop]:
 
 
 def fine_windows(width: int, height: int) -> list[Crop]:
-    """Where to look when nothing was found: turned tiles, and ever smaller ones down to the photo's shorter side."""
+    """Where to look when nothing was found: turned tiles, and smaller ones; in a long photo ever smaller ones."""
     turned = [replace(tile, angle=turn) for turn in QUARTER_TURNS[1:] for tile in tiles(width, height, 2)]
     division = 4
     small = tiles(width, height, division)
-    while max(width, height) / division > min(width, height):
+    while division < DIVISION_MAX and max(width, height) / division > min(width, height):
         division *= 2
         small += tiles(width, height, division)
     return turned + small

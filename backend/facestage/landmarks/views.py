@@ -13,22 +13,26 @@ from facestage.landmarks.crop import Crop
 SUPERSAMPLES = 2
 # Share of the pixels that may be brighter than white once a picture is exposed.
 HIGHLIGHTS = 0.02
+STOPS_MIN = 0.7  # factors of two
 CODES = 4096
 
 
 class PhotoViews:
     """Samples squares of a photograph; halved copies of it are made when they are first needed."""
 
-    def __init__(self, photograph: Photograph, gain: float | None = None) -> None:
-        """``gain`` multiplies the linear color; None leaves a display picture as it is and exposes an HDR one."""
+    def __init__(self, photograph: Photograph) -> None:
         self.photograph = photograph
         self.width, self.height = photograph.size
-        self._levels = [np.where(photograph.mask[..., None], photograph.color, np.float32(0.0))]
-        self.gain = self._natural_gain() if gain is None else gain
+        unmasked = photograph.mask.all()
+        color = photograph.color if unmasked else photograph.color * photograph.mask[..., None]
+        self._levels = [color.astype(np.float32, copy=False)]
+        # Multiplies the linear color; a picture that a display shows as it is stays so.
+        self.gain = 1.0 if self._levels[0].max(initial=0.0) <= 1.0 else self.exposure_gain
 
-    def _natural_gain(self) -> float:
-        """1 for a picture that a display shows as it is."""
-        return 1.0 if self._levels[0].max(initial=0.0) <= 1.0 else self.exposure_gain
+    def gains(self) -> list[float]:
+        """The exposures to try: the picture's own, and one that brightens it where that makes a difference."""
+        other = self.exposure_gain
+        return [self.gain] if abs(np.log2(other / self.gain)) < STOPS_MIN else [self.gain, other]
 
     @cached_property
     def exposure_gain(self) -> float:

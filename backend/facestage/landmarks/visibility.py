@@ -46,9 +46,10 @@ def _covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     first, second = (b - a)[:, :2], (c - a)[:, :2]
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     offset = points[:, None, :2] - a[None, :, :2]
+    # A triangle seen edge on covers nothing: it divides by zero, and no comparison holds.
     with np.errstate(divide="ignore", invalid="ignore"):
         u = (offset[..., 0] * second[:, 1] - offset[..., 1] * second[:, 0]) / area
         v = (first[:, 0] * offset[..., 1] - first[:, 1] * offset[..., 0]) / area
-    depth = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
-    inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+        depth = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
+        inside = (u >= 0) & (v >= 0) & (u + v <= 1)
     return np.asarray((inside & (depth < points[:, 2, None] - margin)).any(axis=1))
