@@ -334,6 +334,24 @@ def test_a_deleted_camera_keeps_the_landmarks(ready, landmark_file: Path) -> Non
     np.testing.assert_array_equal(edited_landmarks(ready).points, Landmarks.read(landmark_file).points)
 
 
+def test_a_damaged_scene_is_said_and_mended(ready, landmark_file: Path) -> None:
+    import bpy
+
+    from facestage_blender.landmarks import BASE, landmark_empties
+
+    bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
+    bpy.ops.facestage.edit_landmarks()
+    for damage in ("{", "[1]", '{"scheme": 3}', 5):
+        ready.facestage.landmark_plane[BASE] = damage
+        refused(bpy.ops.facestage.done_landmarks, "damaged|has scheme")
+    bpy.data.objects.remove(ready.facestage.landmark_plane)
+    refused(bpy.ops.facestage.done_landmarks, "No landmarks are shown")
+    assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}
+    assert len(landmark_empties(ready)) == 68
+    assert bpy.ops.facestage.done_landmarks() == {"FINISHED"}
+    assert not landmark_empties(ready)
+
+
 def test_another_photo_has_other_landmarks(ready, landmark_file: Path, tmp_path: Path) -> None:
     import bpy
     import cv2
@@ -448,14 +466,14 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     assert current_landmarks(scene) is not landmarks
 
 
-def test_scheme_tables_agree_with_the_backend(scene) -> None:
-    from facestage.landmarks.ibug68 import POINTS
-    from facestage_blender.landmark_scheme import IBUG_NAMES, MEDIAPIPE_AS_IBUG, handles
+def test_handles_are_named_and_distinct() -> None:
+    from facestage_blender.landmark_scheme import IBUG_NAMES, handles, lines
 
-    assert tuple(POINTS) == MEDIAPIPE_AS_IBUG
     assert handles("ibug68", 68)[30].name == "Landmark 31 nose tip"
     assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
     assert len(handles("another", 12)) == 12
+    for scheme, count in (("ibug68", 68), ("mediapipe478", 478)):
+        assert {index for line in lines(scheme) for index in line} <= {item.index for item in handles(scheme, count)}
 
 
 def test_followers_move_smoothly() -> None:
