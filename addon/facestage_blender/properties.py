@@ -11,6 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from facestage.contract.face_model import PARTS
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
 from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
 from facestage.contract.quality import GOOD, QUALITIES, describe
@@ -31,6 +32,13 @@ LANDMARK_SOURCES = {
     "FILE": ("From a file", "The landmarks come from a file that was chosen"),
     "DETECTED": ("Detected", "The landmarks were found by Detect Landmarks"),
     "EDITED": ("Edited", "The landmarks were edited by hand"),
+}
+PART_HELP = {
+    "skin": "Skin: its color is fitted",
+    "eyes": "Eyeballs",
+    "mouth": "Gums, tongue and the inside of the mouth",
+    "teeth": "Teeth",
+    "other": "Lashes, tear films, hair, clothes: the fit does not look at them",
 }
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
@@ -80,6 +88,25 @@ class FaceSettings(bpy.types.PropertyGroup):
     roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
     albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
     specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
+    roughness_image: PointerProperty(type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear")
+    own_mesh: StringProperty(name="Own mesh", description="How a mesh of the user's is tied to its face model")
+    fit_shape: BoolProperty(
+        name="Fit the face's shape",
+        description="The fit may give the mesh the shape of the face in the photo. Where the mesh has no identity "
+        "sliders, the shape is borrowed from the default face and written to one new shape key, Facestage Shape",
+        default=True,
+    )
+    identity_prefix: StringProperty(
+        name="Identity sliders",
+        description="Shape keys whose names begin so change who the face is; all others are expressions",
+        default="identity",
+    )
+    own_materials: BoolProperty(
+        name="Facestage skin",
+        description="Give face, eyes and mouth Facestage's material with the fitted textures. Your materials stay in "
+        "the file; off: they stay on the mesh",
+        default=True,
+    )
 
 
 class LandmarkSettings(bpy.types.PropertyGroup):
@@ -236,6 +263,12 @@ def attach() -> None:
     bpy.types.Object.facestage_light = PointerProperty(type=LightSettings)
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
     bpy.types.Object.facestage_landmark = PointerProperty(type=LandmarkSettings)
+    bpy.types.Material.facestage_part = EnumProperty(
+        name="Part of the face",
+        description="What this material covers",
+        items=[("AUTO", "By name", "As the material's name says, else skin")]
+        + [(part.upper(), part.capitalize(), PART_HELP[part]) for part in PARTS],
+    )
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
     bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
@@ -247,5 +280,6 @@ def detach() -> None:
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
     del bpy.types.Object.facestage_landmark
+    del bpy.types.Material.facestage_part
     del bpy.types.Object.facestage_face
     del bpy.types.Object.facestage_light

@@ -11,6 +11,7 @@ from . import (
     operators_landmarks,
     operators_model,
     operators_preview,
+    operators_rig,
     panels,
     panels_photo,
     preferences,
@@ -29,6 +30,7 @@ MODULES = (
     operators_preview,
     panels_photo,
     panels,
+    operators_rig,
 )
 
 

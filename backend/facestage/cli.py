@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from facestage import __version__
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe, parse_budget
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
 CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
-MODELS = "default (built in), ict:PATH (ICT-FaceKit's folder or archive) or npz:FILE"
+MODELS = "default (built in), ict:PATH (ICT-FaceKit), npz:FILE or rig:FILE (a mesh exported from Blender)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,31 +80,47 @@ def _add_fit(commands: Any) -> None:
     fit = commands.add_parser(
         "fit",
         help="fit a face to a photograph",
-        description="Fit shape, expression, pose, albedo, specular map and light to one photograph.",
+        description="Fit shape, expression, pose, albedo, specular map and light to one photograph; or one shape and "
+        "one skin to several of the same person, with a result for each photo.",
         epilog="Example: facestage fit photo.png --out result --budget 60. "
         "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
     )
     fit.add_argument(
-        "image", nargs="?", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels"
-    )
+        "image", nargs="*", type=Path, metavar="IMAGE",
+        help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels; several with --same-person",
+    )  # fmt: skip
     fit.add_argument(
-        "--job", type=Path, metavar="DIR", help="a job folder (what the add-on writes) instead of IMAGE and its options"
-    )
+        "--job", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
+        help="a job folder (what the add-on writes) instead of IMAGE and its options; several with --same-person",
+    )  # fmt: skip
+    fit.add_argument(
+        "--same-person", action="store_true",
+        help=f"the photos, 2 to {PHOTOS_MAX}, show one person: identity and skin are shared; --landmarks, --camera, "
+        "--focal-px and --truth are repeated for each photo in the same order (one camera does for all)",
+    )  # fmt: skip
     fit.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done"
     )
     fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
     fit.add_argument(
-        "--landmarks", type=Path, metavar="FILE",
+        "--landmarks", action="append", type=Path, metavar="FILE",
         help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a face is found in the photo',
     )  # fmt: skip
     _add_finding(fit)
     camera = fit.add_mutually_exclusive_group()
     camera.add_argument(
-        "--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}'
+        "--camera",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}',
     )
     camera.add_argument(
-        "--focal-px", type=float, metavar="F", help="focal length in pixels; fitted when neither is given"
+        "--focal-px",
+        action="append",
+        type=float,
+        metavar="F",
+        help="focal length in pixels; fitted when neither is given",
     )
     fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
     fit.add_argument(
@@ -122,6 +139,7 @@ def _add_fit(commands: Any) -> None:
     fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
     fit.add_argument(
         "--truth",
+        action="append",
         type=Path,
         metavar="FILE",
         help="known vertices (.npz): adds errors to trace and result, changes nothing",
@@ -262,61 +280,98 @@ def _add_stress(commands: Any) -> None:
 
 
 def _run_fit(options: argparse.Namespace) -> int:
+    from facestage.fit.person import fit_person
     from facestage.fit.run import fit_job
 
     def emit(event: Event) -> None:
         print(event.to_line(), flush=True)
 
-    fit_job(_job(options), options.out, options.resume, emit, options.landmark_model)
+    if options.same_person:
+        fit_person(_jobs(options), options.out, options.resume, emit, options.landmark_model)
+    else:
+        fit_job(_job(options), options.out, options.resume, emit, options.landmark_model)
     return EXIT_DONE
 
 
 def _job(options: argparse.Namespace) -> Job:
-    """The job of a ``fit`` command line, from a job folder or from the image and its options."""
+    """The job of a ``fit`` command line that is about one photo."""
+    jobs = _jobs(options)
+    if len(jobs) > 1:
+        raise InputError(
+            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of them, or fit them "
+            "one by one."
+        )
+    return jobs[0]
+
+
+def _jobs(options: argparse.Namespace) -> list[Job]:
+    """The jobs of a ``fit`` command line, from job folders or from the images and their options."""
     from facestage.contract.job import Job
 
-    if options.job is not None:
+    count = len(options.job) or len(options.image)
+    if options.job:
         own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device", "face")
-        given = [name for name in own if getattr(options, name) is not None]
+        given = [name for name in own if getattr(options, name) not in (None, [])]
         if given or options.freeze:
             raise InputError(
                 f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or change it in the job."
             )
-        job = Job.load(options.job)
-        return _override(job, options)
-    if options.image is None:
+        jobs = [Job.load(folder) for folder in options.job]
+    elif not options.image:
         raise InputError("facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job DIR --out DIR.")
-    return _override(_image_job(options), options)
+    else:
+        landmarks = _for_each(options.landmarks, count, "landmark files")
+        cameras = _for_each(options.camera, count, "camera files", one_for_all=True)
+        focals = _for_each(options.focal_px, count, "focal lengths", one_for_all=True)
+        jobs = [_image_job(options, *own) for own in zip(options.image, landmarks, cameras, focals, strict=True)]
+    truths = _for_each(options.truth, count, "truth files")
+    return [_override(job, options, truth) for job, truth in zip(jobs, truths, strict=True)]
 
 
-def _override(job: Job, options: argparse.Namespace) -> Job:
+def _for_each(values: list[Any] | None, count: int, what: str, one_for_all: bool = False) -> list[Any]:
+    """One value per photo; None for each when none was given."""
+    if not values:
+        return [None] * count
+    if one_for_all and len(values) == 1:
+        return values * count
+    if len(values) != count:
+        raise InputError(
+            f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; expected one for each, in "
+            "the order of the photos."
+        )
+    return values
+
+
+def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
     from dataclasses import replace
 
     if options.budget is not None:
         seconds, quality = parse_budget(options.budget)
         job = replace(job, budget_seconds=seconds, quality=quality)
-    if options.truth is not None:
-        job = replace(job, truth=options.truth.absolute())
+    if truth is not None:
+        job = replace(job, truth=truth.absolute())
     if options.plan is not None:
         job = replace(job, plan=options.plan)
     return job
 
 
-def _image_job(options: argparse.Namespace) -> Job:
+def _image_job(
+    options: argparse.Namespace, image: Path, landmarks: Path | None, camera_file: Path | None, focal_px: float | None
+) -> Job:
     from facestage.contract.camera import Camera
     from facestage.contract.job import Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
     from facestage.image_io import read_photograph
 
-    camera = Camera.read(options.camera) if options.camera else None
-    if options.focal_px is not None:
-        camera = Camera.default(*read_photograph(options.image).size, options.focal_px)
+    camera = Camera.read(camera_file) if camera_file else None
+    if focal_px is not None:
+        camera = Camera.default(*read_photograph(image).size, focal_px)
     count = DEFAULT_COUNT if options.lights is None else options.lights
     return Job(
-        image=options.image.absolute(),
+        image=image.absolute(),
         model=options.model or "default",
-        landmarks=Landmarks.read(options.landmarks) if options.landmarks else None,
+        landmarks=Landmarks.read(landmarks) if landmarks else None,
         camera=camera,
         stage=fibonacci_stage(count),
         light_color=options.light_color or "multi",

@@ -24,7 +24,9 @@ from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
+from facestage.fit.priors import FOCAL_SIGMA
 from facestage.fit.skin_mask import face_pixels, face_size_px, skin_weight
+from facestage.fit.window import Window
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
@@ -39,7 +41,7 @@ UV_AREA_MIN = 1e-4
 
 @dataclass(frozen=True)
 class Problem:
-    """A job with its files read. Arrays are at the photo's own resolution."""
+    """A job with its files read. Arrays, camera and landmarks are those of the photo's ``window``."""
 
     job: Job
     photograph: Photograph
@@ -48,6 +50,8 @@ class Problem:
     geometry: FaceGeometry
     stage: LightStage  # stage frame, every light of the job
     fit_focal: bool
+    focal_sigma: float  # standard deviation of log focal before the fit
+    window: Window
 
     @property
     def lit(self) -> np.ndarray:
@@ -76,6 +80,17 @@ class Problem:
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
         return np.where(face_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
+
+    def read_from_photo(self) -> dict[str, str]:
+        """What was taken from the photo's file besides its pixels, in words; see Result.photo."""
+        own, start = self.photograph.focal, self.window.full_camera(self.camera).focal_px
+        if not self.fit_focal:
+            focal = f"as given, {start:.5g} px; not fitted"
+        elif own is not None:
+            focal = f"fitted, from {own.focal_px:.5g} px +- {own.log_sigma:.0%} ({own.source})"
+        else:
+            focal = f"fitted, from a guess of {start:.5g} px +- {self.focal_sigma:.0%} (the photo does not say)"
+        return {"size": self.window.words, "color": self.photograph.color_space, "focal": focal}
 
     @cached_property
     def white(self) -> float:
@@ -127,8 +142,8 @@ class Problem:
         settings = {
             "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
             "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
-            "model": self.job.model, "fit_focal": self.fit_focal, "plan": self.job.plan,
-            "quality": self.job.quality,
+            "model": self.job.model, "fit_focal": self.fit_focal, "focal_sigma": self.focal_sigma,
+            "plan": self.job.plan, "quality": self.job.quality,
         }  # fmt: skip
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
@@ -195,15 +210,18 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
 
 
 def read_problem(
-    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None
-) -> Problem:
+    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
+    geometry: FaceGeometry | None = None,
+) -> Problem:  # fmt: skip
     """Read and check everything a job names. Raises InputError with what is wrong.
 
     The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
+    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
     """
     photograph = read_photograph(job.image)
     width, height = photograph.size
-    camera = job.camera or Camera.default(width, height)
+    own = photograph.focal
+    camera = job.camera or Camera.default(width, height, None if own is None else own.focal_px)
     if (camera.width, camera.height) != (width, height):
         raise InputError(
             f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
@@ -217,12 +235,17 @@ def read_problem(
         raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
-    model = load_model(job.model)
+    model = load_model(job.model) if geometry is None else geometry.model
     landmarks = known_to(model, job.landmarks)
     model.landmark_vertices(landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
-    geometry = FaceGeometry(model)
+    geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
-    return Problem(job, photograph, camera, landmarks, geometry, stage, fit_focal)
+    focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
+    window = Window.of(width, height, landmarks)
+    return Problem(
+        job, window.photograph(photograph), window.camera(camera), window.landmarks(landmarks), geometry, stage,
+        fit_focal, focal_sigma, window,
+    )  # fmt: skip

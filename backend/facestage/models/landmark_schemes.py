@@ -50,6 +50,8 @@ class Scheme:
     contour: np.ndarray  # (k,) the outline of cheeks and chin, seen from any side
     outline: np.ndarray  # what spans the face from chin to brows, without the forehead, in profile too
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
+    brows: np.ndarray
+    chin: np.ndarray  # the lowest of the jaw
     eyes: tuple[Eye, ...] = ()
 
     def behind_closed_lids(self, points: np.ndarray) -> np.ndarray:
@@ -67,12 +69,19 @@ def _schemes() -> Mapping[str, Scheme]:
     deviation = np.ones(SCHEME_SIZES["ibug68"])
     deviation[:17] = _JAW_DEVIATION
     ibug68 = Scheme(
-        deviation, 1.0, contour=np.arange(17), outline=np.arange(68), skin=np.array([*range(2, 15), *range(27, 36)])
+        deviation,
+        1.0,
+        contour=np.arange(17),
+        outline=np.arange(68),
+        skin=np.array([*range(2, 15), *range(27, 36)]),
+        brows=np.arange(17, 27),
+        chin=np.arange(6, 11),
     )
     deviation, independent = read_deviations()
     mediapipe478 = Scheme(
         deviation, independent / len(deviation), contour=np.array(_OVAL),
         outline=np.array([*_JAW, *_BROWS, *_NOSE, *_LIPS]), skin=np.array([*_JAW[1:-1], *_NOSE]),
+        brows=np.array(_BROWS), chin=np.array(_JAW[7:14]),
         eyes=(Eye(tuple(range(468, 473)), 159, 145, (33, 133)), Eye(tuple(range(473, 478)), 386, 374, (263, 362))),
     )  # fmt: skip
     return MappingProxyType({"ibug68": ibug68, "mediapipe478": mediapipe478})

@@ -49,7 +49,7 @@ def render(tmp_path: Path) -> Callable[..., np.ndarray]:
 
 def traced(folder: Path, radiance: np.ndarray, samples: int) -> np.ndarray:
     result = Result.load(folder)
-    return relight.render(replace(result, stage=replace(result.stage, radiance=radiance)), samples).color
+    return relight.render(replace(result, stage=replace(result.stage, radiance=radiance)), samples)
 
 
 def worst(one: np.ndarray, other: np.ndarray) -> float:
