@@ -11,7 +11,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 
-from .landmark_plane import on_plane, photo_size
+from .landmark_plane import on_plane, photo_size, plane_matrix
 from .landmark_scheme import handles, lines
 from .landmarks import HIDDEN, IGNORED, VISIBLE, edited_landmarks, landmark_empties, shown_plane
 
@@ -81,7 +81,7 @@ def on_screen(scene: bpy.types.Scene, landmarks: Landmarks, view: np.ndarray) ->
     """(m, 2) where the landmarks are in a view with perspective matrix (4, 4), -1..1; NaN for those behind it."""
     plane = scene.facestage.landmark_plane
     local = on_plane(landmarks.points, *photo_size(plane))
-    points = np.c_[local, np.zeros(len(local)), np.ones(len(local))] @ (view @ np.array(plane.matrix_world)).T
+    points = np.c_[local, np.zeros(len(local)), np.ones(len(local))] @ (view @ plane_matrix(plane)).T
     return points[:, :2] / np.where(points[:, 3:] > 0, points[:, 3:], np.nan)
 
 

@@ -50,6 +50,17 @@ def plane_camera(plane: bpy.types.Object) -> bpy.types.Object | None:
     return target if target is not None and target.type == "CAMERA" else None
 
 
+def plane_matrix(plane: bpy.types.Object) -> np.ndarray:
+    """(4, 4) the plane's coordinates to the world's, from the camera: Blender need not update what is hidden."""
+    view = plane_camera(plane)
+    if view is None:
+        return np.array(plane.matrix_world, np.float64)
+    local = np.eye(4)
+    local[:3, 3], scale = _plane_in_camera(read_camera(view.data, *photo_size(plane)), plane[DEPTH])
+    local[:3, :3] *= scale
+    return _pose(view) @ local
+
+
 def on_plane(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
     """Pixels (m, 2) of a ``width`` x ``height`` photo in the plane's coordinates (m, 2)."""
     return (pixels - [0.5 * width, 0.5 * height]) * [1.0, -1.0] / max(width, height)
@@ -71,20 +82,25 @@ def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
         raise InputError(f"The landmark '{empty.name}' is no longer on the photo; press Revert, or parent it again.")
     else:
         camera = read_camera(view.data, width, height)
-        pose = np.array(view.matrix_world, np.float64)
-        pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
-        point = (np.linalg.inv(pose) @ np.array([*empty.matrix_world.translation, 1.0]))[:3]
+        point = (np.linalg.inv(_pose(view)) @ np.array([*empty.matrix_world.translation, 1.0]))[:3]
     pixel = camera.project(point[None])[0]
     if not np.isfinite(pixel).all():
         raise InputError(f"The landmark '{empty.name}' is behind the camera; press Revert, or move it onto the photo.")
     return pixel
 
 
+def _pose(camera: bpy.types.Object) -> np.ndarray:
+    """(4, 4) camera frame to world; a camera's scale does not change its picture."""
+    pose = np.array(camera.matrix_world, np.float64)
+    pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
+    return pose
+
+
 def _follow_camera(plane: bpy.types.Object, camera: bpy.types.Object, width: int, height: int) -> None:
     """Hold the plane where the photo is: a constraint for the camera's pose, drivers for its lens."""
     hold = plane.constraints.new("CHILD_OF")
     hold.target = camera
-    hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # a camera's scale does not change its picture
+    hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # as _pose
     hold.inverse_matrix = Matrix()
     longer, depth = max(width, height), plane[DEPTH]
     plane.location[2] = -depth

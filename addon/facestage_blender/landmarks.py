@@ -15,7 +15,7 @@ from facestage.contract.result import Result
 from facestage.contract.storage import finite
 
 from .camera import put_photo_in_front, require_camera
-from .landmark_plane import build_plane, empty_pixel, on_plane, photo_size, plane_camera, put_on_plane
+from .landmark_plane import DEPTH, SIZE, build_plane, empty_pixel, on_plane, photo_size, plane_camera, put_on_plane
 from .landmark_scheme import Handle, follow, handles, nearest_handle
 from .stage import facestage_collection
 
@@ -40,14 +40,16 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
     plane[BASE] = json.dumps(finite(landmarks.to_json()))
     put_photo_in_front(camera, True)
     size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.counted], axis=0).max()) / max(width, height)
-    for handle in handles(landmarks.scheme, len(landmarks.points)):
+    editable = handles(landmarks.scheme, len(landmarks.points))
+    starts = on_plane(_starts(landmarks, editable, width, height), width, height)
+    for handle, start in zip(editable, starts, strict=True):
         empty = bpy.data.objects.new(handle.name, None)
         collection.objects.link(empty)
         put_on_plane(plane, empty)
+        empty.location = (*start, 0.0)
         mark = empty.facestage_landmark
-        mark.index, mark.size = handle.index, size
+        mark.index, mark.size, mark.state = handle.index, size, _state(landmarks, handle.index)
     scene.facestage.landmark_plane = plane
-    revert_landmarks(scene)
     for layer in scene.view_layers:
         layer.update()
     return plane
@@ -56,7 +58,11 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
 def shown_plane(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The plane that carries the landmarks' empties, or None when none are shown."""
     plane = scene.facestage.landmark_plane
-    return plane if plane is not None and plane.name in scene.objects and BASE in plane else None
+    return (
+        plane
+        if plane is not None and plane.name in scene.objects and {BASE, SIZE, DEPTH} <= set(plane.keys())
+        else None
+    )
 
 
 def require_plane(scene: bpy.types.Scene) -> bpy.types.Object:
@@ -74,8 +80,12 @@ def landmark_empties(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def base_landmarks(plane: bpy.types.Object) -> Landmarks:
-    """The landmarks that the empties were made from."""
-    return Landmarks.from_json(json.loads(plane[BASE]), "set of landmarks in the scene")
+    """The landmarks that the empties were made from. Raises InputError when the scene does not hold them any more."""
+    try:
+        data = dict(json.loads(str(plane[BASE])))
+    except (TypeError, ValueError) as error:
+        raise InputError("The landmarks in the scene are damaged; press Detect Landmarks again.") from error
+    return Landmarks.from_json(data, "set of landmarks in the scene")
 
 
 def edited_landmarks(scene: bpy.types.Scene) -> Landmarks:
@@ -119,30 +129,18 @@ def with_states(base: Landmarks, points: np.ndarray, states: list[str]) -> Landm
     return Landmarks.from_json(data, "set of landmarks in the scene")
 
 
-def revert_landmarks(scene: bpy.types.Scene) -> None:
-    """Put every empty back to where it was made, as it was made."""
-    plane = require_plane(scene)
-    base = base_landmarks(plane)
-    width, height = photo_size(plane)
-    editable = handles(base.scheme, len(base.points))
-    starts = on_plane(_starts(base, editable, width, height), width, height)
-    empties = _by_index(landmark_empties(scene))
-    for handle, start in zip(editable, starts, strict=True):
-        if (empty := empties.get(handle.index)) is not None:
-            empty.location = (*start, 0.0)
-            empty.facestage_landmark.state = _state(base, handle.index)
-
-
 def remove_landmarks(scene: bpy.types.Scene) -> None:
     """Take the empties and their plane out of the .blend."""
     plane = shown_plane(scene)
     scene.facestage.landmark_plane = None
-    if plane is None:
-        return
-    if (camera := plane_camera(plane)) is not None:
-        put_photo_in_front(camera, False)
-    collections = plane.users_collection
-    for item in [*landmark_empties(scene), plane]:
+    items = landmark_empties(scene)  # also those whose plane was deleted
+    collections = {collection for item in items for collection in item.users_collection}
+    if plane is not None:
+        collections |= set(plane.users_collection)
+        if (camera := plane_camera(plane)) is not None:
+            put_photo_in_front(camera, False)
+        items.append(plane)
+    for item in items:
         bpy.data.objects.remove(item)
     for collection in collections:
         if collection.name.split(".")[0] == COLLECTION and not collection.all_objects:

@@ -63,7 +63,9 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     empties = landmark_empties(context.scene)
     states = [empty.facestage_landmark.state for empty in empties]
     counts = [f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states]
-    layout.label(text=", ".join([f"{len(empties)} points to drag (G)", *counts]), icon="EMPTY_AXIS")
+    layout.label(text=f"{len(empties)} points to drag (G)", icon="EMPTY_AXIS")
+    if counts:
+        layout.label(text=", ".join(counts), icon="BLANK1")
     row = layout.row(align=True)
     for state, icon in MARKS:
         row.operator("facestage.landmark_state", text=state.capitalize(), icon=icon).state = state

@@ -11,7 +11,7 @@ from mathutils import Vector
 
 from facestage.contract.landmarks import Landmarks
 
-from .landmark_plane import on_plane, photo_size
+from .landmark_plane import on_plane, photo_size, plane_matrix
 
 FACE_SHARE = 0.62  # of the view that the face fills
 ZOOM_LIMIT = 600.0  # Blender's own
@@ -30,8 +30,9 @@ def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks:
             continue
         rv3d.update()
         points = on_plane(landmarks.points[landmarks.counted], *photo_size(plane))
+        to_world = plane_matrix(plane)
         low, high = (
-            location_3d_to_region_2d(region, rv3d, plane.matrix_world @ Vector((*corner, 0.0)))
+            location_3d_to_region_2d(region, rv3d, Vector((to_world @ [*corner, 0.0, 1.0])[:3]))
             for corner in (points.min(axis=0), points.max(axis=0))
         )
         if low is None or high is None:

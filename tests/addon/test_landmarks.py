@@ -334,6 +334,24 @@ def test_a_deleted_camera_keeps_the_landmarks(ready, landmark_file: Path) -> Non
     np.testing.assert_array_equal(edited_landmarks(ready).points, Landmarks.read(landmark_file).points)
 
 
+def test_a_damaged_scene_is_said_and_mended(ready, landmark_file: Path) -> None:
+    import bpy
+
+    from facestage_blender.landmarks import BASE, landmark_empties
+
+    bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
+    bpy.ops.facestage.edit_landmarks()
+    for damage in ("{", "[1]", '{"scheme": 3}', 5):
+        ready.facestage.landmark_plane[BASE] = damage
+        refused(bpy.ops.facestage.done_landmarks, "damaged|has scheme")
+    bpy.data.objects.remove(ready.facestage.landmark_plane)
+    refused(bpy.ops.facestage.done_landmarks, "No landmarks are shown")
+    assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}
+    assert len(landmark_empties(ready)) == 68
+    assert bpy.ops.facestage.done_landmarks() == {"FINISHED"}
+    assert not landmark_empties(ready)
+
+
 def test_another_photo_has_other_landmarks(ready, landmark_file: Path, tmp_path: Path) -> None:
     import bpy
     import cv2
@@ -417,7 +435,7 @@ def test_editing_shows_the_photo_in_object_mode(ready, landmark_file: Path, oper
     assert ready.camera.data.background_images[0].display_depth == "BACK"
 
 
-@pytest.mark.parametrize("name", ["plain", "portrait"])
+@pytest.mark.parametrize("name", ["plain", "portrait", "scaled"])
 def test_drawing_is_over_the_points(scene, name: str) -> None:
     """What is drawn over the camera's view lies where its picture has the landmarks."""
     import bpy
@@ -430,7 +448,7 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     show_landmarks(scene, given, *size)
     bpy.context.view_layer.update()
     window = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=width, y=height)
-    view = np.array(window @ scene.camera.matrix_world.inverted())
+    view = np.array(window @ scene.camera.matrix_world.normalized().inverted())
     landmarks = current_landmarks(scene)
     assert landmarks is not None
     pixels = (on_screen(scene, landmarks, view) * [0.5, -0.5] + 0.5) * size
@@ -441,21 +459,21 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     assert counts == [478 - len(states), 0, states.count("VISIBLE"), states.count("HIDDEN"), 0]
     assert len(line_ends(landmarks, pixels)) == 2 * (16 + 4 + 4 + 3 + 4 + 6 + 6 + 12 + 8)
     # Behind the view nothing is drawn.
-    turned = np.array(window @ scene.camera.matrix_world.inverted()) * [[1], [1], [1], [-1]]
+    turned = np.array(window @ scene.camera.matrix_world.normalized().inverted()) * [[1], [1], [1], [-1]]
     assert not len(line_ends(landmarks, on_screen(scene, landmarks, turned)))
     landmark_empties(scene)[0].location.x += 0.1
     bpy.context.view_layer.update()
     assert current_landmarks(scene) is not landmarks
 
 
-def test_scheme_tables_agree_with_the_backend(scene) -> None:
-    from facestage.landmarks.ibug68 import POINTS
-    from facestage_blender.landmark_scheme import IBUG_NAMES, MEDIAPIPE_AS_IBUG, handles
+def test_handles_are_named_and_distinct() -> None:
+    from facestage_blender.landmark_scheme import IBUG_NAMES, handles, lines
 
-    assert tuple(POINTS) == MEDIAPIPE_AS_IBUG
     assert handles("ibug68", 68)[30].name == "Landmark 31 nose tip"
     assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
     assert len(handles("another", 12)) == 12
+    for scheme, count in (("ibug68", 68), ("mediapipe478", 478)):
+        assert {index for line in lines(scheme) for index in line} <= {item.index for item in handles(scheme, count)}
 
 
 def test_followers_move_smoothly() -> None:
