@@ -12,9 +12,9 @@ from facestage.fit.shown import Shown
 from facestage.fit.texel_field import Field, doubled, solve_field
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
-# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter may be fair skin
-# where the basis is too dark. Where the model paints brows or lips, they may be elsewhere or not there at all.
-LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 1.3
+# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a highlight. Where the
+# model paints brows or lips, they may be elsewhere or not there at all.
+LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 0.5
 FEATURE_DARKER = 0.5
 # Irradiance, relative to the brightest tenth of the face, below which the photo says little of the skin: at the
 # edge of a shadow a small error of the light is a large one of the albedo.
@@ -30,7 +30,7 @@ PIGMENT_SIGMA, PLAIN_FACTOR, HIGHLIGHT_PLAIN_FACTOR = 0.06, 1.0, 3.0
 # the highlight itself is in doubt.
 SHADING_SHIFT, HIGHLIGHT_SHIFT, HIGHLIGHT_SHARE = 0.3, 0.4, 0.2
 # Tie of a texel that the photo does not show to its mirror image, in units of its tie to the basis.
-SYMMETRY = 10.0
+SYMMETRY = 20.0
 KNOWN = 0.5  # share of the answer that is not the basis', from which on a texel counts as known
 
 
@@ -68,7 +68,8 @@ def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarra
     paired = mirror >= 0
     other = np.where(paired, mirror, 0).ravel()
     other_known = np.where(paired, known.ravel()[other].reshape(known.shape), 0.0)
-    trust = SYMMETRY * field.shrinkage * (1 - known) ** 2 * other_known
+    seen_there = np.clip((other_known - KNOWN) / (1 - KNOWN), 0, 1)
+    trust = SYMMETRY * field.shrinkage * (1 - known) ** 4 * seen_there
     guess = found.reshape(-1, 3)[other].reshape(found.shape)
     completed, known_too = solve_field(replace(field, guess_weight=trust.astype(np.float32), guess=guess))
     return completed - found, known_too
