@@ -152,7 +152,8 @@ def conjugate_gradients(
 
 def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(k,) float64 products of the columns of (n, k)."""
-    return np.asarray((a * b).sum(axis=0, dtype=np.float64))
+    # A small matrix product: many times faster than sums along the long axis.
+    return np.diagonal(a.T @ b).astype(np.float64)
 
 
 def _quads(texture: np.ndarray) -> np.ndarray:
