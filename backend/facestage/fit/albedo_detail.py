@@ -85,8 +85,10 @@ def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     lit = (diffuse / max(float(np.percentile(diffuse, 90)), 1e-9)).min(axis=1)
     wanted = np.clip((shown.photo - specular) / np.maximum(diffuse, 1e-9), ALBEDO_MIN, ALBEDO_BRIGHTEST)
     target = np.log(wanted) - np.log(np.maximum(shown.albedo, 1e-6))
+    # What the skin itself sends back: under a brow that the model paints and the photo lacks, more than the basis says.
+    skin = diffuse * shown.albedo * np.exp(np.clip(target, 0, shown.feature[:, None]))
     # Relative error of the albedo grows where little of the light is diffuse.
-    share = (diffuse * shown.albedo / np.maximum(diffuse * shown.albedo + specular, 1e-9)).min(axis=1)
+    share = (skin / np.maximum(skin + specular, 1e-9)).min(axis=1)
     darker, lighter = LOG_DARKER_MAX + FEATURE_DARKER * shown.feature, LOG_LIGHTER_MAX + shown.feature
     brightness = target.mean(axis=1)
     robust = 1.0 / (1.0 + (brightness / np.where(brightness < 0, darker, lighter)) ** 4)
@@ -94,7 +96,7 @@ def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     chroma = np.clip(target - brightness[:, None], -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
     target = np.clip(brightness, -darker, lighter)[:, None] + chroma
 
-    body = np.maximum((diffuse * shown.albedo).mean(axis=1), 1e-9)
+    body = np.maximum(skin.mean(axis=1), 1e-9)
     gloss = specular.mean(axis=1)
     shading = SHADING_SHIFT * shown.change_over_shift(diffuse.mean(axis=1)) / np.maximum(diffuse.mean(axis=1), 1e-9)
     highlight = np.hypot(HIGHLIGHT_SHARE * gloss, HIGHLIGHT_SHIFT * shown.change_over_shift(gloss)) / body
