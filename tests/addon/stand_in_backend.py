@@ -76,7 +76,7 @@ def fit(job_folder: Path, out: Path) -> None:
         result = made_up(job, model)
         result.write_into(folder)
         rng = np.random.default_rng(3)
-        for name, channels in (("albedo", 3), ("specular", 1), ("render", 3), ("light_probe", 3)):
+        for name, channels in (("albedo", 3), ("specular", 1), ("roughness", 1), ("render", 3), ("light_probe", 3)):
             pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
             assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
         if job.landmarks is None:

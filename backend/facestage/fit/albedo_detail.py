@@ -12,9 +12,9 @@ from facestage.fit.shown import Shown
 from facestage.fit.texel_field import Field, doubled, solve_field
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
-# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter may be fair skin
-# where the basis is too dark. Where the model paints brows or lips, they may be elsewhere or not there at all.
-LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 1.3
+# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a highlight. Where the
+# model paints brows or lips, they may be elsewhere or not there at all.
+LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 0.5
 FEATURE_DARKER = 0.5
 # Irradiance, relative to the brightest tenth of the face, below which the photo says little of the skin: at the
 # edge of a shadow a small error of the light is a large one of the albedo.
@@ -30,7 +30,7 @@ PIGMENT_SIGMA, PLAIN_FACTOR, HIGHLIGHT_PLAIN_FACTOR = 0.06, 1.0, 3.0
 # the highlight itself is in doubt.
 SHADING_SHIFT, HIGHLIGHT_SHIFT, HIGHLIGHT_SHARE = 0.3, 0.4, 0.2
 # Tie of a texel that the photo does not show to its mirror image, in units of its tie to the basis.
-SYMMETRY = 10.0
+SYMMETRY = 20.0
 KNOWN = 0.5  # share of the answer that is not the basis', from which on a texel counts as known
 
 
@@ -68,7 +68,8 @@ def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarra
     paired = mirror >= 0
     other = np.where(paired, mirror, 0).ravel()
     other_known = np.where(paired, known.ravel()[other].reshape(known.shape), 0.0)
-    trust = SYMMETRY * field.shrinkage * (1 - known) ** 2 * other_known
+    seen_there = np.clip((other_known - KNOWN) / (1 - KNOWN), 0, 1)
+    trust = SYMMETRY * field.shrinkage * (1 - known) ** 4 * seen_there
     guess = found.reshape(-1, 3)[other].reshape(found.shape)
     completed, known_too = solve_field(replace(field, guess_weight=trust.astype(np.float32), guess=guess))
     return completed - found, known_too
@@ -84,8 +85,10 @@ def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     lit = (diffuse / max(float(np.percentile(diffuse, 90)), 1e-9)).min(axis=1)
     wanted = np.clip((shown.photo - specular) / np.maximum(diffuse, 1e-9), ALBEDO_MIN, ALBEDO_BRIGHTEST)
     target = np.log(wanted) - np.log(np.maximum(shown.albedo, 1e-6))
+    # What the skin itself sends back: under a brow that the model paints and the photo lacks, more than the basis says.
+    skin = diffuse * shown.albedo * np.exp(np.clip(target, 0, shown.feature[:, None]))
     # Relative error of the albedo grows where little of the light is diffuse.
-    share = (diffuse * shown.albedo / np.maximum(diffuse * shown.albedo + specular, 1e-9)).min(axis=1)
+    share = (skin / np.maximum(skin + specular, 1e-9)).min(axis=1)
     darker, lighter = LOG_DARKER_MAX + FEATURE_DARKER * shown.feature, LOG_LIGHTER_MAX + shown.feature
     brightness = target.mean(axis=1)
     robust = 1.0 / (1.0 + (brightness / np.where(brightness < 0, darker, lighter)) ** 4)
@@ -93,7 +96,7 @@ def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     chroma = np.clip(target - brightness[:, None], -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
     target = np.clip(brightness, -darker, lighter)[:, None] + chroma
 
-    body = np.maximum((diffuse * shown.albedo).mean(axis=1), 1e-9)
+    body = np.maximum(skin.mean(axis=1), 1e-9)
     gloss = specular.mean(axis=1)
     shading = SHADING_SHIFT * shown.change_over_shift(diffuse.mean(axis=1)) / np.maximum(diffuse.mean(axis=1), 1e-9)
     highlight = np.hypot(HIGHLIGHT_SHARE * gloss, HIGHLIGHT_SHIFT * shown.change_over_shift(gloss)) / body

@@ -13,7 +13,7 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 # A texel whose mirrored point lies farther from the point that it was given, in metres and in texels, has none:
 # a seam runs through its triangle's image, or the model is not symmetric there.
 DISTANCE_MAX, TEXELS_MAX = 1e-3, 1.5
-NEAR_VERTICES = 4
+NEAR_VERTICES = 2
 
 
 def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> np.ndarray:

@@ -127,25 +127,33 @@ def conjugate_gradients(
 ) -> np.ndarray:
     """(n, k) solutions of ``system`` x = ``right`` (n, k), all columns in step; Jacobi-preconditioned.
 
-    Ends when every column's residual is ``tolerance`` of its right side, or after ``steps``.
+    Ends when every column's residual is ``tolerance`` of its right side (in the preconditioner's norm), or after
+    ``steps``.
     """
-    scale = 1.0 / system.diagonal()[:, None]
+    scale = (1.0 / system.diagonal())[:, None].astype(np.float32)
     x = start.astype(np.float32)
     residual = (right - system @ x).astype(np.float32)
-    goal = tolerance * np.linalg.norm(right, axis=0)
+    goal = tolerance**2 * _dots(right, scale * right)
     direction = scale * residual
-    energy = np.einsum("nk,nk->k", residual, direction, dtype=np.float64)
+    energy = _dots(residual, direction)
     for _ in range(steps):
-        if (np.linalg.norm(residual, axis=0) <= goal).all():
+        if (energy <= goal).all():
             break
         image = system @ direction
-        length = energy / np.maximum(np.einsum("nk,nk->k", direction, image, dtype=np.float64), 1e-30)
-        x += length.astype(np.float32) * direction
-        residual -= length.astype(np.float32) * image
+        length = (energy / np.maximum(_dots(direction, image), 1e-30)).astype(np.float32)
+        x += length * direction
+        residual -= length * image
         step = scale * residual
-        before, energy = energy, np.einsum("nk,nk->k", residual, step, dtype=np.float64)
-        direction = step + (energy / np.maximum(before, 1e-30)).astype(np.float32) * direction
+        before, energy = energy, _dots(residual, step)
+        direction *= (energy / np.maximum(before, 1e-30)).astype(np.float32)
+        direction += step
     return x
+
+
+def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(k,) float64 products of the columns of (n, k)."""
+    # A small matrix product: many times faster than sums along the long axis.
+    return np.diagonal(a.T @ b).astype(np.float64)
 
 
 def _quads(texture: np.ndarray) -> np.ndarray:
