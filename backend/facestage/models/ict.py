@@ -16,6 +16,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.models.anatomy import PART_ALBEDO, eyeball_colors
 from facestage.models.skin import albedo_basis
 
 LICENSE = "MIT (USC Institute for Creative Technologies)"
@@ -38,9 +39,6 @@ _TILES = (
     (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
-_IRIS_RADIUS, _PUPIL_RADIUS = 0.0059, 0.0021  # m
-_PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
-_IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
 
 Reader = Callable[[str], bytes]
 
@@ -181,16 +179,11 @@ def _albedo(vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray) -> tup
     skin = np.zeros(len(vertices), bool)
     skin[:SKIN_END] = True
     mean, basis = albedo_basis(vertices, triangles, skin)
-    for label, color in _PART_ALBEDO.items():
+    for label, color in PART_ALBEDO.items():
         used = np.unique(polygons[part == label])
         used = used[(used >= 0) & ~skin[used]]
         mean[used] = color
+    # The outer shell is opaque here, so the iris is painted on its cornea.
     for start, end in _EYES:
-        ball = vertices[start:end]
-        centre = 0.5 * (ball.min(0) + ball.max(0))
-        radius = np.hypot(*(ball[:, :2] - centre[:2]).T)
-        front = ball[:, 2] > centre[2]
-        # The outer shell is opaque here, so the iris is painted on its cornea.
-        mean[start:end][front & (radius < _IRIS_RADIUS)] = _IRIS
-        mean[start:end][front & (radius < _PUPIL_RADIUS)] = _PUPIL
+        mean[start:end] = eyeball_colors(vertices[start:end])
     return mean.astype(np.float32), basis.astype(np.float32)
