@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
 CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
-MODELS = "default (built in), ict:PATH (ICT-FaceKit's folder or archive) or npz:FILE"
+MODELS = "default (built in), ict:PATH (ICT-FaceKit), npz:FILE or rig:FILE (a mesh exported from Blender)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -105,12 +105,12 @@ class FaceModel:
     @cached_property
     def triangles(self) -> np.ndarray:
         """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon order."""
-        return _split(self.polygons)
+        return split_quads(self.polygons)
 
     @cached_property
     def triangle_uvs(self) -> np.ndarray:
         """(t, 3) int32 UV indices, row for row with :attr:`triangles`."""
-        return _split(self.polygon_uvs)
+        return split_quads(self.polygon_uvs)
 
     @cached_property
     def triangle_part(self) -> np.ndarray:
@@ -197,8 +197,8 @@ def _within(indices: np.ndarray, count: int) -> bool:
     return not indices.size or bool(indices.min() >= 0 and indices.max() < count)
 
 
-def _split(polygons: np.ndarray) -> np.ndarray:
-    """Triangles of quads (and of triangles marked by -1), keeping polygon order."""
+def split_quads(polygons: np.ndarray) -> np.ndarray:
+    """(t, 3) triangles of quads and triangles (p, 4), whose fourth is -1, keeping polygon order."""
     triangles = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
     keep = np.stack([np.ones(len(polygons), bool), polygons[:, 3] >= 0], axis=1)
     return np.ascontiguousarray(triangles[keep])

@@ -1,4 +1,4 @@
-"""From a model's specification (``default``, ``ict:PATH``, ``npz:PATH``) to a face model, cached on disk."""
+"""From a model's specification (``default``, ``ict:PATH``, ...) to a face model, cached on disk."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from facestage.contract.face_model import FaceModel
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
-KINDS = "default, ict:PATH or npz:PATH"
+KINDS = "default, ict:PATH, npz:PATH or rig:FILE"
 
 
 def cache_folder() -> Path:
@@ -39,6 +39,9 @@ def load_model(specification: str) -> FaceModel:
     if kind == "ict" and argument:
         path = Path(argument).expanduser().resolve()
         return _cached("ict", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_ict(path))
+    if kind == "rig" and argument:
+        path = Path(argument).expanduser().resolve()
+        return _cached("rig", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_rig(path))
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
 
 
@@ -52,6 +55,12 @@ def _load_ict(path: Path) -> FaceModel:
     from facestage.models.ict import load_ict
 
     return load_ict(path)
+
+
+def _load_rig(path: Path) -> FaceModel:
+    from facestage.models.rig import load_rig
+
+    return load_rig(path)
 
 
 def _fingerprint(path: Path) -> str:

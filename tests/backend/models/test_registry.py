@@ -37,7 +37,7 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("specification", ["", "flame", "flame:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"])
 def test_unknown_specifications_are_named(specification: str):
-    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH or npz:PATH") as caught:
+    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH, npz:PATH or rig:FILE") as caught:
         load_model(specification)
     assert f"'{specification}'" in str(caught.value)
 
