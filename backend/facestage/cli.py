@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
 CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
-MODELS = "default (built in), ict:PATH (ICT-FaceKit), npz:FILE or rig:FILE (a mesh exported from Blender)"
+MODELS = (
+    "default (built in), ict:PATH (ICT-FaceKit), flame:PATH, bfm:PATH (Basel Face Model), gnm:PATH (GNM Head), "
+    "rig:FILE (a mesh exported from Blender) or npz:FILE (any of them as saved by facestage model)"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -329,8 +332,9 @@ def _run_model(options: argparse.Namespace) -> int:
     model = load_model(options.model)
     model.save(options.out)
     summary = {
-        "name": model.name, "license": model.license, "vertices": len(model.vertices),
+        "name": model.name, "license": model.license, "source": model.source, "vertices": len(model.vertices),
         "identity": len(model.identity_names), "expression": len(model.expression_names),
+        "albedo": len(model.albedo_basis), "landmarks": sorted(model.landmarks),
     }  # fmt: skip
     print(json.dumps(summary))
     return EXIT_DONE

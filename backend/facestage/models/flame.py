@@ -23,7 +23,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.contract.storage import read_arrays
 from facestage.models.anatomy import eyeball_colors, face_regions, quads_of
-from facestage.models.landmark_tables import complete_ibug68, table_of_triangles
+from facestage.models.landmark_tables import SCHEME, landmark_schemes, table_of_triangles
 from facestage.models.restricted_pickle import read_pickle
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import Skeleton, gaze_shapes
@@ -38,7 +38,6 @@ LICENSE = (
 MODEL_NAMES = ("flame2023_Open.pkl", "flame2023.pkl", "generic_model.pkl", "FLAME_NEUTRAL.pkl", "flame2023.npz")
 LANDMARK_NAMES = ("landmark_embedding.npy", "flame_static_embedding.pkl")
 UV_NAMES = ("FLAME_texture.npz", "flame_texture.npz", "albedoModel2020_FLAME_albedoPart.npz")
-COMPANIONS = (*LANDMARK_NAMES, *UV_NAMES)
 VERTEX_COUNT, TRIANGLE_COUNT, EYES_START = 5023, 9976, 3931
 IDENTITY_COUNT, EXPRESSION_COUNT, JOINT_COUNT = 300, 100, 5
 _JAW, _LEFT_EYE, _RIGHT_EYE = 2, 3, 4
@@ -68,7 +67,7 @@ def load_flame(path: Path) -> FaceModel:
     eyes = np.arange(VERTEX_COUNT) >= EYES_START
     part = np.where(eyes[triangles].all(axis=1), EYES, SKIN).astype(np.uint8)
     landmarks = _landmarks(path.parent, mean, triangles, part)
-    regions = face_regions(mean, ~eyes, landmarks)
+    regions = face_regions(mean, ~eyes, landmarks[SCHEME])
     mean = mean - mean[regions["narrow_face"]].mean(axis=0)
     uvs, triangle_uvs, tile = _uvs(path.parent, mean, triangles)
     color, color_basis = albedo_basis(mean, triangles[part == SKIN], ~eyes)
@@ -87,7 +86,7 @@ def load_flame(path: Path) -> FaceModel:
         expression_names=expressions + names,
         expression_basis=np.concatenate([modes[IDENTITY_COUNT:], shapes]).astype(np.float32),
         expression_prior=("gaussian",) * len(expressions) + ("box",) * len(names),
-        albedo_mean=color, albedo_basis=color_basis, landmarks={"ibug68": landmarks}, regions=regions, face_tile=tile,
+        albedo_mean=color, albedo_basis=color_basis, landmarks=landmarks, regions=regions, face_tile=tile,
     )  # fmt: skip
 
 
@@ -142,8 +141,9 @@ def _posed_shapes(arrays: dict[str, Any], mean: np.ndarray) -> tuple[tuple[str, 
     return (*_JAW_SHAPES, *gaze_names), np.stack(jaw + gaze)
 
 
-def _landmarks(folder: Path, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """(68, 6) of the ibug scheme: from the embedding beside the model, the rest transferred."""
+def _landmarks(folder: Path, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray) -> dict[str, np.ndarray]:
+    """Landmark tables: from the embedding beside the model, what it lacks carried over from the default head."""
+    skin = triangles[part == SKIN]
     for name in LANDMARK_NAMES:
         path = folder / name
         if not path.is_file():
@@ -153,12 +153,12 @@ def _landmarks(folder: Path, vertices: np.ndarray, triangles: np.ndarray, part: 
             if faces in data and weights in data:
                 rows = np.asarray(data[faces]).reshape(-1)
                 table = table_of_triangles(triangles, rows, np.asarray(data[weights]).reshape(-1, 3), path)
-                return complete_ibug68(table, vertices, triangles[part == SKIN], path)
+                return landmark_schemes(table, vertices, skin)
         raise InputError(
             f"The FLAME landmark file '{path}' lacks full_lmk_faces_idx and full_lmk_bary_coords; expected the "
             "landmark_embedding.npy of DECA or the flame_static_embedding.pkl of RingNet, or none."
         )
-    return complete_ibug68(np.zeros((0, 6)), vertices, triangles[part == SKIN], folder / LANDMARK_NAMES[0])
+    return landmark_schemes(np.zeros((0, 6)), vertices, skin)
 
 
 def _uvs(

@@ -122,8 +122,9 @@ def _open(path: Path) -> tuple[list[str], Reader]:
                     if stream is not None:
                         contents[Path(member.name).name] = stream.read()
     except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
+        reason = " ".join(str(error).split())
         raise InputError(
-            f"The ICT-FaceKit archive '{path}' cannot be read ({error}); fetch it again from {SOURCE}."
+            f"The ICT-FaceKit archive '{path}' cannot be read ({reason}); fetch it again from {SOURCE}."
         ) from error
     return _checked(path, contents.keys()), contents.__getitem__
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.models.anatomy import landmark_points
 
+SCHEME = "ibug68"
 _IBUG = 68
 _INNER = 51  # the last of them: without the line of the jaw
 
@@ -33,11 +36,22 @@ def table_of_triangles(triangles: np.ndarray, rows: np.ndarray, weights: np.ndar
     return np.concatenate([triangles[rows], weights / total[:, None]], axis=1)
 
 
-def complete_ibug68(table: np.ndarray, vertices: np.ndarray, triangles: np.ndarray, path: Path) -> np.ndarray:
-    """(68, 6) table from one of all 68 or of the last 51 landmarks, or of none.
+def landmark_schemes(
+    table: np.ndarray, vertices: np.ndarray, triangles: np.ndarray, points: Mapping[int, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
+    """Landmark tables for every scheme of the default model, from what a face model itself says of its landmarks.
 
-    vertices (n, 3) m and triangles (t, 3) of the skin; ``path`` names the file that would hold them.
+    table: (68, 6) of the ibug scheme, or (51, 6) of its last, or (0, 6). vertices (n, 3) m, triangles (t, 3): the skin.
+    points: index of an ibug landmark -> its place (3,), where only that is known. What the model does not say is
+    carried over from the default head by registration. Raises InputError when no face is found.
     """
-    if len(table) == _IBUG:
-        return table
-    raise InputError(f"The face model lacks landmarks; put the file '{path.name}' beside it in '{path.parent}'.")
+    from facestage.models.registry import load_model
+    from facestage.models.transfer import transfer_landmarks
+
+    if len(table) == _IBUG and set(load_model("default").landmarks) == {SCHEME}:
+        return {SCHEME: table}
+    rows = range(_IBUG - len(table), _IBUG)
+    known = dict(points or {}) | dict(zip(rows, landmark_points(vertices, table), strict=True))
+    tables = transfer_landmarks(vertices, triangles, known)
+    tables[SCHEME][list(rows)] = table
+    return tables
