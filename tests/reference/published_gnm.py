@@ -39,8 +39,9 @@ def gnm_arrays(count: int = 2400, seed: int = 0) -> dict[str, np.ndarray]:
         "right_eye": np.char.startswith(names, "right_") & eye, "eyes": eye,
         "eye_exteriors": np.char.endswith(names, "_cornea"), "eye_interiors": np.char.endswith(names, "_eye"),
         "upper_teeth_and_gums": names == "upper_teeth_and_gums",
-        "lower_teeth_and_gums": names == "lower_teeth_and_gums", "tongue": names == "tongue", "teeth": np.char.endswith(names, "_gums"),
-        "mouth_sock": np.zeros(len(names), bool), "hockey_mask": (names == "skin") & (place[:, 2] > -0.02),
+        "lower_teeth_and_gums": names == "lower_teeth_and_gums", "tongue": names == "tongue",
+        "teeth": np.char.endswith(names, "_gums"), "mouth_sock": np.zeros(len(names), bool),
+        "hockey_mask": (names == "skin") & (place[:, 2] > -0.02),
     }  # fmt: skip
     front = np.zeros(len(names))
     for side, centre in zip(("left", "right"), centres, strict=True):

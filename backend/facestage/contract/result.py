@@ -47,6 +47,8 @@ class Result:
     unobserved: dict[str, list[str]] = field(default_factory=dict)
     # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences" that name them.
     null_directions: dict[str, Any] = field(default_factory=dict)
+    # The face model's "name", "license" and "source"; none in results of an older version.
+    model_origin: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -74,7 +76,7 @@ class Result:
             ],
             "energy": self.energy, "errors": self.errors, "timings": self.timings,
             "left_out": self.left_out, "unobserved": self.unobserved,
-            "null_directions": self.null_directions, "versions": self.versions,
+            "null_directions": self.null_directions, "model_origin": self.model_origin, "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
@@ -110,7 +112,7 @@ class Result:
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],
                 left_out=data["left_out"], unobserved=data.get("unobserved", {}),
                 null_directions=data.get("null_directions", {}),
-                versions=data["versions"], seed=data["seed"],
+                model_origin=data.get("model_origin", {}), versions=data["versions"], seed=data["seed"],
                 arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
                 folder=folder,
             )  # fmt: skip

@@ -40,6 +40,8 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
     began = time.monotonic()
     emit(Event(STARTED, message=f"Reading {job.image.name}"))
     problem = read_problem(job)
+    model = problem.geometry.model
+    emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
     partial = _prepare_partial(out)
