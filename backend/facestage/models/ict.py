@@ -13,11 +13,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.models.anatomy import PART_ALBEDO, eyeball_colors
 from facestage.models.skin import albedo_basis
+from facestage.models.skinning import gaze_rotations
 
 LICENSE = "MIT (USC Institute for Creative Technologies)"
 SOURCE = "https://github.com/ICT-VGL/ICT-FaceKit"
@@ -39,6 +41,7 @@ _TILES = (
     (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
+_SCLERA = 770  # vertices of the outer shell, the first of each eye
 
 Reader = Callable[[str], bytes]
 
@@ -81,13 +84,16 @@ def _load(path: Path) -> FaceModel:
         )
 
     vertices = ((neutral - centre) * centimetre).astype(np.float32)
+    expression_names = tuple(Path(name).stem for name in expression_files)
+    expressions = basis(expression_files)
+    _turn_eyeballs(vertices, expression_names, expressions)
     part, uvs = _parts_and_atlas(texture, polygon_uvs)
     mean, albedo = _albedo(vertices, polygons, part)
     return FaceModel(
         name="ICT-FaceKit", license=LICENSE, source=SOURCE,
         vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
         identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
-        expression_names=tuple(Path(name).stem for name in expression_files), expression_basis=basis(expression_files),
+        expression_names=expression_names, expression_basis=expressions,
         albedo_mean=mean, albedo_basis=albedo, face_tile=(*_TILES[0][2], _TILES[0][3]),
         landmarks={"ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1)},
         regions={
@@ -98,6 +104,22 @@ def _load(path: Path) -> FaceModel:
             "eye_right": np.arange(_EYES[1][0], _EYES[1][1], dtype=np.int32),
         },
     )  # fmt: skip
+
+
+def _turn_eyeballs(vertices: np.ndarray, names: tuple[str, ...], basis: np.ndarray) -> None:
+    """Let the eyeballs look where the lids of the eyeLook shapes do; as published, turning them is left to a rig."""
+    for name, rotation in gaze_rotations().items():
+        if name not in names:
+            continue
+        start, end = _EYES[0 if name.endswith("_L") else 1]
+        ball = vertices[start:end].astype(np.float64)
+        # The sphere through the sclera's back half; in front the cornea bulges.
+        sclera = ball[:_SCLERA]
+        back = sclera[sclera[:, 2] < np.median(sclera[:, 2])]
+        sphere = np.column_stack([2 * back, np.ones(len(back))])
+        middle = np.linalg.lstsq(sphere, (back**2).sum(axis=1), rcond=None)[0][:3]
+        turned = (ball - middle) @ Rotation.from_rotvec(rotation).as_matrix().T + middle
+        basis[names.index(name), start:end] += (turned - ball).astype(np.float32)
 
 
 def _open(path: Path) -> tuple[list[str], Reader]:

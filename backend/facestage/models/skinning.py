@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 
@@ -41,32 +42,37 @@ class Skeleton:
             result += self.weights[:, [joint]] * ((vertices - self.joints[joint]) @ rotation.T + place)
         return result
 
-    def shape(self, vertices: np.ndarray, joint: int, rotation: tuple[float, float, float]) -> np.ndarray:
-        """(n, 3) offsets that turn one joint by a rotation vector in radians: exact at weight 1, a chord between."""
+    def shape(self, vertices: np.ndarray, joint: int, rotation: ArrayLike) -> np.ndarray:
+        """(n, 3) offsets that turn one joint by a rotation vector (radians): exact at weight 1, a chord between."""
         rotations = np.zeros((len(self.joints), 3))
         rotations[joint] = rotation
         return self.pose(vertices, rotations) - vertices
 
 
-# Full gaze, within what an eye does without the head (about 45 degrees); weights between are chords of the arc.
-GAZE_DEGREES = 30.0
+# Full gaze sideways and up or down, well within what eyes do without the head; weights between are chords of the arc.
+SIDEWAYS_DEGREES, VERTICAL_DEGREES = 30.0, 25.0
+
+
+def gaze_rotations() -> dict[str, np.ndarray]:
+    """Name -> rotation vector (3,) in radians of each eye looking down, in, out and up at full gaze.
+
+    Names end in _L and _R, the subject's own sides; +X is the subject's left, +Y up, +Z forward.
+    """
+    angles = np.radians([VERTICAL_DEGREES, SIDEWAYS_DEGREES, 0.0])
+    result: dict[str, np.ndarray] = {}
+    for side, inward in (("L", -1.0), ("R", 1.0)):
+        axes = {"Down": (1, 0), "In": (0, inward), "Out": (0, -inward), "Up": (-1, 0)}
+        result |= {f"eyeLook{word}_{side}": angles * [x, y, 0.0] for word, (x, y) in axes.items()}
+    return result
 
 
 def gaze_shapes(
     skeleton: Skeleton, vertices: np.ndarray, left: int, right: int
 ) -> tuple[tuple[str, ...], list[np.ndarray]]:
-    """Names and offsets (n, 3) of both eyes looking down, in, out and up by ``GAZE_DEGREES``.
-
-    ``left``, ``right``: the joints of the subject's eyes; +X is the subject's left, +Y up, +Z forward.
-    """
-    angle = float(np.radians(GAZE_DEGREES))
-    names, shapes = [], []
-    for side, joint, inward in (("L", left, -1.0), ("R", right, 1.0)):
-        turns = {
-            "Down": (angle, 0.0, 0.0), "In": (0.0, inward * angle, 0.0), "Out": (0.0, -inward * angle, 0.0),
-            "Up": (-angle, 0.0, 0.0),
-        }  # fmt: skip
-        for direction, rotation in turns.items():
-            names.append(f"eyeLook{direction}_{side}")
-            shapes.append(skeleton.shape(vertices, joint, rotation))
-    return tuple(names), shapes
+    """Names and offsets (n, 3) of :func:`gaze_rotations`; ``left``, ``right``: the joints of the subject's eyes."""
+    rotations = gaze_rotations()
+    shapes = [
+        skeleton.shape(vertices, left if name.endswith("_L") else right, rotation)
+        for name, rotation in rotations.items()
+    ]
+    return tuple(rotations), shapes

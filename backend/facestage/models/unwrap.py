@@ -150,7 +150,7 @@ def _seam(vertices: np.ndarray, triangles: np.ndarray, mesh: _Cut) -> np.ndarray
     """(k, 2) edges of a path up the back of the head, from the longest border to the crown."""
     used = np.unique(triangles)
     points = vertices[used]
-    size = np.ptp(points, axis=0).max()
+    size = max(float(np.ptp(points, axis=0).max()), 1e-30)
     x, y, z = ((points - 0.5 * (points.min(0) + points.max(0))) / size).T
     backness = -z - 2.0 * np.abs(x)
     low = used[np.argmax(backness - y)]
@@ -196,7 +196,7 @@ def _mean_value_embedding(points: np.ndarray, mesh: _Cut) -> np.ndarray:
     walk = points[border]
     travelled = np.linalg.norm(np.roll(walk, -1, axis=0) - walk, axis=1)
     # Two points may coincide in space, but not on the circle.
-    travelled = np.maximum(travelled, 1e-3 * travelled.mean())
+    travelled = np.maximum(travelled, max(1e-3 * travelled.mean(), 1e-30))
     angle = 2 * np.pi * np.concatenate([[0.0], np.cumsum(travelled)[:-1]]) / travelled.sum()
     weights = _mean_value_weights(filled, faces, count)
     inside = np.ones(count, bool)
@@ -223,17 +223,17 @@ def _stretch(laid: np.ndarray, points: np.ndarray, faces: np.ndarray) -> np.ndar
     along_v = ((r - p) * x1[:, None] - (q - p) * x2[:, None]) / double
     squared = 0.5 * ((along_u**2).sum(axis=1) + (along_v**2).sum(axis=1))
     area = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    area = np.maximum(area, 1e-6 * area.mean())
+    area = np.maximum(area, max(1e-6 * area.mean(), 1e-30))
     total, weight = np.zeros(len(points)), np.zeros(len(points))
     for corner in range(3):
         total += np.bincount(faces[:, corner], area * squared, len(points))
         weight += np.bincount(faces[:, corner], area, len(points))
-    return np.sqrt(total / weight) / np.sqrt(total.sum() / weight.sum())
+    return np.sqrt(np.maximum(total / weight, 1e-12) / max(total.sum() / weight.sum(), 1e-12))
 
 
 def _mean_value_weights(points: np.ndarray, faces: np.ndarray, count: int) -> sparse.csr_matrix:
     """(p, p) rows of positive weights that sum to 1 (Floater 2003, eq. 2.1, with the angles of the surface)."""
-    scale = np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1).mean()
+    scale = max(float(np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1).mean()), 1e-30)
     rows, columns, values = [], [], []
     for corner in range(3):
         i, j, k = (faces[:, (corner + shift) % 3] for shift in range(3))
