@@ -163,6 +163,23 @@ def test_the_authors_uvs_are_taken_from_beside(tmp_path: Path, arrays: dict):
         load_flame(tmp_path)
 
 
+def test_the_51_landmarks_keep_their_places_and_the_jaw_is_carried_over(tmp_path: Path, arrays: dict):
+    (tmp_path / "generic_model.pkl").write_bytes(pickle.dumps(small(arrays)))
+    full = embedding()
+    rows, weights = full["static_lmk_faces_idx"], full["static_lmk_bary_coords"]
+    static = {"lmk_face_idx": rows.astype(np.uint32), "lmk_b_coords": weights}
+    (tmp_path / "flame_static_embedding.pkl").write_bytes(pickle.dumps(static, 2))
+    table = load_flame(tmp_path).landmarks["ibug68"]
+    np.testing.assert_array_equal(table[17:, :3], arrays["f"][rows])
+    found = np.einsum("mk,mkc->mc", table[:17, 3:], arrays["v_template"][table[:17, :3].astype(int)])
+    truth = np.einsum(
+        "mk,mkc->mc",
+        full["full_lmk_bary_coords"][0, :17],
+        arrays["v_template"][arrays["f"][full["full_lmk_faces_idx"][0, :17]]],
+    )
+    assert np.linalg.norm(found - truth, axis=1).mean() < 0.006
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

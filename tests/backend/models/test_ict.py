@@ -154,7 +154,7 @@ def test_eyes_teeth_and_mouth_move_with_the_face(published: FaceModel):
         turned = published.vertices[ball] + moved(f"eyeLookUp_{side}")[ball]
         rest = np.linalg.norm(published.vertices[ball] - published.vertices[front], axis=1)
         np.testing.assert_allclose(np.linalg.norm(turned - turned[ball == front], axis=1), rest, atol=1e-6)
-        assert np.abs(turned.mean(0) - published.vertices[ball].mean(0)).max() < 2e-3
+        assert np.abs(turned.mean(0) - published.vertices[ball].mean(0)).max() < 4e-3
 
 
 def test_parts_and_atlas(published: FaceModel):
