@@ -48,7 +48,11 @@ def parser() -> argparse.ArgumentParser:
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
-    result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
+    result.add_argument("--model", default="default", help="default, ict:PATH, npz:FILE or rig:FILE")
+    result.add_argument(
+        "--rig-blend", type=Path, metavar="FILE.blend", help="a scene with a face mesh of your own, instead of --model"
+    )
+    result.add_argument("--rig-object", default="", metavar="NAME", help="the mesh in --rig-blend")
     result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
     result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")
@@ -104,8 +108,9 @@ def run(options: argparse.Namespace, backend: list[str]) -> None:
         model=options.model, lights=options.lights, light_color=options.light_color,
         freeze=tuple(options.freeze), budget=options.budget[0], quality=options.budget[1],
         seed=options.seed, device=options.device, truth=_resolved(options.truth), resume=options.resume,
+        rig_blend=_resolved(options.rig_blend), rig_object=options.rig_object,
     )  # fmt: skip
-    scene = pipeline.empty_scene()
+    scene = pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
     pictures = _extra_pictures(scene, options, out)
     print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")

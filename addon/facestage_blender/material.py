@@ -70,10 +70,14 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     links.new(total, output.inputs["BSDF"])
 
 
-def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
-    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells."""
+def part_materials(parts: np.ndarray, uv_map: str = "") -> list[bpy.types.Material]:
+    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells.
+
+    uv_map: the UV map of its textures; empty for the mesh's active one.
+    """
     return [
-        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}") for part in parts
+        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map)
+        for part in parts
     ]
 
 
@@ -105,7 +109,7 @@ def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
     return material, material.node_tree.nodes, material.node_tree.links
 
 
-def _part_material(name: str) -> bpy.types.Material:
+def _part_material(name: str, uv_map: str) -> bpy.types.Material:
     material, nodes, links = _empty_material(name)
     skin = _node(nodes, "ShaderNodeGroup", 0, 0)
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
@@ -116,6 +120,10 @@ def _part_material(name: str) -> bpy.types.Material:
         node.name = node.label = texture
         node.interpolation, node.extension = "Linear", "EXTEND"
         links.new(node.outputs["Color"], skin.inputs[texture])
+        if uv_map:
+            uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
+            uvs.uv_map = uv_map
+            links.new(uvs.outputs["UV"], node.inputs["Vector"])
     return material
 
 
@@ -124,8 +132,8 @@ def set_textures(rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.t
     face = rig.facestage_face
     retired = [image for image in (face.albedo_image, face.specular_image) if image not in (None, albedo, specular)]
     face.albedo_image, face.specular_image, face.roughness = albedo, specular, roughness
-    for material in rig.data.materials:
-        nodes = material.node_tree.nodes if material else {}
+    for slot in rig.material_slots:
+        nodes = slot.material.node_tree.nodes if slot.material and slot.material.node_tree else {}
         if GROUP in nodes:
             nodes[GROUP].inputs["Roughness"].default_value = roughness
         for name, image in zip(TEXTURES, (albedo, specular), strict=True):

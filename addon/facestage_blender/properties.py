@@ -11,6 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from facestage.contract.face_model import PARTS
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
 from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
 from facestage.contract.quality import GOOD, QUALITIES, describe
@@ -26,6 +27,13 @@ PARAMETER_HELP = {
     "lights": "Keep every light at its present color and power",
     "light_position": "Where strong lights stand on the hemisphere",
     "focal": "Keep the focal length",
+}
+PART_HELP = {
+    "skin": "Skin: its color is fitted",
+    "eyes": "Eyeballs",
+    "mouth": "Gums, tongue and the inside of the mouth",
+    "teeth": "Teeth",
+    "other": "Lashes, tear films, hair, clothes: the fit does not look at them",
 }
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
@@ -68,6 +76,24 @@ class FaceSettings(bpy.types.PropertyGroup):
     roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
     albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
     specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
+    own_mesh: StringProperty(name="Own mesh", description="How a mesh of the user's is tied to its face model")
+    fit_shape: BoolProperty(
+        name="Fit the face's shape",
+        description="The fit may give the mesh the shape of the face in the photo. Where the mesh has no identity "
+        "sliders, the shape is borrowed from the default face and written to one new shape key, Facestage Shape",
+        default=True,
+    )
+    identity_prefix: StringProperty(
+        name="Identity sliders",
+        description="Shape keys whose names begin so change who the face is; all others are expressions",
+        default="identity",
+    )
+    own_materials: BoolProperty(
+        name="Facestage skin",
+        description="Give face, eyes and mouth Facestage's material with the fitted textures. Your materials stay in "
+        "the file; off: they stay on the mesh",
+        default=True,
+    )
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -85,7 +111,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     model: StringProperty(
         name="Face model",
-        description="default, ict:PATH or npz:FILE",
+        description="default, ict:PATH, npz:FILE or rig:FILE",
         default="default",
     )
     light_count: IntProperty(
@@ -194,6 +220,12 @@ def attach() -> None:
     """Add the property groups to Blender's types; the classes are registered already."""
     bpy.types.Object.facestage_light = PointerProperty(type=LightSettings)
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
+    bpy.types.Material.facestage_part = EnumProperty(
+        name="Part of the face",
+        description="What this material covers",
+        items=[("AUTO", "By name", "As the material's name says, else skin")]
+        + [(part.upper(), part.capitalize(), PART_HELP[part]) for part in PARTS],
+    )
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
     bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
@@ -204,5 +236,6 @@ def detach() -> None:
     del bpy.types.WindowManager.facestage_preview
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
+    del bpy.types.Material.facestage_part
     del bpy.types.Object.facestage_face
     del bpy.types.Object.facestage_light

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, operators_fit, operators_preview, panels, preferences, preview, properties
+from . import operators, operators_fit, operators_preview, operators_rig, panels, preferences, preview, properties
 
-MODULES = (properties, preferences, operators, operators_fit, operators_preview, panels)
+MODULES = (properties, preferences, operators, operators_fit, operators_preview, panels, operators_rig)
 
 
 def register() -> None:

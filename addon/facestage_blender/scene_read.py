@@ -13,7 +13,7 @@ from facestage.contract.landmarks import Landmarks
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
-from .rig import read_weights, require_rig
+from .rig import read_weights, require_rig, rig_axes
 from .stage import read_stage, relative_matrix, require_stage
 
 
@@ -67,7 +67,10 @@ def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:
 
 def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
     """(4, 4) pose of the rig in the stage frame."""
-    return frames.to_stage_matrix(relative_matrix(require_stage(scene), require_rig(scene)), frames.STAGE)
+    rig = require_rig(scene)
+    matrix = frames.to_stage_matrix(relative_matrix(require_stage(scene), rig), rig_axes(rig))
+    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))  # a mesh of the user's may have been scaled since
+    return matrix
 
 
 def absolute(path: str) -> Path:

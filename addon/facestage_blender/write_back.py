@@ -14,7 +14,9 @@ from facestage.contract.result import Result
 from . import frames
 from .camera import ensure_camera, write_camera
 from .material import set_textures
-from .rig import require_rig, set_weights
+from .own_mesh import OwnMesh
+from .own_rig import check_vertices, write_borrowed_shape
+from .rig import require_rig, rig_axes, set_weights
 from .stage import build_stage, facestage_collection, require_stage
 
 
@@ -31,11 +33,16 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
             f"The result is of the face model '{result.model}', the rig of '{rig.facestage_face.model}'; "
             "build the rig of the result's model first."
         )
+    own = OwnMesh.of(rig)
+    if own is not None:
+        check_vertices(rig, result)
     albedo, specular = load_texture(result, "albedo"), load_texture(result, "specular")
     set_weights(rig, dict(zip(result.identity_names, result.identity.tolist(), strict=True)),
                 dict(zip(result.expression_names, result.expression.tolist(), strict=True)))  # fmt: skip
+    if own is not None:
+        write_borrowed_shape(rig, own, result)
     build_stage(scene, result.stage)
-    place(empty, rig, result.model_to_stage, frames.STAGE)
+    place(empty, rig, result.model_to_stage, rig_axes(rig))
     set_textures(rig, albedo, specular, result.roughness)
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))
@@ -47,8 +54,8 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         layer.update()
 
 
-def place(empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str) -> None:
-    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; its scale becomes 1."""
+def place(empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray) -> None:
+    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the axes' scale."""
     item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.models.coarse_alignment import Similarity, coarse_alignments, procrustes, rotation_of
+from facestage.models.face_openings import FrontView, face_features
 from facestage.models.smooth_warp import smooth_displacement
 from facestage.models.surface import Surface, normals_and_areas, pieces, vertex_normals
 
@@ -112,14 +113,25 @@ def register(
     if not fits:
         raise InputError("No face was found on the mesh: it has no vertices on a surface; choose the mesh of a face.")
     best = min(fits, key=lambda item: item[0])[1]
-    best = _fit(source, best.target, best.similarity, known, _SCHEDULE[1:], best)
+    best = _fit(source, best.target, best.similarity, known, _SCHEDULE[2:3], best)
+    anchors = _anchors(source, best) | known
+    best = _fit(source, best.target, best.similarity, anchors, _SCHEDULE[2:], best)
     if not known and (best.median_distance > MEDIAN_MAX or best.covered < COVERED_MIN):
         raise InputError(
             f"No face was found on the mesh: the nearest fit of a face is {best.median_distance * 1e3:.1f} mm off and "
             f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth corners, chin), or choose "
             "the mesh of a face."
         )
-    return _warped(source, best, known) if warp else best
+    return _warped(source, best, anchors) if warp else best
+
+
+def _anchors(source: _Source, fit: Registration) -> dict[int, np.ndarray]:
+    """Landmarks that the openings of the mesh's eyes and mouth show, index -> place (3,) in the target's frame."""
+    target = fit.target
+    mesh = FrontView(fit.similarity.inverse().apply(target.vertices), target.triangles)
+    whole = FrontView(fit.shape, fit.model.triangles)
+    found = face_features(mesh, whole, source.landmark_points(fit.shape))
+    return {index: fit.similarity.apply(place) for index, place in found.items() if np.isfinite(place).all()}
 
 
 def main_piece(vertices: np.ndarray, triangles: np.ndarray, focus: np.ndarray | None = None) -> np.ndarray:
