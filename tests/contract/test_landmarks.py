@@ -68,6 +68,13 @@ def test_a_hidden_point_may_be_unknown():
         ({"points": [[float("inf"), 1.0], *POINTS[1:]]}, ["infinity", "visible"]),
         ({"visible": [True] * 67}, ["67 visibility flags", "68"]),
         ({"visible": [True] * 5 + [False] * 63}, ["5 points visible", "6"]),
+        ({"weights": [1.0] * 67}, ["67 weights", "68"]),
+        ({"weights": 2.0}, ["1 weights", "68"]),
+        ({"weights": [1.0] * 67 + [-0.5]}, ["point 67", "-0.5", "0"]),
+        ({"weights": [float("nan"), *[1.0] * 67]}, ["point 0", "nan"]),
+        ({"weights": [float("inf"), *[1.0] * 67]}, ["point 0", "inf"]),
+        ({"weights": ["much"] * 68}, ["weights", "numbers"]),
+        ({"weights": [1.0] * 5 + [0.0] * 63}, ["5 points visible", "6"]),
     ],
 )
 def test_wrong_values_are_named(change: dict, words: list[str]):
@@ -75,6 +82,16 @@ def test_wrong_values_are_named(change: dict, words: list[str]):
         Landmarks.from_json(GOOD | change, "landmark file 'points.json'")
     for word in ["points.json", *words]:
         assert word in str(caught.value)
+
+
+def test_weights_come_back_and_a_point_without_weight_may_be_unknown():
+    points = [[float("nan")] * 2, *POINTS[1:]]
+    landmarks = Landmarks.from_json(GOOD | {"points": points, "weights": [0, 2.5, *[1] * 66]})
+    assert landmarks.counted.sum() == 67 and not landmarks.counted[0]
+    again = Landmarks.from_json(landmarks.to_json())
+    assert again.weights is not None and again.weights[:3].tolist() == [0, 2.5, 1]
+    plain = Landmarks.from_json(GOOD)
+    assert plain.weights is None and plain.counted.all() and "weights" not in plain.to_json()
 
 
 def test_missing_points_are_named():

@@ -1,6 +1,6 @@
 """Where a landmark of the face's outline may lie: lines over the cheeks, from the front of the face to the landmark.
 
-What an annotator or a detector marks as the outline is where the face ends in the picture, on another point of the
+What an annotator marks as the outline is where the face ends in the picture, on another point of the
 skin for every pose. Each landmark of the outline therefore has a line of candidates on the surface, the meridian that
 leads to it from the axis of the face, and of those the one that shows furthest out is the outline (Cao et al. 2014,
 "Displaced Dynamic Expression Regression"). On the side that is turned to the camera that is the landmark itself.
@@ -16,8 +16,8 @@ from facestage.contract.face_model import SKIN
 from facestage.fit.geometry import FaceGeometry
 
 CANDIDATES = 40  # about two millimetres apart
-# Share of the angle between straight ahead and the landmark where a line starts.
-LINE_START = 0.2
+# Share of the angle between straight ahead and the landmark where a line starts: on the cheek, not on nose or lips.
+LINE_START = 0.22
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,12 @@ def contour_lines(geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarr
         angles = np.linspace(LINE_START * last, last, CANDIDATES)[:-1]
         rays = np.cos(angles)[:, None] * [0.0, 0.0, 1.0] + np.sin(angles)[:, None] * aside
         found, barycentric = _outermost(geometry.mean, triangles, centre, rays)
-        hit = np.flatnonzero(found >= 0)
-        line_corners[line, hit], line_weights[line, hit] = triangles[found[hit]], barycentric[hit]
+        # Rays that leave through the eyes or the mouth have no skin: the next one stands in for them.
+        for at in range(CANDIDATES - 2, -1, -1):
+            if found[at] >= 0:
+                line_corners[line, at], line_weights[line, at] = triangles[found[at]], barycentric[at]
+            else:
+                line_corners[line, at], line_weights[line, at] = line_corners[line, at + 1], line_weights[line, at + 1]
     return ContourLines(line_corners, line_weights, centre, outward)
 
 
@@ -57,9 +61,11 @@ def _outermost(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Index (r,) of the last triangle that each ray (r, 3) in one plane hits, -1 for none, and its weights (r, 3)."""
     across = np.cross(rays[0], rays[-1])
-    side = (vertices - origin) @ across
-    near = triangles[(side[triangles].min(axis=1) <= 0) & (side[triangles].max(axis=1) >= 0)]
-    index = np.flatnonzero((side[triangles].min(axis=1) <= 0) & (side[triangles].max(axis=1) >= 0))
+    side = ((vertices - origin) @ across)[triangles]
+    index = np.flatnonzero((side.min(axis=1) <= 0) & (side.max(axis=1) >= 0))
+    if not len(index):
+        return np.full(len(rays), -1), np.zeros((len(rays), 3))
+    near = triangles[index]
     a, b, c = (vertices[near[:, corner]] - origin for corner in range(3))
     # Möller and Trumbore 1997, for all pairs of ray and triangle.
     ray = rays[:, None]
@@ -71,9 +77,6 @@ def _outermost(
     v = np.einsum("rx,tx->rt", rays, q) / safe
     distance = np.einsum("tx,tx->t", c - a, q) / safe
     hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (distance > 0)
-    last = np.where(hit, distance, -1.0).argmax(axis=1) if len(near) else np.zeros(len(rays), int)
-    rows = np.arange(len(rays))
-    if not len(near):
-        return np.full(len(rays), -1), np.zeros((len(rays), 3))
+    last, rows = np.where(hit, distance, -1.0).argmax(axis=1), np.arange(len(rays))
     weights = np.stack([1 - u - v, u, v], axis=2)[rows, last]
     return np.where(hit[rows, last], index[last], -1), weights

@@ -11,6 +11,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy import Evaluation, PhotoTerm
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import LightParameters
+from facestage.models.landmark_schemes import scheme_of
 
 
 def scaled_orthographic_pose(
@@ -46,12 +47,17 @@ def initial_pose(geometry: FaceGeometry, landmarks: Landmarks, camera: Camera) -
     points = np.einsum("mi,mix->mx", barycentric, geometry.model.vertices[vertices]).astype(float)
     pixels = np.nan_to_num(landmarks.points)
     usable = np.isfinite(landmarks.points).all(1)
-    weights = np.where(landmarks.visible, 1.0, 0.1) * usable
+    if landmarks.weights is not None:
+        usable &= landmarks.weights > 0
+    scheme = scheme_of(landmarks.scheme)
+    sure = np.where(landmarks.visible, 1.0, 0.1) * usable / scheme.deviation**2
+    sure[scheme.behind_closed_lids(landmarks.points)] = 0.0
+    weights = sure
     for _ in range(10):
         rotation, translation = scaled_orthographic_pose(points, pixels, camera, weights)
         distance = np.linalg.norm(camera.project(points @ rotation.T + translation) - pixels, axis=1)
         scale = max(float(np.median(distance[usable])), 1.0)
-        weights = np.where(landmarks.visible, 1.0, 0.1) * usable / (1 + (distance / (2 * scale)) ** 2)
+        weights = sure / (1 + (distance / (2 * scale)) ** 2)
     return rotation, translation
 
 

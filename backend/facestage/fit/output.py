@@ -20,6 +20,7 @@ from facestage.contract.result import COVERAGE, ROUGHNESS, Result
 from facestage.contract.storage import finite, write_json
 from facestage.fit.advice import verdict
 from facestage.fit.fitted import Fitted
+from facestage.fit.landmark_term import landmark_pixels
 from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
 from facestage.fit.one_light import relight_scale
@@ -105,12 +106,10 @@ def _errors(
         # Without what the color model took for hair, cloth or glasses, and what something flat hides.
         "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white),
     }
-    vertices, weights = problem.geometry.model.landmark_vertices(problem.landmarks.scheme)
-    shape = problem.geometry.vertices(state.identity, state.expression)[problem.geometry.new_index[vertices]]
-    points = np.einsum("mi,mix->mx", weights, shape) @ state.rotation.T + state.translation
-    distance = np.linalg.norm(state.camera.project(points) - problem.landmarks.points, axis=1)
+    projected = landmark_pixels(problem.geometry, problem.landmarks, state)
+    distance = np.linalg.norm(projected - problem.landmarks.points, axis=1)
     errors["landmark_statistic"] = fitted.landmark_statistic
-    errors["landmark_px"] = float(np.median(distance[problem.landmarks.visible])) / problem.window.factor
+    errors["landmark_px"] = float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     if truth is not None:
         errors |= truth.geometry_errors(state)
         # The landmark stage's own error: a fit must never end further from the truth than its start.
@@ -199,14 +198,13 @@ def _versions() -> dict[str, str]:
 
 def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: Result, probe: np.ndarray) -> ReportData:
     model, state = problem.geometry.model, finished.state
-    vertices, weights = model.landmark_vertices(problem.landmarks.scheme)
-    points = np.einsum("mi,mix->mx", weights, result.vertices[vertices])
+    projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     return ReportData(
         result=result, photo=problem.photograph.color, render=finished.picture.color,
         coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.refined.textures.albedo,
         specular=finished.refined.textures.specular, roughness=finished.refined.textures.roughness,
         texture_coverage=finished.refined.coverage, light_probe=probe,
-        relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=state.camera.project(points),
-        visible=problem.landmarks.visible, trace=finished.trace, title=problem.job.image.stem,
+        relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=projected,
+        visible=problem.landmarks.counted, trace=finished.trace, title=problem.job.image.stem,
         surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),
     )  # fmt: skip

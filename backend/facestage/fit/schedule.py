@@ -115,8 +115,11 @@ class System:
         residual = self._landmarks.residuals(state)
         self._landmark_weights = energy.weights.landmarks * self._landmarks.robust_weights(residual)
         jacobian = self._landmarks.jacobian(state, energy.layout)
-        self.hessian += jacobian.T @ (jacobian * self._landmark_weights[:, None])
-        self.gradient += jacobian.T @ (self._landmark_weights * residual)
+        # Most columns are those of light and skin, which move no landmark.
+        moving = np.flatnonzero(jacobian.any(axis=0))
+        jacobian = jacobian[:, moving]
+        self.hessian[np.ix_(moving, moving)] += jacobian.T @ (jacobian * self._landmark_weights[:, None])
+        self.gradient[moving] += jacobian.T @ (self._landmark_weights * residual)
         self._landmark_energy = 0.5 * float(self._landmark_weights @ residual**2)
         self.terms["landmarks"] = self._landmark_energy
         self._silhouette = energy.silhouette.find(state) if energy.silhouette is not None else None

@@ -47,7 +47,8 @@ class Scheme:
 
     deviation: np.ndarray
     share: float
-    contour: np.ndarray  # (k,) the outline of cheeks and chin, seen from any side
+    contour: np.ndarray  # (k,) the outline of the face, in order
+    slides: bool  # whether the outline is marked where the face ends in the picture, rather than on the skin
     outline: np.ndarray  # what spans the face from chin to brows, without the forehead, in profile too
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
     brows: np.ndarray
@@ -72,6 +73,7 @@ def _schemes() -> Mapping[str, Scheme]:
         deviation,
         1.0,
         contour=np.arange(17),
+        slides=True,
         outline=np.arange(68),
         skin=np.array([*range(2, 15), *range(27, 36)]),
         brows=np.arange(17, 27),
@@ -80,6 +82,8 @@ def _schemes() -> Mapping[str, Scheme]:
     deviation, independent = read_deviations()
     mediapipe478 = Scheme(
         deviation, independent / len(deviation), contour=np.array(_OVAL),
+        # On pictures of known heads the network follows the skin: a hidden temple is found behind the nose.
+        slides=False,
         outline=np.array([*_JAW, *_BROWS, *_NOSE, *_LIPS]), skin=np.array([*_JAW[1:-1], *_NOSE]),
         brows=np.array(_BROWS), chin=np.array(_JAW[7:14]),
         eyes=(Eye(tuple(range(468, 473)), 159, 145, (33, 133)), Eye(tuple(range(473, 478)), 386, 374, (263, 362))),
