@@ -74,7 +74,8 @@ def main() -> None:
     write_arrays(options.out, {"table": table.astype(np.float32), "positions": positions.astype(np.float32)})
     if options.residuals is not None:
         held_back = np.arange(len(residual)) >= 2 * options.pictures
-        write_arrays(options.residuals, {"residual": residual, "cosine": cosine, "held_back": held_back})
+        arrays = {"residual": residual, "cosine": cosine, "held_back": held_back, "positions": positions}
+        write_arrays(options.residuals, arrays)
 
 
 def detections(

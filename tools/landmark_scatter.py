@@ -37,7 +37,9 @@ def main() -> None:
         arrays = read_arrays(path, "residuals")
         residual, cosine = arrays["residual"].astype(float), arrays["cosine"]
         deviation = deviations(residual, cosine)
-        squared = squared_correlation(residual, cosine > WELL, deviation)
+        shows = cosine > WELL
+        left = without_pose(residual, shows, deviation, arrays["positions"])
+        squared = squared_correlation(left, shows, deviations(left, cosine))
         print(f"{path.name}: deviation {100 * np.median(deviation):.2f} % (median), "
               f"{1 / squared:.0f} independent points")  # fmt: skip
         logs.append(np.log(deviation))
@@ -55,6 +57,16 @@ def deviations(residual: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     for point, (lengths, faces) in enumerate(zip(distance.T, cosine.T, strict=True)):
         shows = faces > (WELL if (faces > WELL).sum() >= COUNT_MIN else BARELY)
         result[point] = np.median(lengths[shows]) / RAYLEIGH_MEDIAN
+    return result
+
+
+def without_pose(residual: np.ndarray, shows: np.ndarray, deviation: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """(N, 478, 2) what an affine motion of each picture leaves: a fit gives the rest to the pose, not to the shape."""
+    design = np.column_stack([np.ones(len(positions)), positions[:, :2] / np.abs(positions[:, :2]).max()])
+    result = np.empty_like(residual)
+    for left, picture, seen in zip(result, residual, shows, strict=True):
+        weight = (seen / deviation)[:, None]
+        left[:] = picture - design @ np.linalg.lstsq(design * weight, picture * weight, rcond=None)[0]
     return result
 
 

@@ -20,10 +20,8 @@ HIDDEN_SIGMA = 3.0
 # says, and how far such a guess may be off: on pictures of known faces detections are two to three times worse there.
 TURNED_AWAY, FACING = -0.25, 0.05
 TURNED_SIGMA = 4.0
-# Cosines between which the outline is where the face ends in the picture. There its points are sharp across it and may
-# lie anywhere along it, both relative to what they are on a cheek that faces the camera.
+# Cosines between which the outline is where the face ends in the picture, not on a cheek that faces the camera.
 GRAZING, FRONTAL = 0.3, 0.5
-ACROSS_SIGMA, ALONG_SIGMA = 0.6, 1.7
 # Beyond three standard deviations a landmark is more likely wrong than unlucky.
 CAUCHY_SCALE = 3.0
 
@@ -90,8 +88,8 @@ class LandmarkTerm:
         grazing = np.clip((FRONTAL - cosine[contour]) / (FRONTAL - GRAZING), 0.0, 1.0)
         tangent = _tangents(on_face.project(state)[contour])
         along = tangent[:, :, None] * tangent[:, None]
-        across = (np.eye(2) - along) / (ACROSS_SIGMA**grazing)[:, None, None]
-        whitening[contour] = (across + along / (ALONG_SIGMA**grazing)[:, None, None]) @ whitening[contour]
+        across = (np.eye(2) - along) / (self.scheme.across**grazing)[:, None, None]
+        whitening[contour] = (across + along / (self.scheme.along**grazing)[:, None, None]) @ whitening[contour]
         return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share)
 
     def _outermost(self, lines: ContourLines, state: State) -> np.ndarray:

@@ -50,6 +50,9 @@ class Scheme:
     contour: np.ndarray  # (k,) the outline of the face, in order
     slides: bool  # whether the outline is marked where the face ends in the picture, rather than on the skin
     outline: np.ndarray  # what spans the face from chin to brows, without the forehead, in profile too
+    # Factors on the deviation of the outline's points where the face ends in the picture, across the outline and along.
+    across: float
+    along: float
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
     brows: np.ndarray
     chin: np.ndarray  # the lowest of the jaw
@@ -70,20 +73,16 @@ def _schemes() -> Mapping[str, Scheme]:
     deviation = np.ones(SCHEME_SIZES["ibug68"])
     deviation[:17] = _JAW_DEVIATION
     ibug68 = Scheme(
-        deviation,
-        1.0,
-        contour=np.arange(17),
-        slides=True,
-        outline=np.arange(68),
+        deviation, 1.0, contour=np.arange(17), slides=True, across=1.0, along=1.0, outline=np.arange(68),
         skin=np.array([*range(2, 15), *range(27, 36)]),
-        brows=np.arange(17, 27),
-        chin=np.arange(6, 11),
-    )
+        brows=np.arange(17, 27), chin=np.arange(6, 11),
+    )  # fmt: skip
     deviation, independent = read_deviations()
     mediapipe478 = Scheme(
         deviation, independent / len(deviation), contour=np.array(_OVAL),
-        # On pictures of known heads the network follows the skin: a hidden temple is found behind the nose.
-        slides=False,
+        # On pictures of known heads the network follows the skin: it finds a hidden temple behind the nose. Where the
+        # skin turns away it finds the outline, but not where along it.
+        slides=False, across=0.6, along=1.7,
         outline=np.array([*_JAW, *_BROWS, *_NOSE, *_LIPS]), skin=np.array([*_JAW[1:-1], *_NOSE]),
         brows=np.array(_BROWS), chin=np.array(_JAW[7:14]),
         eyes=(Eye(tuple(range(468, 473)), 159, 145, (33, 133)), Eye(tuple(range(473, 478)), 386, 374, (263, 362))),

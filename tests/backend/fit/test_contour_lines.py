@@ -100,7 +100,7 @@ def test_the_far_cheek_lies_on_the_silhouette_and_the_near_one_stays(head: FaceG
         edge = skin[level, 0].max()
         print(f"yaw {yaw}, point {point}: {edge - found[point, 0]:.2f} px inside the silhouette, "
               f"fixed {edge - fixed[point, 0]:.2f} px")  # fmt: skip
-        assert abs(edge - found[point, 0]) < 3.0
+        assert abs(edge - found[point, 0]) < 3.5
         assert found[point, 0] >= fixed[point, 0] - 1e-6
 
 
@@ -135,8 +135,8 @@ def test_hidden_points_count_for_little_whatever_the_file_says(head: FaceGeometr
 
 def test_the_frontal_outline_is_sharper_across_than_along(head: FaceGeometry):
     state = turned(head)
-    term = LandmarkTerm(head, landmarks_at(head, "ibug68", state), 1.0)
-    whitening = term.at(state).whitening[2] * term.sigma[2]
+    term = LandmarkTerm(head, landmarks_at(head, "mediapipe478", state), 1.0)
+    whitening = term.at(state).whitening[93] * term.sigma[93]
     across, along = (np.linalg.norm(whitening @ direction) for direction in ([1.0, 0.0], [0.0, 1.0]))
     assert across > 2 * along
 
