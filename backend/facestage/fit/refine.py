@@ -13,6 +13,7 @@ from facestage.fit.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.atlas import Atlas
 from facestage.fit.fitted import Fitted
 from facestage.fit.gloss_detail import GlossStep, gloss_step
+from facestage.fit.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors
 from facestage.fit.problem import Problem
 from facestage.fit.rendering import Textures
 from facestage.fit.shading import ForwardModel, sample_bilinear
@@ -23,7 +24,6 @@ from facestage.fit.texel_field import halved, resampled
 # Texels along the atlas per pixel of the face: the face fills about half of it.
 TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
 SPECULAR_TEXTURE = 256  # the roughness map too; both are found on half as many texels
-WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,10 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
     if shown is not None and "albedo" not in freeze:
         half = small if 2 * small.size == atlas.size else Atlas.build(problem.geometry, atlas.size // 2)
         detail = albedo_detail(atlas, shown, mirrored_texels(half, problem.geometry))
-        logs = logs + detail.log_albedo
+        photo = problem.photograph
+        look = Look(photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin)
+        parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
+        logs = logs + detail.log_albedo + atlas.bake(parts)
     textures = Textures(painted(logs), *_gloss_textures(small, problem, fitted, gloss))
     return Refined(textures, _coverage(atlas, detail, gloss))
 
@@ -91,6 +94,7 @@ def _gloss_textures(
     wet = np.zeros((size, size), bool)
     wet[small.covered] = np.isin(problem.geometry.triangle_part[small.triangle], (EYES, TEETH))
     specular = np.where(wet[small.nearest], WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
+    roughness = np.where(wet[small.nearest], WET_ROUGHNESS, roughness)
     return specular.astype(np.float32), _rough(roughness).astype(np.float32)
 
 
