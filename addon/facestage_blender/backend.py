@@ -38,6 +38,11 @@ def fit_command(backend: list[str], job: Path, out: Path, resume: bool = False) 
     return [*backend, "fit", "--job", str(job), "--out", str(out), *(["--resume"] if resume else [])]
 
 
+def detect_command(backend: list[str], image: Path, out: Path, face: int = 1) -> list[str]:
+    """The command that finds the landmarks of a photo's face; 1 is the largest."""
+    return [*backend, "detect", str(image), "--out", str(out), "--face", str(face)]
+
+
 def model_command(backend: list[str], spec: str, out: Path) -> list[str]:
     """The command that writes a face model in the contract's form."""
     return [*backend, "model", spec, "--out", str(out)]

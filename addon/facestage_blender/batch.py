@@ -44,11 +44,23 @@ def parser() -> argparse.ArgumentParser:
     result = Parser(prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend.")
     result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
     result.add_argument("--out", type=Path, required=True, help="folder for the .blend, the result and the pictures")
-    result.add_argument("--landmarks", type=Path, help="landmark file of the photo (landmarks.json)")
+    face = result.add_mutually_exclusive_group()
+    face.add_argument(
+        "--landmarks", type=Path, help="landmark file of the photo (landmarks.json); without it they are detected"
+    )
+    face.add_argument(
+        "--face", type=_face, default=1, metavar="K", help="which face to detect: 1 is the largest (default)"
+    )
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
-    result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
+    result.add_argument(
+        "--model", default="default", help="default, KIND:PATH with KIND one of ict, flame, bfm, gnm, rig, npz"
+    )
+    result.add_argument(
+        "--rig-blend", type=Path, metavar="FILE.blend", help="a scene with a face mesh of your own, instead of --model"
+    )
+    result.add_argument("--rig-object", default="", metavar="NAME", help="the mesh in --rig-blend")
     result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
     result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")
@@ -104,8 +116,10 @@ def run(options: argparse.Namespace, backend: list[str]) -> None:
         model=options.model, lights=options.lights, light_color=options.light_color,
         freeze=tuple(options.freeze), budget=options.budget[0], quality=options.budget[1],
         seed=options.seed, device=options.device, truth=_resolved(options.truth), resume=options.resume,
+        face=options.face,
+        rig_blend=_resolved(options.rig_blend), rig_object=options.rig_object,
     )  # fmt: skip
-    scene = pipeline.empty_scene()
+    scene = pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
     pictures = _extra_pictures(scene, options, out)
     print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
@@ -153,6 +167,12 @@ def _positive(text: str) -> float:
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a number greater than 0, found '{text}'")
     return value
+
+
+def _face(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number, 1 for the largest face, found '{text}'")
+    return int(text)
 
 
 def _budget(text: str) -> tuple[float | None, str]:

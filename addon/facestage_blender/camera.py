@@ -78,6 +78,14 @@ def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> 
     return image
 
 
+def put_photo_in_front(camera: bpy.types.Object, front: bool) -> None:
+    """Show the photo over what the camera sees, or behind it."""
+    background = next(iter(camera.data.background_images), None)
+    if background is not None:
+        background.display_depth = "FRONT" if front else "BACK"
+        camera.data.update_tag()
+
+
 def show_as_photos_are(scene: bpy.types.Scene) -> None:
     """Show renders without a tone curve: the fit explains the photo's own values."""
     view = scene.view_settings

@@ -76,19 +76,35 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     photo = out / "astronaut.png"
     scene = pipeline.empty_scene()
     render.save_png(photo, _with_skin_mask(skimage.data.astronaut() / 255.0))
-    order = pipeline.Order(image=photo, out=out / "astronaut", landmarks=LANDMARKS, budget=budget)
-    result = pipeline.fit_photo(scene, order, find_backend(), pipeline.progress_printer())
+    backend = find_backend()
+    landmarks, origin = astronaut_landmarks(photo, out / "astronaut_landmarks.json", backend)
+    order = pipeline.Order(image=photo, out=out / "astronaut", landmarks=landmarks, budget=budget)
+    result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
     crop = head_crop(Landmarks.read(LANDMARKS), result.camera)
     match = agreement(scene, result, crop, samples)
     sheet = _pictures(scene, result, photo, crop, out / "astronaut", samples)
     return [
         "Real photo",
+        f"  Landmarks {origin}.",
         f"  {result.advice}",
         f"  Cycles and the fit's own renderer agree to {match:.1f} dB in the face (direct light).",
         f"  pictures  {sheet}",
         f"  report    {out / 'astronaut' / 'result' / 'report.html'}",
         f"  scene     {out / 'astronaut' / pipeline.SCENE_FILE}",
     ]
+
+
+def astronaut_landmarks(photo: Path, out: Path, backend: list[str]) -> tuple[Path, str]:
+    """The landmark file of the astronaut's portrait, and where it is from: detected, else the one that is shipped."""
+    from .backend import detect_command
+    from .pipeline import run_backend
+
+    try:
+        run_backend(detect_command(backend, photo, out), lambda _event: None)
+    except InputError as error:
+        print(f"The landmarks that come with the demo are used. {error}", file=sys.stderr)
+        return LANDMARKS, "from the file that comes with the demo"
+    return out, f"found in the photo ({len(Landmarks.read(out).points)} points)"
 
 
 def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:

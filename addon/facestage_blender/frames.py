@@ -38,23 +38,19 @@ def points_to_stage(points: np.ndarray) -> np.ndarray:
     return np.asarray(points) @ stage_to_blender().astype(np.asarray(points).dtype)
 
 
-def local_matrix(to_stage: np.ndarray, axes: str) -> np.ndarray:
+def local_matrix(to_stage: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     """(4, 4) matrix of an object relative to the stage's empty.
 
     ``to_stage`` (4, 4) maps the object's contract frame to the stage frame. ``axes`` says which axes the
     object's own coordinates have: STAGE for a mesh stored in Blender's axes, CAMERA for a camera, whose
-    frame is the same in Blender and in the contract.
+    frame is the same in Blender and in the contract, or a matrix (4, 4) from them to the contract frame.
     """
-    turn = _homogeneous(stage_to_blender())
-    inner = turn.T if axes == STAGE else np.eye(4)
-    return turn @ np.asarray(to_stage, np.float64) @ inner
+    return _homogeneous(stage_to_blender()) @ np.asarray(to_stage, np.float64) @ _to_contract(axes)
 
 
-def to_stage_matrix(local: np.ndarray, axes: str) -> np.ndarray:
+def to_stage_matrix(local: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     """The inverse of :func:`local_matrix`: (4, 4) object frame to stage frame."""
-    turn = _homogeneous(stage_to_blender())
-    inner = turn if axes == STAGE else np.eye(4)
-    return turn.T @ np.asarray(local, np.float64) @ inner
+    return _homogeneous(stage_to_blender()).T @ np.asarray(local, np.float64) @ np.linalg.inv(_to_contract(axes))
 
 
 def light_rotation(direction: np.ndarray, axis_x: np.ndarray) -> np.ndarray:
@@ -62,6 +58,13 @@ def light_rotation(direction: np.ndarray, axis_x: np.ndarray) -> np.ndarray:
     z = -np.asarray(direction, np.float64)
     x = np.asarray(axis_x, np.float64)
     return points_to_blender(np.stack([x, np.cross(z, x), z])).T
+
+
+def _to_contract(axes: str | np.ndarray) -> np.ndarray:
+    """(4, 4) from an object's own coordinates to its contract frame."""
+    if isinstance(axes, np.ndarray):
+        return axes
+    return _homogeneous(stage_to_blender()).T if axes == STAGE else np.eye(4)
 
 
 def _homogeneous(rotation: np.ndarray) -> np.ndarray:

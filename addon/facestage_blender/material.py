@@ -11,7 +11,7 @@ from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS
 
 GROUP = "Facestage Skin"
-TEXTURES = ("Albedo", "Specular")
+TEXTURES = ("Albedo", "Specular", "Roughness")  # the roughness map is linked where there is one
 
 
 def skin_group() -> bpy.types.NodeTree:
@@ -70,10 +70,14 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     links.new(total, output.inputs["BSDF"])
 
 
-def part_materials(parts: np.ndarray) -> list[bpy.types.Material]:
-    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells."""
+def part_materials(parts: np.ndarray, uv_map: str = "") -> list[bpy.types.Material]:
+    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells.
+
+    uv_map: the UV map of its textures; empty for the mesh's active one.
+    """
     return [
-        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}") for part in parts
+        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map)
+        for part in parts
     ]
 
 
@@ -105,7 +109,7 @@ def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
     return material, material.node_tree.nodes, material.node_tree.links
 
 
-def _part_material(name: str) -> bpy.types.Material:
+def _part_material(name: str, uv_map: str) -> bpy.types.Material:
     material, nodes, links = _empty_material(name)
     skin = _node(nodes, "ShaderNodeGroup", 0, 0)
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
@@ -115,22 +119,43 @@ def _part_material(name: str) -> bpy.types.Material:
         node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
         node.name = node.label = texture
         node.interpolation, node.extension = "Linear", "EXTEND"
-        links.new(node.outputs["Color"], skin.inputs[texture])
+        if texture != "Roughness":
+            links.new(node.outputs["Color"], skin.inputs[texture])
+        if uv_map:
+            uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
+            uvs.uv_map = uv_map
+            links.new(uvs.outputs["UV"], node.inputs["Vector"])
     return material
 
 
-def set_textures(rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float) -> None:
-    """Give all materials of a rig these textures and this roughness; images used no more are removed."""
-    face = rig.facestage_face
-    retired = [image for image in (face.albedo_image, face.specular_image) if image not in (None, albedo, specular)]
-    face.albedo_image, face.specular_image, face.roughness = albedo, specular, roughness
-    for material in rig.data.materials:
-        nodes = material.node_tree.nodes if material else {}
-        if GROUP in nodes:
-            nodes[GROUP].inputs["Roughness"].default_value = roughness
-        for name, image in zip(TEXTURES, (albedo, specular), strict=True):
+def set_textures(
+    rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float,
+    roughness_map: bpy.types.Image | None = None,
+) -> None:  # fmt: skip
+    """Give all materials of a rig these textures; images used no more are removed.
+
+    Without a ``roughness_map`` the skin has the one value ``roughness``.
+    """
+    face, images = rig.facestage_face, (albedo, specular, roughness_map)
+    before = (face.albedo_image, face.specular_image, face.roughness_image)
+    retired = [image for image in before if image is not None and image not in images]
+    face.albedo_image, face.specular_image, face.roughness_image = images
+    face.roughness = roughness
+    for slot in rig.material_slots:
+        material = slot.material
+        if material is None or material.node_tree is None:
+            continue
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        for name, image in zip(TEXTURES, images, strict=True):
             if name in nodes:
                 nodes[name].image = image
+        if GROUP in nodes:
+            socket = nodes[GROUP].inputs["Roughness"]
+            socket.default_value = roughness
+            for link in list(socket.links):
+                links.remove(link)
+            if roughness_map is not None and "Roughness" in nodes:
+                links.new(nodes["Roughness"].outputs["Color"], socket)
     for image in retired:
         if not image.users:
             bpy.data.images.remove(image)

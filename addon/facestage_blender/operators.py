@@ -13,6 +13,7 @@ from facestage.contract.result import Result
 
 from .camera import ensure_camera, show_photo
 from .frames import LIGHT_DIRECTIONS
+from .landmarks import remove_landmarks
 from .preferences import work_folder
 from .relight import relight, restore_lights
 from .scene_read import absolute
@@ -163,16 +164,26 @@ class FACESTAGE_OT_light_states(bpy.types.Operator):
 
 def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
     """Make ``path`` the scene's photo and show it behind the camera. Raises InputError when it is no picture."""
-    path = absolute(str(path))
+    path, settings = absolute(str(path)), scene.facestage
     show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
-    scene.facestage.photo = str(path)
+    if settings.photo and absolute(settings.photo) != path:
+        forget_landmarks(scene)  # they are of the photo before
+    settings.photo = str(path)
 
 
 def choose_landmarks(scene: bpy.types.Scene, path: Path) -> None:
     """Make ``path`` the photo's landmark file. Raises InputError when it is not one."""
     path = absolute(str(path))
     Landmarks.read(path)
+    forget_landmarks(scene)
     scene.facestage.landmarks = str(path)
+
+
+def forget_landmarks(scene: bpy.types.Scene) -> None:
+    """Leave the landmarks of the photo to the backend."""
+    remove_landmarks(scene)
+    scene.facestage.landmarks = ""
+    scene.facestage.property_unset("landmarks_from")
 
 
 def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:

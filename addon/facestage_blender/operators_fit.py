@@ -14,8 +14,9 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.result import CONVERGED, Result
 
 from .backend import doctor_command, fit_command, model_command, partial_folder
+from .landmarks import remember_landmarks
 from .preferences import addon_preferences, backend_command, work_folder
-from .process import BackendProcess, Outcome
+from .process import CANCELLED, BackendProcess, Outcome
 from .rig import build_rig
 from .scene_read import read_job
 from .stage import build_stage, default_stage
@@ -45,6 +46,7 @@ class BackendTask:
     """
 
     task = ""
+    resumable = False  # whether a run that was stopped can go on
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
 
@@ -114,7 +116,7 @@ class BackendTask:
         Running.process = None
         context.window_manager.facestage.task = ""
         if not outcome.ok:
-            self._fail(context, outcome.message)
+            self._fail(context, outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.")
             return {"CANCELLED"}
         try:
             with preserved(context.view_layer):
@@ -128,7 +130,7 @@ class BackendTask:
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
-        redraw(context.window_manager)
+        redraw(context.window_manager, everything=True)
         return verdict
 
     def _fail(self, context: bpy.types.Context, sentence: str) -> None:
@@ -172,6 +174,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     task = "Fitting"
+    resumable = True
 
     resume: BoolProperty(
         name="Resume", description="Go on from the last checkpoint of a fit that was stopped", options={"SKIP_SAVE"}
@@ -196,6 +199,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         """Remember the result and apply it."""
         result = Result.load(work_folder(context.scene) / "result")
         context.scene.facestage.result = str(result.folder)
+        remember_landmarks(context.scene, result)
         state = context.window_manager.facestage
         state.message, state.doubtful = result.advice, result.status != CONVERGED
         self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
@@ -248,12 +252,16 @@ def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
     state.seconds_left = -1.0 if event.seconds_left is None else event.seconds_left
 
 
-def redraw(manager: bpy.types.WindowManager) -> None:
-    """Have the 3D Views and the preferences drawn again, which show the progress."""
+def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
+    """Have the sidebars and the preferences drawn again, which show the progress; the views only with ``everything``.
+
+    Drawing a view ten times a second takes from the backend what it computes with.
+    """
     for window in manager.windows:
         for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "PREFERENCES"}:
-                area.tag_redraw()
+            for region in area.regions if area.type in {"VIEW_3D", "PREFERENCES"} else ():
+                if everything or area.type == "PREFERENCES" or region.type == "UI":
+                    region.tag_redraw()
 
 
 CLASSES = (FACESTAGE_OT_build_rig, FACESTAGE_OT_fit, FACESTAGE_OT_cancel, FACESTAGE_OT_check_backend)

@@ -1,4 +1,4 @@
-"""The sidebar of the 3D View: the steps in order, progress, and errors in words."""
+"""The sidebar of the 3D View from the light stage on: the steps in order, progress, and errors in words."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .backend import partial_folder
 from .operators import REPORT, result_folder
+from .operators_model import model_label, model_license
 from .preferences import draw_wrapped, work_folder
 from .stage import stage_lights
 
@@ -20,27 +21,6 @@ class SidebarPanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Facestage"
-
-
-class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
-    """Step 1: the photo and what is known of it."""
-
-    bl_label = "1  Photo"
-
-    def draw_header(self, _context: bpy.types.Context) -> None:
-        """Draw the step's icon."""
-        self.layout.label(icon="IMAGE_DATA")
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw the choice of photo and landmarks."""
-        layout, settings = self.layout, context.scene.facestage
-        layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=_file_name(settings.photo) or "Choose Photo")
-        row = layout.row(align=True)
-        text = _file_name(settings.landmarks) or "Choose Landmarks"
-        row.operator("facestage.choose_landmarks", icon="EMPTY_AXIS", text=text)
-        column = layout.column(align=True)
-        column.prop(settings, "known_lens")
-        column.prop(settings, "keep_camera")
 
 
 class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
@@ -107,7 +87,8 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice of model and the rig's builder."""
         layout, settings = self.layout, context.scene.facestage
-        layout.prop(settings, "model", text="Model")
+        layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
+        draw_wrapped(layout, f"License: {model_license(context.scene)}", "NONE", line_length(context))
         built = settings.rig is not None
         layout.operator(
             "facestage.build_rig", icon="FILE_REFRESH" if built else "ADD", text="Rebuild Face Rig" if built else None
@@ -127,7 +108,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
         """Draw the fit's button or its progress."""
         layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
         if state.task:
-            _draw_progress(layout, state)
+            draw_progress(layout, state)
         else:
             ready = bool(settings.photo and settings.stage and settings.rig)
             row = layout.row(align=True)
@@ -147,7 +128,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                 ]
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
         if state.failure:
-            draw_wrapped(layout.box(), state.failure, "ERROR", _line_length(context))
+            draw_wrapped(layout.box(), state.failure, "ERROR", line_length(context))
 
 
 class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
@@ -202,7 +183,7 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, "rig", text="Rig")
         if state.message and not state.task:
             icon = "ERROR" if state.doubtful else "INFO"
-            draw_wrapped(layout.box(), state.message, icon, _line_length(context))
+            draw_wrapped(layout.box(), state.message, icon, line_length(context))
 
 
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
@@ -217,10 +198,11 @@ def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder
         )
     row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
     if preview.status:
-        draw_wrapped(layout.box(), preview.status, "ERROR", _line_length(context))
+        draw_wrapped(layout.box(), preview.status, "ERROR", line_length(context))
 
 
-def _draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
+def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
+    """The running task's bar, what it says of itself, and Cancel."""
     text = f"{state.task}: {state.stage}" if state.stage else state.task
     row = layout.row(align=True)
     if hasattr(row, "progress"):
@@ -239,17 +221,13 @@ def _draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -
         layout.label(text=", ".join(details), icon="TIME")
 
 
-def _file_name(path: str) -> str:
-    return bpy.path.basename(path)
-
-
-def _line_length(context: bpy.types.Context) -> int:
+def line_length(context: bpy.types.Context) -> int:
+    """About how many characters go into a line of the sidebar."""
     scale = context.preferences.system.ui_scale
     return max(20, int((context.region.width / scale - 40) * CHARACTERS_PER_PIXEL))
 
 
 CLASSES = (
-    FACESTAGE_PT_photo,
     FACESTAGE_PT_stage,
     FACESTAGE_PT_lights,
     FACESTAGE_PT_face,

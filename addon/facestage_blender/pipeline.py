@@ -26,11 +26,14 @@ from facestage.contract.result import Result
 from . import process
 from .backend import fit_command, model_command
 from .camera import ensure_camera, load_image, show_photo, write_camera
+from .landmarks import remember_landmarks
+from .own_rig import adopt, export_mesh
 from .process import BackendProcess
 from .render import quiet
 from .rig import build_rig
 from .scene_read import read_job
 from .stage import build_stage, default_stage, facestage_collection
+from .user_state import preserved
 from .write_back import apply_result
 
 SCENE_FILE, JOB_FOLDER, RESULT_FOLDER = "scene.blend", "job", "result"
@@ -55,16 +58,36 @@ class Order:
     device: str = "auto"
     truth: Path | None = None
     resume: bool = False
+    face: int = 1  # which face of a photo without landmarks; 1 is the largest
+    rig_blend: Path | None = None  # a .blend with a mesh of the user's, which then is the rig
+    rig_object: str = ""
 
 
 def empty_scene() -> bpy.types.Scene:
     """Start from an empty scene with the add-on registered."""
+    _register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+def open_scene(path: Path) -> bpy.types.Scene:
+    """Start from a .blend of the user's with the add-on registered; its scripts are not run."""
+    _register()
+    if not path.is_file():
+        raise InputError(f"The scene '{path}' does not exist; check the path.")
+    try:
+        with quiet():
+            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise InputError(f"The scene '{path}' cannot be opened; give a .blend that this Blender can read.") from error
+    return bpy.context.scene
+
+
+def _register() -> None:
     from . import registration
 
     if not hasattr(bpy.types.Scene, "facestage"):
         registration.register()
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    return bpy.context.scene
 
 
 def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]) -> Result:
@@ -80,6 +103,7 @@ def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event
     folder = order.out / RESULT_FOLDER
     run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
     result = Result.load(folder)
+    remember_landmarks(scene, result)
     apply_result(scene, result)
     save_blend(order.out / SCENE_FILE)
     return result
@@ -101,17 +125,47 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         raise InputError(
             f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one that you may write to."
         ) from error
-    model = face_model(order.model, backend, on_event)
+    if order.rig_blend is not None:
+        use_mesh(scene, order.rig_object, order.out, backend, on_event)
+    else:
+        model = face_model(order.model, backend, on_event)
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
-    settings.model, settings.light_count, settings.light_color = order.model, order.lights, order.light_color
+    settings.face_number = order.face
+    settings.light_count, settings.light_color = order.lights, order.light_color
     settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
     settings.device, settings.output, settings.quality = order.device, str(order.out), order.quality
-    build_rig(scene, model, order.model, build_stage(scene, stage))
+    empty = build_stage(scene, stage)
+    if order.rig_blend is None:
+        settings.model = order.model
+        build_rig(scene, model, order.model, empty)
     view = ensure_camera(scene, facestage_collection(scene))
     if camera is not None:
         settings.known_lens = True
         write_camera(scene, view.data, camera)
     show_photo(scene, view, order.image)
+
+
+def use_mesh(
+    scene: bpy.types.Scene, name: str, folder: Path, backend: list[str], on_event: Callable[[Event], None]
+) -> None:
+    """Make the scene's mesh of this name the face rig; without a name, the only mesh that has shape keys."""
+    keyed = [item for item in scene.objects if item.type == "MESH" and item.data.shape_keys is not None]
+    item = scene.objects.get(name) if name else keyed[0] if len(keyed) == 1 else None
+    if item is None:
+        meshes = ", ".join(sorted(other.name for other in scene.objects if other.type == "MESH")) or "none"
+        raise InputError(
+            f"The scene has no object '{name}'; its meshes: {meshes}."
+            if name
+            else f"{len(keyed)} meshes of the scene have shape keys; name one with --rig-object (meshes: {meshes})."
+        )
+    for layer in scene.view_layers:
+        layer.update()
+    with preserved(bpy.context.view_layer):
+        path, rig, own, notes = export_mesh(item, folder)
+    for note in notes:
+        print(f"facestage: {note}", file=sys.stderr)
+    spec = f"rig:{path}"
+    adopt(scene, item, spec, face_model(spec, backend, on_event), rig, own)
 
 
 def face_model(spec: str, backend: list[str], on_event: Callable[[Event], None]) -> FaceModel:

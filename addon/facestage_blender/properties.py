@@ -11,6 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from facestage.contract.face_model import PARTS
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
 from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
 from facestage.contract.quality import GOOD, QUALITIES, describe
@@ -27,6 +28,18 @@ PARAMETER_HELP = {
     "light_position": "Where strong lights stand on the hemisphere",
     "focal": "Keep the focal length",
 }
+LANDMARK_SOURCES = {
+    "FILE": ("From a file", "The landmarks come from a file that was chosen"),
+    "DETECTED": ("Detected", "The landmarks were found by Detect Landmarks"),
+    "EDITED": ("Edited", "The landmarks were edited by hand"),
+}
+PART_HELP = {
+    "skin": "Skin: its color is fitted",
+    "eyes": "Eyeballs",
+    "mouth": "Gums, tongue and the inside of the mouth",
+    "teeth": "Teeth",
+    "other": "Lashes, tear films, hair, clothes: the fit does not look at them",
+}
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
 
@@ -34,6 +47,13 @@ def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None
     """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for later."""
     light = owner.id_data
     light.hide_render = light.hide_viewport = owner.state == "OFF"
+
+
+def _on_landmark_state(owner: "LandmarkSettings", _context: bpy.types.Context) -> None:
+    """A landmark's empty looks like its state."""
+    empty = owner.id_data
+    empty.empty_display_type = "PLAIN_AXES" if owner.state == "IGNORED" else "SPHERE"
+    empty.empty_display_size = owner.size * (0.55 if owner.state == "HIDDEN" else 1.0)
 
 
 def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
@@ -68,6 +88,43 @@ class FaceSettings(bpy.types.PropertyGroup):
     roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
     albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
     specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
+    roughness_image: PointerProperty(type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear")
+    own_mesh: StringProperty(name="Own mesh", description="How a mesh of the user's is tied to its face model")
+    fit_shape: BoolProperty(
+        name="Fit the face's shape",
+        description="The fit may give the mesh the shape of the face in the photo. Where the mesh has no identity "
+        "sliders, the shape is borrowed from the default face and written to one new shape key, Facestage Shape",
+        default=True,
+    )
+    identity_prefix: StringProperty(
+        name="Identity sliders",
+        description="Shape keys whose names begin so change who the face is; all others are expressions",
+        default="identity",
+    )
+    own_materials: BoolProperty(
+        name="Facestage skin",
+        description="Give face, eyes and mouth Facestage's material with the fitted textures. Your materials stay in "
+        "the file; off: they stay on the mesh",
+        default=True,
+    )
+
+
+class LandmarkSettings(bpy.types.PropertyGroup):
+    """Marks an empty as a landmark on the photo."""
+
+    index: IntProperty(name="Index", description="Place of the landmark in its scheme; -1: no landmark", default=-1)
+    size: FloatProperty(name="Size", description="Size at which a visible landmark is drawn")
+    state: EnumProperty(
+        name="State",
+        description="What the fit makes of this landmark",
+        items=[
+            ("VISIBLE", "Visible", "The photo shows this point of the face", "HIDE_OFF", 0),
+            ("HIDDEN", "Hidden", "Something hides this point: where it is was guessed, and counts less", "HIDE_ON", 1),
+            ("IGNORED", "Ignored", "The fit does not look at this landmark", "X", 2),
+        ],
+        default="VISIBLE",
+        update=_on_landmark_state,
+    )
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -80,12 +137,23 @@ class SceneSettings(bpy.types.PropertyGroup):
     photo: StringProperty(name="Photo", description="The photo to fit", subtype="FILE_PATH")
     landmarks: StringProperty(
         name="Landmarks",
-        description="Landmark file of the photo (landmarks.json). Empty: the backend detects them",
+        description="Landmark file of the photo (landmarks.json). Empty: the fit finds them by itself",
         subtype="FILE_PATH",
+    )
+    landmarks_from: EnumProperty(
+        name="Landmarks from",
+        description="Where the landmarks come from",
+        items=[(name, *texts) for name, texts in LANDMARK_SOURCES.items()],
+    )
+    landmark_plane: PointerProperty(
+        type=bpy.types.Object, name="Photo plane", description="Carries the landmarks' empties while they are edited"
+    )
+    face_number: IntProperty(
+        name="Face", description="Which face of the photo: 1 is the largest", default=1, min=1, soft_max=10
     )
     model: StringProperty(
         name="Face model",
-        description="default, ict:PATH or npz:FILE",
+        description="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
         default="default",
     )
     light_count: IntProperty(
@@ -187,13 +255,20 @@ class PreviewState(bpy.types.PropertyGroup):
     status: StringProperty(name="Status", description="Why the preview shows the photo as it is; empty when it follows")
 
 
-CLASSES = (LightSettings, FaceSettings, SceneSettings, RunState, PreviewState)
+CLASSES = (LightSettings, FaceSettings, LandmarkSettings, SceneSettings, RunState, PreviewState)
 
 
 def attach() -> None:
     """Add the property groups to Blender's types; the classes are registered already."""
     bpy.types.Object.facestage_light = PointerProperty(type=LightSettings)
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
+    bpy.types.Object.facestage_landmark = PointerProperty(type=LandmarkSettings)
+    bpy.types.Material.facestage_part = EnumProperty(
+        name="Part of the face",
+        description="What this material covers",
+        items=[("AUTO", "By name", "As the material's name says, else skin")]
+        + [(part.upper(), part.capitalize(), PART_HELP[part]) for part in PARTS],
+    )
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)
     bpy.types.WindowManager.facestage = PointerProperty(type=RunState)
     bpy.types.WindowManager.facestage_preview = PointerProperty(type=PreviewState)
@@ -204,5 +279,7 @@ def detach() -> None:
     del bpy.types.WindowManager.facestage_preview
     del bpy.types.WindowManager.facestage
     del bpy.types.Scene.facestage
+    del bpy.types.Object.facestage_landmark
+    del bpy.types.Material.facestage_part
     del bpy.types.Object.facestage_face
     del bpy.types.Object.facestage_light

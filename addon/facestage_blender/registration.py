@@ -4,9 +4,34 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, operators_fit, operators_preview, panels, preferences, preview, properties
+from . import (
+    landmark_overlay,
+    operators,
+    operators_fit,
+    operators_landmarks,
+    operators_model,
+    operators_preview,
+    operators_rig,
+    panels,
+    panels_photo,
+    preferences,
+    preview,
+    properties,
+)
 
-MODULES = (properties, preferences, operators, operators_fit, operators_preview, panels)
+# Panels stand in the sidebar in the order in which they are registered.
+MODULES = (
+    properties,
+    preferences,
+    operators,
+    operators_fit,
+    operators_landmarks,
+    operators_model,
+    operators_preview,
+    panels_photo,
+    panels,
+    operators_rig,
+)
 
 
 def register() -> None:
@@ -16,11 +41,13 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     preview.register()
+    landmark_overlay.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
     operators_fit.stop_running()
+    landmark_overlay.unregister()
     preview.unregister()
     properties.detach()
     for module in reversed(MODULES):

@@ -17,7 +17,7 @@ from . import frames
 from .camera import load_image, read_camera
 from .material import image_pixels
 from .render import linear
-from .rig import SLIDER_LIMIT, read_weights
+from .rig import SLIDER_LIMIT, read_weights, rig_axes
 from .scene_read import absolute
 from .stage import relative_matrix
 
@@ -67,7 +67,7 @@ class RelitPhoto:
             if offset.max() > TOLERANCE:
                 return f"Light {int(offset.argmax()) + 1} was moved, turned or resized"
         if settings.rig is not None and settings.rig.name in scene.objects:
-            head = frames.to_stage_matrix(relative_matrix(settings.stage, settings.rig), frames.STAGE)
+            head = frames.to_stage_matrix(relative_matrix(settings.stage, settings.rig), rig_axes(settings.rig))
             if not np.allclose(head, self.result.model_to_stage, atol=TOLERANCE):
                 return "The head was moved"
             if not self._same_sliders(settings.rig):

@@ -119,7 +119,12 @@ def linear(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4)
 
 
-def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool) -> None:
+def save_jpeg(path: Path, pixels: np.ndarray, quality: int) -> None:
+    """Write sRGB-encoded pixels (h, w, 3) in 0..1 as a JPEG of a quality from 1 to 100."""
+    _save(path, pixels, "JPEG", is_float=False, quality=quality)
+
+
+def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool, quality: int = 0) -> None:
     height, width = pixels.shape[:2]
     alpha = pixels.shape[2] == 4
     image = bpy.data.images.new("Facestage picture", width, height, alpha=alpha, float_buffer=is_float, is_data=True)
@@ -128,7 +133,7 @@ def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool) -> N
         rgba[..., : pixels.shape[2]] = pixels[::-1]
         image.pixels.foreach_set(rgba.ravel())
         image.filepath_raw, image.file_format = str(path), file_format
-        image.save()
+        image.save(quality=quality)
     finally:
         bpy.data.images.remove(image)
 

@@ -11,6 +11,7 @@ from facestage.contract.face_model import FaceModel
 
 from . import frames
 from .material import part_materials, set_textures, texture_image
+from .own_mesh import OwnMesh, read_own_weights, set_own_weights
 from .stage import facestage_collection
 from .texture import paint_vertices
 
@@ -25,12 +26,14 @@ NAME_LENGTH = 63  # bytes of a name in Blender
 def build_rig(scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.types.Object) -> bpy.types.Object:
     """Build the rig of ``model`` under the stage's empty, or rebuild the scene's present one in place.
 
+    A mesh of the user's that serves as the rig is left alone.
+
     ``spec`` is what the backend calls the model ("default", "ict:PATH", ...).
     """
     rig = scene.facestage.rig
     mesh = build_mesh(model)
     retired = None
-    if rig is None or rig.name not in scene.objects:
+    if rig is None or rig.name not in scene.objects or rig.facestage_face.own_mesh:
         rig = bpy.data.objects.new(NAME, mesh)
         facestage_collection(scene).objects.link(rig)
         scene.facestage.rig = rig
@@ -80,13 +83,14 @@ def add_shape_keys(rig: bpy.types.Object, model: FaceModel) -> None:
     """Add Basis, one key for each identity mode and one for each expression, to a mesh without keys."""
     rig.shape_key_add(name="Basis", from_mix=False)
     basis = _blender_points(model.vertices)
-    box = (0.0, 1.0) if model.expression_prior == "box" else (-SLIDER_RANGE, SLIDER_RANGE)
+    gaussian = np.zeros(len(model.identity_names), bool)
     groups = (
-        (IDENTITY, model.identity_names, model.identity_basis, (-SLIDER_RANGE, SLIDER_RANGE)),
-        ("", model.expression_names, model.expression_basis, box),
+        (IDENTITY, model.identity_names, model.identity_basis, gaussian),
+        ("", model.expression_names, model.expression_basis, model.expression_box),
     )
-    for prefix, names, offsets, (low, high) in groups:
-        for name, offset in zip(names, offsets, strict=True):
+    for prefix, names, offsets, boxes in groups:
+        for name, offset, box in zip(names, offsets, boxes, strict=True):
+            low, high = (0.0, 1.0) if box else (-SLIDER_RANGE, SLIDER_RANGE)
             key = rig.shape_key_add(name=key_name(prefix + name), from_mix=False)
             key.data.foreach_set("co", basis + _blender_points(offset))
             key.slider_min, key.slider_max, key.value = low, high, 0.0
@@ -98,7 +102,7 @@ def require_rig(scene: bpy.types.Scene) -> bpy.types.Object:
     rig = scene.facestage.rig
     if rig is None or rig.name not in scene.objects or not rig.facestage_face.is_rig:
         raise InputError("The scene has no face rig; press Build Face Rig first.")
-    if rig.data.shape_keys is None:
+    if rig.data.shape_keys is None and not rig.facestage_face.own_mesh:
         raise InputError(f"The face rig '{rig.name}' has lost its shape keys; press Build Face Rig again.")
     return rig
 
@@ -110,6 +114,9 @@ def key_name(name: str) -> str:
 
 def read_weights(rig: bpy.types.Object) -> tuple[dict[str, float], dict[str, float]]:
     """Identity and expression weights by name, as the sliders show them."""
+    own = OwnMesh.of(rig)
+    if own is not None:
+        return read_own_weights(rig, own)
     values = {key.name: float(key.value) for key in list(rig.data.shape_keys.key_blocks)[1:]}
     identity = {name[len(IDENTITY) :]: value for name, value in values.items() if name.startswith(IDENTITY)}
     return identity, {name: value for name, value in values.items() if not name.startswith(IDENTITY)}
@@ -117,6 +124,10 @@ def read_weights(rig: bpy.types.Object) -> tuple[dict[str, float], dict[str, flo
 
 def set_weights(rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]) -> None:
     """Move the sliders to the given weights. Raises InputError for a name the rig does not have."""
+    own = OwnMesh.of(rig)
+    if own is not None:
+        set_own_weights(rig, own, identity, expression)
+        return
     keys = rig.data.shape_keys.key_blocks
     wanted = {key_name(IDENTITY + name): value for name, value in identity.items()}
     wanted |= {key_name(name): value for name, value in expression.items()}
@@ -131,6 +142,12 @@ def set_weights(rig: bpy.types.Object, identity: dict[str, float], expression: d
         value = min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT)
         key.slider_min, key.slider_max = min(key.slider_min, value), max(key.slider_max, value)
         key.value = value
+
+
+def rig_axes(rig: bpy.types.Object) -> str | np.ndarray:
+    """What :mod:`.frames` must know of the axes that the rig's own coordinates have."""
+    own = OwnMesh.of(rig)
+    return frames.STAGE if own is None else own.matrix
 
 
 def _blender_points(points: np.ndarray) -> np.ndarray:

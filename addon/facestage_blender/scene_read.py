@@ -13,7 +13,9 @@ from facestage.contract.landmarks import Landmarks
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
-from .rig import read_weights, require_rig
+from .landmark_plane import photo_size
+from .landmarks import edited_landmarks, shown_plane
+from .rig import read_weights, require_rig, rig_axes
 from .stage import read_stage, relative_matrix, require_stage
 
 
@@ -26,10 +28,6 @@ def read_job(scene: bpy.types.Scene) -> Job:
     width, height = load_image(photo).size
     empty, rig = require_stage(scene), require_rig(scene)
     frozen = tuple(sorted(settings.freeze))
-    landmarks = None
-    if settings.landmarks:
-        landmarks = Landmarks.read(absolute(settings.landmarks))
-        landmarks.check_inside(width, height)
     camera = camera_to_stage = None
     if settings.keep_camera or settings.known_lens or "focal" in frozen:
         camera = read_camera(require_camera(scene).data, width, height)
@@ -38,7 +36,8 @@ def read_job(scene: bpy.types.Scene) -> Job:
     return Job(
         image=photo,
         model=rig.facestage_face.model,
-        landmarks=landmarks,
+        landmarks=(landmarks := read_landmarks(scene, width, height)),
+        face=settings.face_number if landmarks is None else None,
         camera=camera,
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,
@@ -58,6 +57,27 @@ def read_job(scene: bpy.types.Scene) -> Job:
     )
 
 
+def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks | None:
+    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else the file's, else None.
+
+    Raises InputError when they are not of this photo.
+    """
+    plane = shown_plane(scene)
+    if plane is not None:
+        if photo_size(plane) != (width, height):
+            raise InputError(
+                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x {photo_size(plane)[1]} pixels, the "
+                f"photo has {width} x {height}; press Done, then Detect Landmarks again."
+            )
+        landmarks = edited_landmarks(scene)
+    elif scene.facestage.landmarks:
+        landmarks = Landmarks.read(absolute(scene.facestage.landmarks))
+    else:
+        return None
+    landmarks.check_inside(width, height)
+    return landmarks
+
+
 def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:
     """(4, 4) pose of the scene's camera in the stage frame, without its scale."""
     local = relative_matrix(require_stage(scene), require_camera(scene))
@@ -67,7 +87,10 @@ def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:
 
 def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
     """(4, 4) pose of the rig in the stage frame."""
-    return frames.to_stage_matrix(relative_matrix(require_stage(scene), require_rig(scene)), frames.STAGE)
+    rig = require_rig(scene)
+    matrix = frames.to_stage_matrix(relative_matrix(require_stage(scene), rig), rig_axes(rig))
+    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))  # a mesh of the user's may have been scaled since
+    return matrix
 
 
 def absolute(path: str) -> Path:

@@ -20,9 +20,10 @@ from facestage.contract.storage import atomic_folder, write_arrays, write_json
 from . import frames
 from .camera import ensure_camera, write_camera
 from .material import plain_material, set_textures, texture_image
-from .render import render_linear, save_exr, save_png, srgb
+from .render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
 from .rig import build_rig, set_weights
-from .sightlines import WORN, Sightlines
+from .sightlines import BACKGROUND as NOTHING
+from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
 from .stage import build_stage, facestage_collection
 from .write_back import place
 
@@ -30,6 +31,7 @@ SIZE, FOCAL_PX, DISTANCE = 256, 600.0, 0.78  # pixels, pixels, metres
 LANDMARK_NOISE_PX = 1.0  # in a picture of SIZE pixels
 BRIGHTEST = 0.85  # linear value of the photo's brightest skin but for 1 %
 BACKGROUND = 0.03
+READ_NOISE = 3.0  # electrons
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,19 @@ class Worn:
     triangles: np.ndarray  # (t, 3)
     color: tuple[float, float, float]  # linear RGB
     roughness: float
+    of_skin: bool = False  # part of the person, to be colored like the face
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What a real camera adds to a picture; by default nothing."""
+
+    f_number: float | None = None  # of a lens of the camera's angle of view on a sensor 36 mm wide; None: all is sharp
+    electrons: float | None = None  # that a pixel holds at white: their count is what makes noise; None: no noise
+    jpeg_quality: int | None = None  # 1..100; None: the picture is not compressed
+
+
+PERFECT = Optics()
 
 
 @dataclass(frozen=True)
@@ -57,6 +72,8 @@ class Person:
     worn: tuple[Worn, ...] = ()
     interreflection: bool = False  # whether light is followed beyond its first reflection
     focal_px: float = FOCAL_PX  # for a picture of SIZE pixels
+    around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
+    optics: Optics = PERFECT
 
 
 def render_person(
@@ -68,7 +85,11 @@ def render_person(
     seed: int = 0,
     size: int = SIZE,
 ) -> None:
-    """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json and truth.npz."""
+    """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json, truth.npz and skin.png.
+
+    skin.png is white where the camera sees bare skin of the head. A compressed photo is there as photo.jpg too; then
+    photo.png holds its pixels.
+    """
     camera = Camera.default(size, size, person.focal_px * size / SIZE)
     camera_to_stage = np.eye(4)
     camera_to_stage[:3, 3] = -person.model_to_camera[:3, 3]
@@ -79,11 +100,12 @@ def render_person(
     others = [(_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn]
     sightlines = Sightlines(model, vertices, others)
     labels = sightlines.picture(camera)
-    mask = (pixels[..., 3] > 0.99) & (labels != WORN)
+    mask = (pixels[..., 3] > 0.99) & (labels != WORN) & (labels != NOTHING)
     exposure = BRIGHTEST / float(np.percentile(pixels[..., :3][mask], 99))
     stage = person.stage.with_radiance(person.stage.radiance * exposure)
     build_stage(scene, stage)
     picture = exposure * pixels[..., :3] + BACKGROUND * (1 - pixels[..., 3:])
+    picture = noisy(picture, person.optics.electrons, np.random.default_rng(seed + 2))
 
     corners, weights = model.landmark_vertices("ibug68")
     points = np.einsum("mi,mix->mx", weights, vertices[corners])
@@ -91,7 +113,12 @@ def render_person(
     landmarks = {"scheme": "ibug68", "points": camera.project(points) + noise, "visible": sightlines.visible(points)}
     lights = stage.transformed(np.linalg.inv(camera_to_stage))
     with atomic_folder(folder) as unfinished:
-        save_png(unfinished / "photo.png", srgb(picture))
+        encoded = srgb(picture)
+        if person.optics.jpeg_quality is not None:
+            save_jpeg(unfinished / "photo.jpg", encoded, person.optics.jpeg_quality)
+            encoded = read_pixels(unfinished / "photo.jpg")[..., :3]
+        save_png(unfinished / "photo.png", encoded)
+        save_png(unfinished / "skin.png", np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3))
         save_exr(unfinished / "photo.exr", picture)
         write_json(unfinished / "camera.json", camera.to_json())
         write_json(unfinished / "landmarks.json", landmarks)
@@ -105,6 +132,17 @@ def render_person(
                 "model_to_camera": person.model_to_camera, "labels": labels, "mask": mask,
             },
         )  # fmt: skip
+
+
+def noisy(picture: np.ndarray, electrons: float | None, rng: np.random.Generator) -> np.ndarray:
+    """``picture`` (h, w, 3) as a sensor counts it that holds ``electrons`` at 1: shot noise, and READ_NOISE of reading.
+
+    Values beyond 1 are kept, for the EXR; what is written as a display image clips.
+    """
+    if electrons is None:
+        return picture
+    counted = rng.poisson(np.maximum(picture, 0) * electrons) + READ_NOISE * rng.normal(size=picture.shape)
+    return np.maximum(counted / electrons, 0.0).astype(picture.dtype)
 
 
 def face_tile(texture: np.ndarray, model: FaceModel) -> np.ndarray:
@@ -133,15 +171,34 @@ def _build(
     pose = camera_to_stage @ person.model_to_camera
     place(empty, rig, pose, frames.STAGE)
     place(empty, view, camera_to_stage, frames.CAMERA)
+    if person.optics.f_number is not None:
+        view.data.dof.use_dof, view.data.dof.aperture_fstop = True, person.optics.f_number
+        view.data.dof.focus_distance = float(_eyes_distance(model, person))
+    else:
+        view.data.dof.use_dof = False
     for item in person.worn:
-        mesh = bpy.data.meshes.new(item.name)
-        mesh.from_pydata(frames.points_to_blender(item.vertices).tolist(), [], item.triangles.tolist())
-        mesh.shade_smooth()
-        mesh.materials.append(plain_material(item.name, item.color, item.roughness))
-        worn = bpy.data.objects.new(item.name, mesh)
-        facestage_collection(scene).objects.link(worn)
-        worn.parent, worn.matrix_parent_inverse = empty, Matrix()
-        place(empty, worn, pose, frames.STAGE)
+        _add(scene, empty, item, pose)
+    for item in person.around:
+        _add(scene, empty, item, np.eye(4))
+
+
+def _add(scene: bpy.types.Scene, empty: bpy.types.Object, item: Worn, pose: np.ndarray) -> None:
+    """Put a thing into the stage; ``pose`` (4, 4) brings its points into the stage frame."""
+    mesh = bpy.data.meshes.new(item.name)
+    mesh.from_pydata(frames.points_to_blender(item.vertices).tolist(), [], item.triangles.tolist())
+    mesh.shade_smooth()
+    mesh.materials.append(plain_material(item.name, item.color, item.roughness))
+    thing = bpy.data.objects.new(item.name, mesh)
+    facestage_collection(scene).objects.link(thing)
+    thing.parent, thing.matrix_parent_inverse = empty, Matrix()
+    place(empty, thing, pose, frames.STAGE)
+
+
+def _eyes_distance(model: FaceModel, person: Person) -> float:
+    """How far the eyes are from the camera along its axis, in m: what a photographer focuses on."""
+    eyes = np.concatenate([model.regions["eye_left"], model.regions["eye_right"]])
+    shape = model.shape(person.identity, person.expression)[eyes]
+    return float(-_moved(shape, person.model_to_camera)[:, 2].max())
 
 
 def _moved(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

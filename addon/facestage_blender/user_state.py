@@ -10,19 +10,22 @@ import bpy
 
 @contextmanager
 def preserved(layer: bpy.types.ViewLayer) -> Iterator[None]:
-    """Run the block in object mode, then restore the layer's mode, active object and selection."""
+    """Run the block in object mode, then restore the layer's mode, active object and selection.
+
+    By name, because the block may remove an object, or make it anew.
+    """
     active = layer.objects.active
     mode = active.mode if active is not None else "OBJECT"
-    selected = [item for item in layer.objects if item.select_get(view_layer=layer)]
+    active_name = active.name if active is not None else ""
+    selected = {item.name for item in layer.objects if item.select_get(view_layer=layer)}
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     try:
         yield
     finally:
-        present = set(layer.objects)
-        for item in present:
-            item.select_set(item in selected, view_layer=layer)
-        if active is None or active in present:
-            layer.objects.active = active
-            if active is not None and mode != "OBJECT":
-                bpy.ops.object.mode_set(mode=mode)
+        layer.update()  # until then it lists objects that are gone
+        for item in layer.objects:
+            item.select_set(item.name in selected, view_layer=layer)
+        layer.objects.active = layer.objects.get(active_name)
+        if layer.objects.active is not None and mode != "OBJECT":
+            bpy.ops.object.mode_set(mode=mode)

@@ -9,12 +9,14 @@ import numpy as np
 from mathutils import Matrix
 
 from facestage.contract.errors import InputError
-from facestage.contract.result import Result
+from facestage.contract.result import ROUGHNESS, Result
 
 from . import frames
 from .camera import ensure_camera, write_camera
 from .material import set_textures
-from .rig import require_rig, set_weights
+from .own_mesh import OwnMesh
+from .own_rig import check_vertices, write_borrowed_shape
+from .rig import require_rig, rig_axes, set_weights
 from .stage import build_stage, facestage_collection, require_stage
 
 
@@ -31,12 +33,19 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
             f"The result is of the face model '{result.model}', the rig of '{rig.facestage_face.model}'; "
             "build the rig of the result's model first."
         )
+    own = OwnMesh.of(rig)
+    if own is not None:
+        check_vertices(rig, result)
     albedo, specular = load_texture(result, "albedo"), load_texture(result, "specular")
+    has_map = (Path(result.folder or "") / ROUGHNESS).is_file()  # older results have one value alone
+    roughness = load_texture(result, Path(ROUGHNESS).stem) if has_map else None
     set_weights(rig, dict(zip(result.identity_names, result.identity.tolist(), strict=True)),
                 dict(zip(result.expression_names, result.expression.tolist(), strict=True)))  # fmt: skip
+    if own is not None:
+        write_borrowed_shape(rig, own, result)
     build_stage(scene, result.stage)
-    place(empty, rig, result.model_to_stage, frames.STAGE)
-    set_textures(rig, albedo, specular, result.roughness)
+    place(empty, rig, result.model_to_stage, rig_axes(rig))
+    set_textures(rig, albedo, specular, result.roughness, roughness)
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)
@@ -47,8 +56,8 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         layer.update()
 
 
-def place(empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str) -> None:
-    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; its scale becomes 1."""
+def place(empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray) -> None:
+    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the axes' scale."""
     item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())
 
 

@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 from facestage import __version__
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe, parse_budget
 
 if TYPE_CHECKING:
+    from facestage.contract.events import Event
     from facestage.contract.job import Job
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
 CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
-MODELS = "default (built in), ict:PATH (ICT-FaceKit's folder or archive) or npz:FILE"
+MODELS = "default (built in), ict:PATH (ICT-FaceKit), npz:FILE or rig:FILE (a mesh exported from Blender)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,7 +61,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="facestage",
         description="From a photograph of a face to a face that can be edited and relit.",
-        epilog="Start with: facestage doctor, then facestage fit photo.jpg --landmarks points.json --out result",
+        epilog="Start with: facestage doctor, then facestage fit photo.jpg --out result",
     )
     parser.add_argument("--version", action="version", version=f"facestage {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -78,29 +80,48 @@ def _add_fit(commands: Any) -> None:
     fit = commands.add_parser(
         "fit",
         help="fit a face to a photograph",
-        description="Fit shape, expression, pose, albedo, specular map and light to one photograph.",
-        epilog="Example: facestage fit photo.png --landmarks points.json --out result --budget 60. "
+        description="Fit shape, expression, pose, albedo, specular map and light to one photograph; or one shape and "
+        "one skin to several of the same person, with a result for each photo.",
+        epilog="Example: facestage fit photo.png --out result --budget 60, or "
+        "facestage fit a.png b.png --same-person --out result. "
         "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
     )
     fit.add_argument(
-        "image", nargs="?", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels"
-    )
+        "image", nargs="*", type=Path, metavar="IMAGE",
+        help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels; several with --same-person",
+    )  # fmt: skip
     fit.add_argument(
-        "--job", type=Path, metavar="DIR", help="a job folder (what the add-on writes) instead of IMAGE and its options"
-    )
+        "--job", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
+        help="a job folder (what the add-on writes) instead of IMAGE and its options; several with --same-person",
+    )  # fmt: skip
+    fit.add_argument(
+        "--same-person", action="store_true",
+        help=f"the photos, 2 to {PHOTOS_MAX}, show one person: identity and skin are shared; --landmarks, --camera, "
+        "--focal-px and --truth are repeated for each photo in the same order (one camera does for all)",
+    )  # fmt: skip
     fit.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done"
     )
     fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
     fit.add_argument(
-        "--landmarks", type=Path, metavar="FILE", help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}'
-    )
+        "--landmarks", action="append", type=Path, metavar="FILE",
+        help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a face is found in the photo',
+    )  # fmt: skip
+    _add_finding(fit)
     camera = fit.add_mutually_exclusive_group()
     camera.add_argument(
-        "--camera", type=Path, metavar="FILE", help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}'
+        "--camera",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}',
     )
     camera.add_argument(
-        "--focal-px", type=float, metavar="F", help="focal length in pixels; fitted when neither is given"
+        "--focal-px",
+        action="append",
+        type=float,
+        metavar="F",
+        help="focal length in pixels; fitted when neither is given",
     )
     fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
     fit.add_argument(
@@ -119,6 +140,7 @@ def _add_fit(commands: Any) -> None:
     fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
     fit.add_argument(
         "--truth",
+        action="append",
         type=Path,
         metavar="FILE",
         help="known vertices (.npz): adds errors to trace and result, changes nothing",
@@ -135,10 +157,36 @@ def _add_fit(commands: Any) -> None:
 
 
 def _add_detect(commands: Any) -> None:
-    detect = commands.add_parser("detect", help="find the landmarks of a face in a photograph")
-    detect.add_argument("image", type=Path, metavar="IMAGE")
+    detect = commands.add_parser(
+        "detect",
+        help="find the landmarks of a face in a photograph",
+        description="Find faces in a photograph and write 478 landmarks (scheme mediapipe478) of one of them, each "
+        "marked visible or hidden. A fit without --landmarks does the same; detect on its own shows what it would use, "
+        "and its file can be mended by hand. Prints a line of JSON: which face, how sure (0 to 1), its box in pixels.",
+        epilog="Example: facestage detect group.jpg --out points.json --picture points.png, then look at the picture, "
+        "and choose with --face 2. The model (3.7 MB) is fetched on first use; facestage doctor says whether it is "
+        "there.",
+    )
+    detect.add_argument("image", type=Path, metavar="IMAGE", help="PNG or JPEG (sRGB), or EXR (linear)")
     detect.add_argument("--out", type=Path, required=True, metavar="FILE", help="landmarks.json to write")
+    _add_finding(detect)
+    detect.add_argument(
+        "--picture", type=Path, metavar="FILE",
+        help="write the photo (.png) with the points drawn: green seen, red hidden, a numbered box for every face",
+    )  # fmt: skip
+    detect.add_argument("--all", action="store_true", help="write the points of every face found, under 'faces'")
     detect.set_defaults(run=_run_detect)
+
+
+def _add_finding(command: Any) -> None:
+    """The options of every command that finds faces."""
+    command.add_argument(
+        "--face", type=int, metavar="K", help="which face of several: 1 is the largest (default), 2 the next, ..."
+    )
+    command.add_argument(
+        "--landmark-model", type=Path, metavar="FILE",
+        help="MediaPipe's face_landmarker.task (default: $FACESTAGE_LANDMARK_MODEL, the cache, else fetched once)",
+    )  # fmt: skip
 
 
 def _add_render(commands: Any) -> None:
@@ -233,72 +281,114 @@ def _add_stress(commands: Any) -> None:
 
 
 def _run_fit(options: argparse.Namespace) -> int:
+    from facestage.fit.person import fit_person
     from facestage.fit.run import fit_job
 
-    fit_job(_job(options), options.out, options.resume, lambda event: print(event.to_line(), flush=True))
+    def emit(event: Event) -> None:
+        print(event.to_line(), flush=True)
+
+    if options.same_person:
+        fit_person(_jobs(options), options.out, options.resume, emit, options.landmark_model)
+    else:
+        fit_job(_job(options), options.out, options.resume, emit, options.landmark_model)
     return EXIT_DONE
 
 
 def _job(options: argparse.Namespace) -> Job:
-    """The job of a ``fit`` command line, from a job folder or from the image and its options."""
+    """The job of a ``fit`` command line that is about one photo."""
+    jobs = _jobs(options)
+    if len(jobs) > 1:
+        raise InputError(
+            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of them, or fit them "
+            "one by one."
+        )
+    return jobs[0]
+
+
+def _jobs(options: argparse.Namespace) -> list[Job]:
+    """The jobs of a ``fit`` command line, from job folders or from the images and their options."""
     from facestage.contract.job import Job
 
-    if options.job is not None:
-        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device")
-        given = [name for name in own if getattr(options, name) is not None]
+    count = len(options.job) or len(options.image)
+    if options.job:
+        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device", "face")
+        given = [name for name in own if getattr(options, name) not in (None, [])]
         if given or options.freeze:
             raise InputError(
                 f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or change it in the job."
             )
-        job = Job.load(options.job)
-        return _override(job, options)
-    if options.image is None:
+        jobs = [Job.load(folder) for folder in options.job]
+    elif not options.image:
         raise InputError("facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job DIR --out DIR.")
-    return _override(_image_job(options), options)
+    else:
+        landmarks = _for_each(options.landmarks, count, "landmark files")
+        cameras = _for_each(options.camera, count, "camera files", one_for_all=True)
+        focals = _for_each(options.focal_px, count, "focal lengths", one_for_all=True)
+        jobs = [_image_job(options, *own) for own in zip(options.image, landmarks, cameras, focals, strict=True)]
+    truths = _for_each(options.truth, count, "truth files")
+    return [_override(job, options, truth) for job, truth in zip(jobs, truths, strict=True)]
 
 
-def _override(job: Job, options: argparse.Namespace) -> Job:
+def _for_each(values: list[Any] | None, count: int, what: str, one_for_all: bool = False) -> list[Any]:
+    """One value per photo; None for each when none was given."""
+    if not values:
+        return [None] * count
+    if one_for_all and len(values) == 1:
+        return values * count
+    if len(values) != count:
+        raise InputError(
+            f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; expected one for each, in "
+            "the order of the photos."
+        )
+    return values
+
+
+def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
     from dataclasses import replace
 
     if options.budget is not None:
         seconds, quality = parse_budget(options.budget)
         job = replace(job, budget_seconds=seconds, quality=quality)
-    if options.truth is not None:
-        job = replace(job, truth=options.truth.absolute())
+    if truth is not None:
+        job = replace(job, truth=truth.absolute())
     if options.plan is not None:
         job = replace(job, plan=options.plan)
     return job
 
 
-def _image_job(options: argparse.Namespace) -> Job:
+def _image_job(
+    options: argparse.Namespace, image: Path, landmarks: Path | None, camera_file: Path | None, focal_px: float | None
+) -> Job:
     from facestage.contract.camera import Camera
     from facestage.contract.job import Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
     from facestage.image_io import read_photograph
 
-    camera = Camera.read(options.camera) if options.camera else None
-    if options.focal_px is not None:
-        camera = Camera.default(*read_photograph(options.image).size, options.focal_px)
+    camera = Camera.read(camera_file) if camera_file else None
+    if focal_px is not None:
+        camera = Camera.default(*read_photograph(image).size, focal_px)
     count = DEFAULT_COUNT if options.lights is None else options.lights
     return Job(
-        image=options.image.absolute(),
+        image=image.absolute(),
         model=options.model or "default",
-        landmarks=Landmarks.read(options.landmarks) if options.landmarks else None,
+        landmarks=Landmarks.read(landmarks) if landmarks else None,
         camera=camera,
         stage=fibonacci_stage(count),
         light_color=options.light_color or "multi",
         freeze=tuple(options.freeze),
         seed=options.seed or 0,
         device=options.device or "auto",
+        face=options.face,
     )
 
 
-def _run_detect(_options: argparse.Namespace) -> int:
-    raise InputError(
-        "Automatic landmark detection is not available; make a landmark file by hand or with another tool and "
-        "give it with --landmarks (68 points, scheme ibug68)."
-    )
+def _run_detect(options: argparse.Namespace) -> int:
+    from facestage.landmarks.command import run_detect
+
+    summary = run_detect(options.image, options.out, options.face, options.landmark_model, options.picture, options.all)
+    print(json.dumps(summary))
+    return EXIT_DONE
 
 
 def _run_render(options: argparse.Namespace) -> int:

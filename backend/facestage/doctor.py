@@ -15,13 +15,22 @@ from pathlib import Path
 from typing import TextIO
 
 from facestage import __version__, native
-from facestage.contract.errors import BackendUnavailableError
-from facestage.models.registry import cache_folder
+from facestage.contract.errors import BackendUnavailableError, InputError
+from facestage.folders import cache_folder, data_folder
+from facestage.landmarks.model_file import URL, cached_path, find_model
 
 EXIT_ABLE, EXIT_UNABLE = 0, BackendUnavailableError.exit_code
 PYTHONS = ((3, 11), (3, 13))  # the Pythons inside Blender 4.2-5.0 and 5.1+
 # Distribution and the versions that work; each Mitsuba needs exactly one Dr.Jit.
-PACKAGES = {"mitsuba": "3.9.", "drjit": "1.5.", "numpy": "", "scipy": "", "scikit-image": "", "matplotlib": ""}
+PACKAGES = {
+    "mitsuba": "3.9.",
+    "drjit": "1.5.",
+    "numpy": "",
+    "scipy": "",
+    "scikit-image": "",
+    "matplotlib": "",
+    "pooch": "",
+}
 INSTALL = "Run: make setup (outside the source tree: pip install --upgrade facestage)"
 # Libraries of a desktop Linux that `import bpy` and `import cv2` link to, and servers lack.
 DESKTOP_LIBRARIES = (
@@ -71,6 +80,7 @@ def findings() -> Iterator[Finding]:
     yield folder_finding("cache folder", cache_folder())
     yield folder_finding("temporary folder", Path(tempfile.gettempdir()))
     yield data_finding()
+    yield landmark_finding()
 
 
 def python_finding() -> Finding:
@@ -140,10 +150,21 @@ def folder_finding(subject: str, folder: Path) -> Finding:
 
 def data_finding() -> Finding:
     """Face models beside the built-in one, where the tests look for them too; nothing needs them."""
-    folder = Path(os.environ.get("FACESTAGE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
-    archives = sorted(folder.glob("ict-facekit*"))
+    archives = sorted(data_folder().glob("ict-facekit*"))
     others = [f"--model ict:{path}" for path in archives] or ["--model ict:PATH for ICT-FaceKit, not found here"]
     return Finding("face models", f"default (built in); {'; '.join(others)}")
+
+
+def landmark_finding() -> Finding:
+    """The model that finds faces, which only photos without a landmark file need."""
+    try:
+        path = find_model()
+    except InputError as error:
+        return Finding("landmark model", str(error), works=False)
+    if path is None:
+        remedy = f"A fit without --landmarks fetches it (3.7 MB); without a network put {URL} at {cached_path()}"
+        return Finding("landmark model", "not on this machine yet", works=False, remedy=remedy)
+    return Finding("landmark model", str(path))
 
 
 def _library_remedy() -> str:

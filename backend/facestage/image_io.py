@@ -1,22 +1,37 @@
-"""Images in and out: 8/16-bit sRGB files and linear EXR, always as linear float RGB inside."""
+"""Images in and out: 8/16-bit files of any color space and linear EXR, always as linear float RGB inside."""
 
 from __future__ import annotations
 
 import os
+import struct
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from facestage.color_profile import DEFAULT, SRGB, chromaticities_to_rec709, decoder_of, through_littlecms
+from facestage.color_profile import linear_to_srgb as linear_to_srgb
+from facestage.color_profile import srgb_to_linear as srgb_to_linear
 from facestage.contract.errors import InputError
 from facestage.contract.storage import atomic_file
+from facestage.exif import FocalPrior, focal_prior
 
 MAX_SIDE = 16384
-EXTENSIONS = ".png, .jpg, .jpeg, .exr"
+EXTENSIONS = ".png, .jpg, .jpeg, .webp, .tif, .tiff, .exr"
+# Decoders that are tried, by content: Pillow has others, one of which runs a program.
+FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP")
+# What phones and cameras write that is not decoded here: "ftyp" brands of HEIF and AVIF; files of raw sensor data,
+# whose own picture would be a thumbnail.
+HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"avif", b"avis")
+RAW_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw")
+ORIENTATION = 0x0112
 # The brightest code value of a display image, less rounding: there the sensor, or the file, ran out.
 CLIP_LEVEL = 0.996
+EXR_HEADER_MAX = 1 << 16
+LINEAR_REC709 = "linear Rec. 709"
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
@@ -27,6 +42,8 @@ class Photograph:
     color: np.ndarray  # (h, w, 3) float32 linear RGB, Rec. 709
     mask: np.ndarray  # (h, w) bool: finite and not transparent
     clipped: np.ndarray  # (h, w, 3) bool: saturated
+    color_space: str = SRGB  # what the file's numbers were taken for
+    focal: FocalPrior | None = None  # what the file says of its lens
 
     @property
     def size(self) -> tuple[int, int]:
@@ -34,18 +51,11 @@ class Photograph:
         return self.color.shape[1], self.color.shape[0]
 
 
-def srgb_to_linear(value: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, decoding; 0..1 in and out."""
-    return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.0) + 0.055) / 1.055) ** 2.4)
-
-
-def linear_to_srgb(value: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, encoding; 0..1 in and out."""
-    return np.where(value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055)
-
-
 def read_photograph(path: Path) -> Photograph:
-    """Decode a photo: PNG/JPEG as sRGB with its EXIF orientation, EXR as linear; alpha masks pixels.
+    """Decode a photo to linear Rec. 709; alpha masks pixels.
+
+    PNG, JPEG, WebP and TIFF by their ICC profile, or as sRGB, turned by their EXIF orientation; EXR as linear, by its
+    chromaticities. A PNG's gAMA, cHRM and cICP chunks are not looked at.
 
     Raises InputError for a missing, empty or undecodable file, or one without a single finite pixel.
     """
@@ -65,36 +75,81 @@ def read_photograph(path: Path) -> Photograph:
 
 
 def _read_display(path: Path) -> Photograph:
-    from PIL import Image, ImageOps, UnidentifiedImageError
+    from PIL import Image, UnidentifiedImageError
 
+    if path.suffix.lower() in RAW_SUFFIXES:
+        raise InputError(f"The photo '{path}' is a camera's raw file; develop it and export a 16-bit TIFF or a JPEG.")
+    with path.open("rb") as file:
+        head = file.read(12)
+    if head[4:8] == b"ftyp" and head[8:12] in HEIF_BRANDS:
+        raise InputError(f"The photo '{path}' is a HEIC or AVIF picture, which is not read; export it as JPEG.")
     try:
         with warnings.catch_warnings():
-            # Pillow's size guard is a warning first; the limit below is ours.
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            # Pillow's size guard is a warning first; the limit below is ours. Damaged EXIF is as good as none.
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=FORMATS) as image:
                 if max(image.size) > MAX_SIDE:
                     raise InputError(
                         f"The photo '{path}' is {image.size[0]} x {image.size[1]} pixels; at most {MAX_SIDE} a side."
                     )
-                upright = ImageOps.exif_transpose(image)
-                alpha = np.asarray(upright.convert("RGBA"))[..., 3] if _has_alpha(upright) else None
-                values = _to_unit_rgb(upright)
+                if image.mode == "F":
+                    raise InputError(f"The photo '{path}' holds floating-point numbers; save it as an EXR.")
+                # Known only until the pixels are decoded.
+                deep = image.mode in ("RGB", "RGBA") and any("16" in str(tile.args) for tile in image.tile)
+                image.load()
+                exif = image.getexif()
+                focal, turn = focal_prior(exif, *image.size), exif.get(ORIENTATION, 1)
+                color, clipped, alpha, space = _decoded(path, image, deep)
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
         raise InputError(f"The photo '{path}' is not a readable image ({error}); expected {EXTENSIONS}.") from error
-    mask = np.ones(values.shape[:2], bool) if alpha is None else alpha > 127
-    return Photograph(srgb_to_linear(values).astype(np.float32), mask, values >= CLIP_LEVEL)
+    mask = np.ones(color.shape[:2], bool) if alpha is None else alpha
+    color, mask, clipped = (np.ascontiguousarray(_upright(array, turn)) for array in (color, mask, clipped))
+    return Photograph(color, mask, clipped, space, focal)
+
+
+def _decoded(path: Path, image: Any, deep: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
+    """Linear color (h, w, 3), clipped (h, w, 3), alpha (h, w) bool or None, and the color space of a Pillow image."""
+    alpha = np.asarray(image.convert("RGBA").getchannel("A")) > 127 if _has_alpha(image) else None
+    profile = image.info.get("icc_profile")
+    decoder, name = DEFAULT, DEFAULT.name
+    if profile:
+        # A profile that is damaged, or for another kind of image, is ignored, as viewers do.
+        with suppress(ValueError):
+            found = decoder_of(profile)
+            if found is None:
+                image = through_littlecms(image.convert("RGB") if image.mode in ("P", "RGBA") else image, profile)
+                name, deep = "ICC profile, by LittleCMS in 8 bits", False
+            else:
+                decoder, name = found, found.name
+    codes = _codes(path, image, deep)
+    return decoder(codes), codes >= CLIP_LEVEL * np.iinfo(codes.dtype).max, alpha, name
+
+
+def _codes(path: Path, image: Any, deep: bool) -> np.ndarray:
+    """(h, w, 3) uint8 or uint16 code values; 16 bits keep their precision."""
+    if image.mode.startswith("I;16"):
+        return np.repeat(np.asarray(image, np.uint16)[..., None], 3, axis=2)
+    if deep:
+        # Pillow drops half the bits of color; OpenCV does not.
+        codes = _opencv().imdecode(np.frombuffer(path.read_bytes(), np.uint8), -1)
+        if codes is not None and codes.dtype == np.uint16 and codes.shape[:2] == image.size[::-1] and codes.ndim == 3:
+            return np.asarray(codes[..., 2::-1])
+    return np.asarray(image.convert("RGB"))
+
+
+def _upright(array: np.ndarray, orientation: int) -> np.ndarray:
+    """``array`` (h, w, ...) turned as the EXIF orientation 1..8 says."""
+    if orientation in (5, 6, 7, 8):
+        array = array.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        array = array[::-1]
+    if orientation in (2, 3, 6, 7):
+        array = array[:, ::-1]
+    return array
 
 
 def _has_alpha(image: Any) -> bool:
     return "A" in image.getbands() or "transparency" in image.info
-
-
-def _to_unit_rgb(image: Any) -> np.ndarray:
-    """(h, w, 3) float in 0..1 of any mode Pillow decodes; 16-bit grey keeps its precision."""
-    if image.mode.startswith("I;16"):
-        grey = np.asarray(image, np.float64) / 65535.0
-        return np.repeat(grey[..., None], 3, axis=2)
-    return np.asarray(image.convert("RGB"), np.float64) / 255.0
 
 
 def _opencv() -> Any:
@@ -102,8 +157,8 @@ def _opencv() -> Any:
     os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
     import cv2
 
-    # What is wrong with a file is said once, by the error it raises.
-    cv2.setLogLevel(0)
+    # What is wrong with a file is said once, by the error it raises. OpenCV 4.12 moved the function.
+    (cv2.setLogLevel if hasattr(cv2, "setLogLevel") else cv2.utils.logging.setLogLevel)(0)
     return cv2
 
 
@@ -123,8 +178,21 @@ def _read_exr(path: Path) -> Photograph:
     if image.shape[2] == 4:
         mask &= image[..., 3] > 0.5
     color = image[..., [2, 1, 0]] if image.shape[2] >= 3 else np.repeat(image[..., :1], 3, axis=2)
-    color = np.where(np.isfinite(color), np.maximum(color, 0.0), 0.0).astype(np.float32)
-    return Photograph(color, mask, np.zeros(color.shape, bool))
+    color = np.where(np.isfinite(color), color, 0.0).astype(np.float32)
+    matrix = _exr_matrix(data[:EXR_HEADER_MAX])
+    if matrix is not None:
+        color = color @ matrix.T.astype(np.float32)
+    name = LINEAR_REC709 if matrix is None else "linear, by its chromaticities"
+    return Photograph(np.maximum(color, 0.0), mask, np.zeros(color.shape, bool), name)
+
+
+def _exr_matrix(header: bytes) -> np.ndarray | None:
+    """(3, 3) to linear Rec. 709 by the header's attribute "chromaticities"; None where it is that already."""
+    mark = b"chromaticities\x00chromaticities\x00" + struct.pack("<i", 32)
+    start = header.find(mark) + len(mark)
+    if start < len(mark) or len(header) < start + 32:
+        return None
+    return chromaticities_to_rec709(np.array(struct.unpack("<8f", header[start : start + 32]), np.float64))
 
 
 def write_exr(path: Path, image: np.ndarray) -> None:
@@ -143,12 +211,22 @@ def write_exr(path: Path, image: np.ndarray) -> None:
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
 
 
+def write_png(path: Path, image: np.ndarray) -> None:
+    """Write (h, w, 3) uint8 as a PNG of these very bytes, whole or not at all."""
+    from PIL import Image
+
+    with atomic_file(path) as temporary:
+        Image.fromarray(image).save(temporary, format="PNG")
+
+
 def read_exr(path: Path) -> np.ndarray:
     """(h, w, 3) float32 linear RGB of an EXR."""
     return read_photograph(path).color
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Area-averaged (h, w, ...) float image."""
+    """(h, w, ...) float image of another size: area-averaged where it shrinks, else bilinear."""
     cv2 = _opencv()
-    return cv2.resize(np.ascontiguousarray(image, np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    larger = width > image.shape[1] or height > image.shape[0]
+    method = cv2.INTER_LINEAR if larger else cv2.INTER_AREA
+    return cv2.resize(np.ascontiguousarray(image, np.float32), (width, height), interpolation=method)

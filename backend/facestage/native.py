@@ -22,7 +22,7 @@ from pathlib import Path
 
 from facestage.contract.errors import BackendUnavailableError, FacestageError, InputError
 from facestage.contract.storage import write_json
-from facestage.models.registry import cache_folder
+from facestage.folders import cache_folder
 
 LLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
 LLVM_VARIANT = "llvm_ad_rgb"

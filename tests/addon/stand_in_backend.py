@@ -1,7 +1,7 @@
 """A backend without a fit: answers the command line with a made-up result, or misbehaves as told.
 
-STAND_IN_MOOD: works, refuses (exit 2 with a sentence), hangs (until it is stopped), stubborn (ignores
-being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
+STAND_IN_MOOD: works, sees no face (detect exits 2), refuses (exit 2 with a sentence), hangs (until it is stopped),
+stubborn (ignores being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
 STAND_IN_STATUS: the result's status, converged if not set.
 """
 
@@ -23,9 +23,10 @@ from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
-from facestage.contract.storage import atomic_folder
+from facestage.contract.storage import atomic_folder, write_json
 
 
 def main() -> int:
@@ -51,6 +52,11 @@ def main() -> int:
             Path(options["--out"] + ".partial").mkdir(parents=True, exist_ok=True)
             time.sleep(600)
         fit(Path(options["--job"]), Path(options["--out"]))
+    elif verb == "detect":
+        if mood == "sees no face":
+            print("facestage: No face was found in the photo; choose another photo.", file=sys.stderr)
+            return 2
+        detect(Path(sys.argv[2]), Path(options["--out"]), int(options["--face"]))
     elif verb == "render":
         relight_cache(Path(sys.argv[2]))
     elif verb == "doctor":
@@ -70,10 +76,23 @@ def fit(job_folder: Path, out: Path) -> None:
         result = made_up(job, model)
         result.write_into(folder)
         rng = np.random.default_rng(3)
-        for name, channels in (("albedo", 3), ("specular", 1), ("render", 3), ("light_probe", 3)):
+        for name, channels in (("albedo", 3), ("specular", 1), ("roughness", 1), ("render", 3), ("light_probe", 3)):
             pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
             assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
+        if job.landmarks is None:
+            detect(job.image, folder / "landmarks.json", job.face or 1)
+        else:
+            write_json(folder / "landmarks.json", job.landmarks.to_json())
         (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
+
+
+def detect(image: Path, out: Path, face: int) -> None:
+    """478 points in a disc in the middle of the photo, turned by the number of the face; the last ten are hidden."""
+    height, width = cv2.imread(str(image)).shape[:2]
+    turn = face + np.arange(478) * 2.399963
+    radius = 0.3 * min(width, height) * np.sqrt((np.arange(478) + 0.5) / 478)
+    points = np.array([width / 2, height / 2]) + radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1)
+    write_json(out, Landmarks("mediapipe478", points, np.arange(478) < 468).to_json())
 
 
 def relight_cache(folder: Path) -> None:

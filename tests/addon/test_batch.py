@@ -48,6 +48,23 @@ def test_whole_run_saves_a_scene_that_opens_again(run, photo: Path, landmark_fil
     assert scene.render.resolution_x == 96
 
 
+def test_without_landmarks_the_fit_finds_them(run, photo: Path, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage.contract.job import Job
+    from facestage_blender.landmarks import landmark_empties
+
+    out = tmp_path / "out"
+    code, said = run("--image", photo, "--face", 2, "--out", out, "--lights", 3)
+    assert code == 0, said
+    job = Job.load(out / "job")
+    assert (job.landmarks, job.face) == (None, 2)
+    bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
+    assert bpy.context.scene.facestage.landmarks_from == "DETECTED"
+    assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}
+    assert len(landmark_empties(bpy.context.scene)) == 73
+
+
 def test_runs_as_a_module(stand_in, photo: Path, landmark_file: Path, tmp_path: Path) -> None:
     stand_in("works")
     command = [sys.executable, "-m", "facestage_blender.batch"]
@@ -88,6 +105,8 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
         "no such side": (["--relight", "behind"], "invalid choice"),
         "expression without value": (["--expression", "jawOpen"], "NAME=VALUE"),
         "unknown frozen parameter": (["--freeze", "hair"], "invalid choice"),
+        "no such face": (["--face", "0"], "largest face"),
+        "face and landmarks": (["--face", "2", "--landmarks", few], "not allowed"),
         "negative budget": (["--budget", "-3"], "greater than 0"),
         "no lights": (["--lights", "0"], "0 lights"),
         "output is a file": (["--out", blocked / "deeper"], "Cannot write"),
@@ -98,8 +117,8 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
 BAD_INPUTS = (
     "photo missing", "photo is text", "photo is empty", "landmarks missing", "landmarks of the wrong count",
     "landmarks outside the photo", "camera of another photo", "two cameras", "no such side",
-    "expression without value", "unknown frozen parameter", "negative budget", "no lights", "output is a file",
-    "truth missing",
+    "expression without value", "unknown frozen parameter", "no such face", "face and landmarks", "negative budget",
+    "no lights", "output is a file", "truth missing",
 )  # fmt: skip
 
 
@@ -123,3 +142,13 @@ def test_backends_refusal_and_absence_have_their_codes(run, stand_in, photo, tmp
     assert "photo is of a cat" in said
     monkeypatch.setenv("FACESTAGE_BACKEND", "/no/such/program")
     assert run("--image", photo, "--out", tmp_path / "out")[0] == 4
+
+
+def test_the_demo_detects_or_takes_what_is_shipped(stand_in, photo: Path, tmp_path: Path, capfd) -> None:
+    from facestage_blender.demo import LANDMARKS, astronaut_landmarks
+
+    out = tmp_path / "found.json"
+    assert astronaut_landmarks(photo, out, stand_in("works")) == (out, "found in the photo (478 points)")
+    path, origin = astronaut_landmarks(photo, out, stand_in("sees no face"))
+    assert (path, origin) == (LANDMARKS, "from the file that comes with the demo")
+    assert "No face was found" in capfd.readouterr().err

@@ -21,7 +21,7 @@ from facestage.fit.shading import sample_bilinear
 from facestage.fit.truth import Truth
 from facestage.models.registry import load_model
 
-OCCLUDERS = ("cap", "fringe", "glasses")
+OCCLUDERS = ("cap", "fringe", "glasses", "strands")
 SIZE = 48
 
 
@@ -92,6 +92,23 @@ def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
     np.testing.assert_array_equal(first.stage.position, again.stage.position)
     assert not np.allclose(first.stage.position, other.stage.position)
     assert len({case_seed(name, seed) for name in ("cap", "cap_2", "beard") for seed in range(3)}) == 9
+
+
+def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
+    from facestage_blender.cases.__main__ import case_seed, photos
+    from facestage_blender.cases.person import person_of
+
+    chosen = photos(2)
+    first, second = (person_of(head, each, case_seed(f"7/{name}", 0), 7) for name, each in chosen.items())
+    other = person_of(head, chosen["photo_1"], case_seed("8/photo_1", 0), 8)
+    for name in ("identity", "albedo", "specular", "roughness"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        assert not np.array_equal(getattr(first, name), getattr(other, name))
+    for name in ("expression", "model_to_camera"):
+        assert not np.array_equal(getattr(first, name), getattr(second, name))
+    for wrong in (0, 9):
+        with pytest.raises(InputError, match="expected 1 to 8"):
+            photos(wrong)
 
 
 def test_expressions_are_found_by_either_spelling(head: FaceModel) -> None:
@@ -197,6 +214,87 @@ def test_what_is_worn_lies_on_the_skin(model: FaceModel, kind: str, seed: int) -
         assert np.mean(above > 0) > (0.9 if kind == "cap" else 0.99)
         assert item.vertices[:, 1].max() > vertices[:, 1].max()
         assert item.vertices[:, 1].min() > brows[:, 1].min() - 0.04
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_hand_leans_on_a_cheek(model: FaceModel, seed: int) -> None:
+    from mathutils.bvhtree import BVHTree
+
+    from facestage_blender.cases.person import person_of
+
+    person = person_of(model, recipe("hand"), seed)
+    (hand,) = person.worn
+    vertices = model.shape(person.identity, person.expression)
+    marks, skin = landmarks_of(model, vertices), model.triangles[model.triangle_part == 0]
+    # One closed surface, before the cheek of one side, of the face's own color.
+    edges = np.sort(hand.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    side = np.sign(hand.vertices[:, 0].mean())
+    cheek = marks[[3, 4, 48]] if side < 0 else marks[[13, 12, 54]]
+    tree = BVHTree.FromPolygons(hand.vertices.tolist(), hand.triangles.tolist())
+    middle = cheek.mean(axis=0)
+    hits = [
+        tree.ray_cast((middle[0] + dx, middle[1] + dy, 1.0), (0, 0, -1))[0]
+        for dx in np.linspace(-0.03, 0.03, 7)
+        for dy in np.linspace(-0.03, 0.03, 7)
+    ]
+    assert sum(hit is not None for hit in hits) > 15
+    face = BVHTree.FromPolygons(vertices.tolist(), skin.tolist())
+    behind = [(hit, face.ray_cast((hit.x, hit.y, 1.0), (0, 0, -1))[0]) for hit in hits if hit is not None]
+    assert np.mean([surface is None or hit.z > surface.z for hit, surface in behind]) > 0.9
+    np.testing.assert_allclose(hand.color, np.median(person.albedo.reshape(-1, 3), axis=0), rtol=0.1)
+    assert np.ptp(hand.vertices, axis=0).max() < 0.4
+
+
+def test_walls_stand_where_no_lamp_does() -> None:
+    from facestage_blender.cases.lamps import light_stage
+    from facestage_blender.cases.recipe import RECIPES
+    from facestage_blender.cases.surroundings import walls
+
+    walled = [each for each in RECIPES if each.walls is not None]
+    assert walled
+    for each in walled:
+        behind, beside = walls(each.walls, each.lamps)
+        assert behind.vertices[:, 2].max() < -0.2
+        x, forward = beside.vertices[0, 0], beside.vertices[:, 2].max()
+        for position in light_stage(each.lamps, np.random.default_rng(0)).position:
+            # The straight line from the lamp to the face's centre passes the wall's plane in front of it, or never.
+            assert position[0] * x <= 0 or abs(position[0]) < abs(x) or position[2] * x / position[0] > forward
+
+
+def test_a_sensor_counts_electrons() -> None:
+    from facestage_blender.synthetic import READ_NOISE, noisy
+
+    picture = np.full((200, 200, 3), 0.25)
+    assert noisy(picture, None, np.random.default_rng(0)) is picture
+    counted = noisy(picture, 400, np.random.default_rng(0))
+    assert counted.mean() == pytest.approx(0.25, rel=2e-3)
+    assert counted.std() == pytest.approx(np.sqrt(0.25 * 400 + READ_NOISE**2) / 400, rel=0.02)
+
+
+def test_a_snapshot_has_all_of_it(scene, model: FaceModel, tmp_path: Path) -> None:
+    from facestage_blender.cases.person import person_of
+    from facestage_blender.render import read_pixels
+    from facestage_blender.sightlines import BACKGROUND, FACE, HEAD, NARROW_FACE, WORN
+    from facestage_blender.synthetic import render_person
+
+    person = person_of(model, recipe("snapshot"), 3)
+    assert [item.name for item in person.worn] == ["Strands", "Hand"] and len(person.around) == 2
+    render_person(scene, model, person, tmp_path / "case", samples=2, seed=1, size=SIZE)
+    folder = tmp_path / "case"
+    truth = read_arrays(folder / "truth.npz", "truth")
+    photo, compressed = (read_pixels(folder / f"photo.{kind}")[..., :3] for kind in ("png", "jpg"))
+    np.testing.assert_array_equal(photo, compressed)
+    exact = read_pixels(folder / "photo.exr")[..., :3]
+    # The walls are orange, and no part of what the exposure was measured on.
+    wall = exact[truth["labels"] == BACKGROUND].mean(axis=0)
+    assert wall[0] > 2 * wall[1] > 2 * wall[2] and not truth["mask"][truth["labels"] == BACKGROUND].any()
+    skin = read_pixels(folder / "skin.png")[..., 0] > 0.5
+    np.testing.assert_array_equal(skin, np.isin(truth["labels"], (NARROW_FACE, FACE, HEAD)))
+    assert (truth["labels"] == WORN).mean() > 0.03
+    lens = scene.camera.data.dof
+    assert lens.use_dof and lens.aperture_fstop == pytest.approx(2.8) and 0.6 < lens.focus_distance < 0.8
+    assert Case("snapshot", folder, "default").job().camera.width == SIZE
 
 
 def test_sightlines_see_what_lies_before_the_head(head: FaceModel) -> None:

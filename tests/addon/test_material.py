@@ -39,12 +39,12 @@ def small_light(towards: np.ndarray) -> LightStage:
     )  # fmt: skip
 
 
-def render_ball(scene, albedo, c_spec, roughness, towards) -> np.ndarray:
+def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = False) -> np.ndarray:
     """A ball at the origin with the skin material, one small light, orthographic camera on stage +Z."""
     import bpy
 
     from facestage_blender.camera import set_resolution
-    from facestage_blender.material import part_materials, skin_group
+    from facestage_blender.material import part_materials, set_textures, skin_group, texture_image
     from facestage_blender.render import render_linear
     from facestage_blender.stage import build_stage
 
@@ -53,13 +53,18 @@ def render_ball(scene, albedo, c_spec, roughness, towards) -> np.ndarray:
     ball = bpy.context.object
     ball.data.shade_smooth()
     material = part_materials(np.array([0]))[0]
-    skin = material.node_tree.nodes[skin_group().name]
-    for name in ("Albedo", "Specular"):
-        material.node_tree.links.remove(skin.inputs[name].links[0])
-    skin.inputs["Albedo"].default_value = (*albedo, 1)
-    skin.inputs["Specular"].default_value = c_spec
-    skin.inputs["Roughness"].default_value = roughness
     ball.data.materials.append(material)
+    if textured:
+        maps = (texture_image("map", np.full((4, 4), 1, np.float32) * value) for value in (c_spec, roughness))
+        plain = texture_image("albedo", np.full((4, 4, 3), albedo, np.float32))
+        set_textures(ball, plain, next(maps), 0.9, next(maps))
+    else:
+        skin = material.node_tree.nodes[skin_group().name]
+        for name in ("Albedo", "Specular"):
+            material.node_tree.links.remove(skin.inputs[name].links[0])
+        skin.inputs["Albedo"].default_value = (*albedo, 1)
+        skin.inputs["Specular"].default_value = c_spec
+        skin.inputs["Roughness"].default_value = roughness
     scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     scene.collection.objects.link(scene.camera)
     scene.camera.location, scene.camera.rotation_euler = (0, -1, 0), (math.pi / 2, 0, 0)
@@ -95,21 +100,22 @@ def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.nd
 
 
 @pytest.mark.parametrize(
-    ("albedo", "c_spec", "roughness"),
+    ("albedo", "c_spec", "roughness", "textured"),
     [
-        ((0.5, 0.3, 0.2), 0.0, 0.5),
-        ((0.0, 0.0, 0.0), 1.0, 0.35),
-        ((0.6, 0.4, 0.3), 0.6, 0.5),
-        ((0.1, 0.1, 0.1), 1.7, 0.8),
+        ((0.5, 0.3, 0.2), 0.0, 0.5, False),
+        ((0.0, 0.0, 0.0), 1.0, 0.35, False),
+        ((0.6, 0.4, 0.3), 0.6, 0.5, False),
+        ((0.1, 0.1, 0.1), 1.7, 0.8, False),
+        ((0.3, 0.2, 0.1), 1.2, 0.4, True),
     ],
 )
-def test_cycles_evaluates_the_contracts_reflectance(scene, tmp_path: Path, albedo, c_spec, roughness) -> None:
+def test_cycles_evaluates_the_contracts_reflectance(scene, tmp_path: Path, albedo, c_spec, roughness, textured) -> None:
     from facestage_blender.render import save_exr
 
     towards = np.array([0.5, 0.4, 0.77])
     towards /= np.linalg.norm(towards)
     expected, mask = expected_ball(albedo, c_spec, roughness, towards)
-    found = render_ball(scene, albedo, c_spec, roughness, towards)
+    found = render_ball(scene, albedo, c_spec, roughness, towards, textured)
     error = np.abs(found - expected)[mask].max() / expected[mask].max()
     print(f"off by {error:.3%} of the brightest pixel; 1 % allowed")
     if error >= 0.01:

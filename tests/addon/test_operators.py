@@ -240,11 +240,34 @@ def test_relight_and_light_states(ready) -> None:
 def test_all_properties_and_operators_explain_themselves(scene) -> None:
     import bpy
 
-    from facestage_blender import operators, operators_fit, operators_preview, properties
+    from facestage_blender import operators, operators_fit, operators_landmarks, operators_model, operators_preview
+    from facestage_blender import properties as settings
 
-    for group in properties.CLASSES:
+    for group in settings.CLASSES:
         for name, prop in group.bl_rna.properties.items():
             assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
-    for operator in (*operators.CLASSES, *operators_fit.CLASSES, *operators_preview.CLASSES):
-        assert operator.__doc__
-        assert hasattr(bpy.types, operator.__name__)
+    for module in (operators, operators_fit, operators_landmarks, operators_model, operators_preview):
+        for operator in module.CLASSES:
+            assert operator.__doc__
+            assert hasattr(bpy.types, operator.__name__)
+
+
+def test_face_model_is_chosen_with_its_license(ready, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.operators_model import KINDS, model_label, model_license
+
+    assert model_license(ready) == "CC0-1.0"  # as the model of the rig says
+    file = tmp_path / "somebody.npz"
+    file.write_bytes(b"")
+    assert bpy.ops.facestage.choose_model(kind="npz", filepath=str(file)) == {"FINISHED"}
+    assert ready.facestage.model == f"npz:{file}"
+    assert model_label(ready.facestage.model) == "Facestage Model (somebody.npz)"
+    assert model_license(ready) == KINDS["npz"].license  # the rig is of another model
+    assert bpy.ops.facestage.choose_model(kind="ict", filepath=str(tmp_path)) == {"FINISHED"}
+    assert ready.facestage.model == f"ict:{tmp_path}"
+    refused(bpy.ops.facestage.choose_model, "does not exist", kind="flame", filepath=str(tmp_path / "absent.pkl"))
+    refused(bpy.ops.facestage.choose_model, "choose the file", kind="bfm")
+    assert ready.facestage.model == f"ict:{tmp_path}"
+    assert bpy.ops.facestage.choose_model(kind="default") == {"FINISHED"}
+    assert model_license(ready) == "CC0-1.0"

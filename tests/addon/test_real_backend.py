@@ -83,3 +83,37 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     assert BackendProcess(fit_command(backend, job, out, resume=True)).wait().ok
     assert np.isfinite(Result.load(out).vertices).all()
     assert not partial_folder(out).exists()
+
+
+def test_the_face_of_a_real_photo_is_found(scene, backend: list[str], shared_data: Path, tmp_path: Path, monkeypatch):
+    import bpy
+    import cv2
+    import skimage.data
+
+    from facestage.contract.landmarks import Landmarks
+    from facestage_blender.demo import LANDMARKS
+    from facestage_blender.landmark_scheme import MEDIAPIPE_AS_IBUG
+    from facestage_blender.scene_read import read_landmarks
+
+    monkeypatch.setenv("FACESTAGE_DATA", str(shared_data))
+    photo, empty = tmp_path / "astronaut.png", tmp_path / "gray.png"
+    assert cv2.imwrite(str(photo), skimage.data.astronaut()[..., ::-1])
+    assert cv2.imwrite(str(empty), np.full((200, 300, 3), 128, np.uint8))
+    scene.facestage.output = str(tmp_path / "work")
+    bpy.ops.facestage.choose_photo(filepath=str(photo))
+    scene.facestage.face_number = 2
+    with pytest.raises(RuntimeError, match="one face was found"):
+        bpy.ops.facestage.detect_landmarks()
+    scene.facestage.face_number = 1
+    assert bpy.ops.facestage.detect_landmarks() == {"FINISHED"}
+    found, known = read_landmarks(scene, 512, 512), Landmarks.read(LANDMARKS)
+    assert found is not None
+    inner = slice(17, 68)  # the jaws of the two schemes are not quite the same
+    off = np.linalg.norm(found.points[list(MEDIAPIPE_AS_IBUG)] - known.points, axis=1)[inner]
+    print(f"landmarks off by {np.median(off):.2f} px in the middle, at most {off.max():.2f}, of a face 107 px wide")
+    assert np.median(off) < 3
+    assert off.max() < 9
+    bpy.ops.facestage.choose_photo(filepath=str(empty))
+    with pytest.raises(RuntimeError, match="No face was found"):
+        bpy.ops.facestage.detect_landmarks()
+    assert scene.facestage.landmarks == ""

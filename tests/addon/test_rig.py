@@ -77,6 +77,9 @@ def test_slider_ranges_follow_the_prior(scene, rig, head: FaceModel) -> None:
     assert keys["identity/mode_0"].value == 7.5
     gaussian = build_rig(scene, replace(head, expression_prior="gaussian"), "default", rig.parent)
     assert gaussian.data.shape_keys.key_blocks["mode_0"].slider_min == -5
+    words = ("gaussian",) + ("box",) * (len(head.expression_names) - 1)
+    mixed = build_rig(scene, replace(head, expression_prior=words), "default", rig.parent).data.shape_keys.key_blocks
+    assert [mixed[name].slider_min for name in head.expression_names] == [-5, 0, 0, 0]
 
 
 def test_rebuilding_leaves_one_rig_and_nothing_behind(scene, rig, head: FaceModel) -> None:

@@ -113,16 +113,31 @@ def test_textures_are_packed_and_linear(ready, stand_in, tmp_path: Path) -> None
     apply_result(ready, result)
     apply_result(ready, result)
     face = ready.facestage.rig.facestage_face
-    for image in (face.albedo_image, face.specular_image):
+    for image in (face.albedo_image, face.specular_image, face.roughness_image):
         assert image.packed_file is not None
         assert image.colorspace_settings.name == "Non-Color"
-    assert len(bpy.data.images) == 3  # with the photo: nothing is left behind by the second time
+    assert len(bpy.data.images) == 4  # with the photo: nothing is left behind by the second time
     specular = np.array(face.specular_image.pixels).reshape(16, 16, 4)[::-1]
     np.testing.assert_array_equal(specular, read_pixels(result.folder / "specular.exr"))
     assert (specular[..., 0] == specular[..., 1]).all()
     for material in ready.facestage.rig.data.materials:
         assert material.node_tree.nodes["Albedo"].image == face.albedo_image
         assert material.node_tree.nodes["Specular"].image == face.specular_image
+        roughness = material.node_tree.nodes["Facestage Skin"].inputs["Roughness"]
+        assert roughness.links[0].from_node.image == face.roughness_image
+
+
+def test_a_result_without_a_roughness_map_has_one_value(ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.write_back import apply_result
+
+    result = fitted(ready, stand_in, tmp_path)
+    apply_result(ready, result)
+    (result.folder / "roughness.exr").unlink()
+    apply_result(ready, result)
+    assert ready.facestage.rig.facestage_face.roughness_image is None
+    for material in ready.facestage.rig.data.materials:
+        roughness = material.node_tree.nodes["Facestage Skin"].inputs["Roughness"]
+        assert not roughness.links and roughness.default_value == pytest.approx(result.roughness)
 
 
 def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -> None:

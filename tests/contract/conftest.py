@@ -47,7 +47,7 @@ def job(photo: Path, landmarks: Landmarks) -> Job:
         image=photo, model="npz:face.npz", landmarks=landmarks, camera=Camera(96, 80, 123.25, (47.5, 41.0)),
         stage=stage, camera_to_stage=rigid(3), light_color="uniform", freeze=("pose", "roughness"),
         weights=Weights(photo=0.5, light=2.0), initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
-        budget_seconds=12.5, seed=7, device="cpu", truth=Path("/elsewhere/truth.npz"),
+        budget_seconds=12.5, seed=7, device="cpu", truth=Path("/elsewhere/truth.npz"), face=2,
     )  # fmt: skip
 
 

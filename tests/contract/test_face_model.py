@@ -37,6 +37,18 @@ def test_round_trip_keeps_everything(tmp_path: Path, model: FaceModel):
             assert first == second, item.name
 
 
+@pytest.mark.parametrize(
+    ("words", "box"),
+    [("box", [True] * 3), ("gaussian", [False] * 3), (("gaussian", "box", "gaussian"), [False, True, False])],
+)
+def test_a_prior_for_all_expressions_or_for_each(tmp_path: Path, model: FaceModel, words, box: list[bool]):
+    original = replace(model, expression_prior=words)
+    original.save(tmp_path / "face.npz")
+    loaded = FaceModel.load(tmp_path / "face.npz")
+    assert loaded.expression_prior == words
+    assert loaded.expression_box.tolist() == box
+
+
 def test_quads_split_along_the_first_diagonal_and_triangles_stay(model: FaceModel):
     polygons = np.array([[0, 1, 2, 3], [4, 5, 6, -1], [7, 8, 9, 10]], np.int32)
     part = np.array([0, 1, 2], np.uint8)
@@ -88,6 +100,8 @@ def test_landmark_tables(model: FaceModel):
         ("polygon_uvs", lambda a: a + 1000, "polygon_uvs refers to a point outside"),
         ("polygon_part", lambda a: a[:-1], "polygon_part has shape"),
         ("expression_prior", lambda _: "uniform", "expression_prior is 'uniform', not box or gaussian"),
+        ("expression_prior", lambda _: ("box", "uniform", "box"), "expression_prior is 'uniform', not box or gaussian"),
+        ("expression_prior", lambda _: ("box",), "expression_prior has 1 words for 3 expressions"),
     ],
 )
 def test_wrong_arrays_are_named(model: FaceModel, name: str, change, words: str):

@@ -78,6 +78,7 @@ def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, j
         ({"budget_seconds": -3.0}, ["budget", "-3.0", "greater than 0"]),
         ({"budget_seconds": float("nan")}, ["budget", "nan", "greater than 0"]),
         ({"seed": -1}, ["seed", "-1", "0 to"]),
+        ({"face": 0}, ["face", "0", "1"]),
         ({"plan": "some"}, ["plan", "some", "lean", "full"]),
         ({"seed": 2**40}, ["seed", str(2**40), "0 to"]),
     ],

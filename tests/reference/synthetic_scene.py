@@ -63,7 +63,7 @@ class Scene:
     ) -> Stage:  # fmt: skip
         """A stage of the schedule over ``blocks`` against ``photo``."""
         layout = Layout(self.state)
-        box = self.model.expression_prior == "box"
+        box = self.model.expression_box
         term = PhotoTerm(self.forward, plain_photo(photo, clipped), samples)
         energy = Energy(
             layout, Priors(layout, self.state, box, weights, float(RADIANCE.mean())),

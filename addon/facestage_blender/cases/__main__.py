@@ -1,6 +1,7 @@
 """Makes photographs with known truth.
 
 python -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE] [--size 256] [--seed 0]
+python -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.face_model import FaceModel
 
 from .recipe import RECIPES, Recipe
+from .same_person import PHOTOS
 
 SAMPLES = 96
 SIZE_MIN, SIZE_MAX = 16, 4096
@@ -31,6 +33,10 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--size", type=int, default=256, help="side of the photos in pixels")
     result.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel")
     result.add_argument("--seed", type=int, default=0, help="other people, poses and lamps of the same recipes")
+    result.add_argument("--person", type=int, metavar="SEED", help="instead: several photos of the person of this seed")
+    result.add_argument(
+        "--photos", type=int, default=4, metavar="N", help=f"how many of the person, 1 to {len(PHOTOS)} (default 4)"
+    )
     result.add_argument("--list", action="store_true", help="only say which cases there are, and what is hard in each")
     return result
 
@@ -39,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Make the cases; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        chosen = choose(options.count, options.only)
+        chosen = choose(options.count, options.only) if options.person is None else photos(options.photos)
         if options.list:
             for name, recipe in chosen.items():
                 print(f"{name:<20}{recipe.hard}")
@@ -79,6 +85,13 @@ def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:
     return {name: recipe for name, recipe in cases.items() if not only or name in only}
 
 
+def photos(count: int) -> dict[str, Recipe]:
+    """The first ``count`` photos of a person by name. Raises InputError for a count that there is not."""
+    if not 1 <= count <= len(PHOTOS):
+        raise InputError(f"{count} photos of a person were asked for; expected 1 to {len(PHOTOS)}.")
+    return {recipe.name: recipe for recipe in PHOTOS[:count]}
+
+
 def case_seed(name: str, seed: int) -> int:
     """The seed of a case, which does not depend on what other cases there are."""
     return zlib.crc32(f"{name}/{seed}".encode()) % 2**31  # as much as Cycles takes
@@ -92,19 +105,26 @@ def make(chosen: dict[str, Recipe], options: argparse.Namespace) -> None:
     model = pipeline.face_model(options.model, find_backend(), lambda _event: None)
     for name, recipe in chosen.items():
         started = time.monotonic()
-        make_case(model, name, recipe, options.out.resolve(), options.size, options.samples, options.seed)
+        make_case(
+            model, name, recipe, options.out.resolve(), options.size, options.samples, options.seed, options.person
+        )
         print(f"{name:<20}{time.monotonic() - started:5.1f} s", flush=True)
 
 
-def make_case(model: FaceModel, name: str, recipe: Recipe, out: Path, size: int, samples: int, seed: int) -> None:
-    """Photograph one case into ``out``/``name``."""
+def make_case(
+    model: FaceModel, name: str, recipe: Recipe, out: Path, size: int, samples: int, seed: int,
+    person: int | None = None,
+) -> None:  # fmt: skip
+    """Photograph one case into ``out``/``name``; ``person``: the seed of who it is, else that of the case."""
     from facestage_blender import pipeline
     from facestage_blender.synthetic import render_person
 
     from .person import person_of
 
-    drawn = case_seed(name, seed)
-    render_person(pipeline.empty_scene(), model, person_of(model, recipe, drawn), out / name, samples, drawn, size)
+    drawn = case_seed(name if person is None else f"{person}/{name}", seed)
+    render_person(
+        pipeline.empty_scene(), model, person_of(model, recipe, drawn, person), out / name, samples, drawn, size
+    )
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from facestage_blender.texture import paint_vertices
 from . import skin, worn
 from .lamps import light_stage
 from .recipe import Recipe
+from .surroundings import walls
 
 ALBEDO_SIZE, SPECULAR_SIZE = 1024, 32
 TEXTURE_MISMATCH = 0.05  # relative standard deviation of the albedo that the model cannot explain
@@ -40,26 +42,33 @@ def random_person(model: FaceModel, seed: int) -> Person:
     )  # fmt: skip
 
 
-def person_of(model: FaceModel, recipe: Recipe, seed: int) -> Person:
-    """The person and the light of a recipe; whatever the recipe leaves open is drawn from ``seed``."""
+def person_of(model: FaceModel, recipe: Recipe, seed: int, same: int | None = None) -> Person:
+    """The person and the light of a recipe; whatever the recipe leaves open is drawn from ``seed``.
+
+    ``same``: the seed of who it is, so that photos of other seeds show one person: shape and skin are drawn from it.
+    """
     rng = np.random.default_rng(seed)
-    identity, delta = _identity(model, rng), _skin_tone(model, rng)
+    own = rng if same is None else np.random.default_rng(same)
+    identity, delta = _identity(model, own), _skin_tone(model, own)
     if recipe.melanin is not None and len(delta):
-        delta[0] = recipe.melanin + TONE_SPREAD * rng.uniform(-1, 1)
+        delta[0] = recipe.melanin + TONE_SPREAD * own.uniform(-1, 1)
     expression = expression_weights(model, _everyday_expression(rng) | dict(recipe.expression))
-    albedo = skin.mottled(recipe.shade * _painted(model, delta), recipe.mottle, rng)
+    albedo = skin.mottled(recipe.shade * _painted(model, delta), recipe.mottle, own)
     if recipe.freckles:
-        albedo = skin.freckled(albedo, model, rng)
+        albedo = skin.freckled(albedo, model, own)
     if recipe.beard:
-        albedo = skin.bearded(albedo, model, rng)
-    roughness = rng.uniform(0.35, 0.5) if recipe.roughness is None else recipe.roughness
+        albedo = skin.bearded(albedo, model, own)
+    roughness = own.uniform(0.35, 0.5) if recipe.roughness is None else recipe.roughness
     angles = np.array(recipe.pose) + np.array(POSE_SPREAD) * np.clip(rng.normal(size=3), -1.5, 1.5)
     place = np.array([0, 0, -recipe.distance]) + PLACE_SPREAD * recipe.distance / DISTANCE * rng.uniform(-1, 1, 3)
     vertices = model.shape(identity, expression)
+    things = [worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn]
+    tone = tuple(np.median(albedo.reshape(-1, 3), axis=0))
     return Person(
-        identity, expression, np.clip(albedo, 0.005, 0.95), _specular(rng), float(roughness), _pose(angles, place),
-        light_stage(recipe.lamps, rng), tuple(worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn),
+        identity, expression, np.clip(albedo, 0.005, 0.95), _specular(own), float(roughness), _pose(angles, place),
+        light_stage(recipe.lamps, rng), tuple(replace(each, color=tone) if each.of_skin else each for each in things),
         recipe.interreflection, FOCAL_PX * recipe.distance / DISTANCE,
+        () if recipe.walls is None else walls(recipe.walls, recipe.lamps), recipe.optics,
     )  # fmt: skip
 
 

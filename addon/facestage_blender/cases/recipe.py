@@ -1,13 +1,16 @@
-"""What each case is made of. No bpy."""
+"""What each case is made of."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from facestage_blender.synthetic import PERFECT, Optics
+
 from .lamps import Lamp
 
 WARM, COOL = (1.0, 0.62, 0.32), (0.4, 0.65, 1.0)
+GREEN, ORANGE = (0.05, 0.5, 0.12), (0.65, 0.22, 0.06)
 # A studio portrait: a key lamp, a fill and a weak one from the other side.
 STUDIO = (Lamp(-32, 26, 1.0, 1.1), Lamp(40, 5, 0.45, 1.3, 0.3), Lamp(75, 30, 0.25, 0.8))
 
@@ -33,6 +36,8 @@ class Recipe:
     beard: bool = False
     worn: tuple[str, ...] = ()
     interreflection: bool = False  # also brings the pixel filter of a real camera instead of a box
+    walls: tuple[float, float, float] | None = None  # albedo of a wall behind the head and one beside it
+    optics: Optics = PERFECT
 
 
 RECIPES = (
@@ -103,5 +108,21 @@ RECIPES = (
         "dark_skin", "dark skin, beyond the model's own line of tones: highlights outshine it", melanin=1.8, shade=0.5,
     ),
     Recipe("light_skin", "melanin 1.3 standard deviations below the mean: hardly any color", melanin=-1.3),
+    Recipe("strands", "thin strands of hair over the forehead, with skin between them", worn=("strands",)),
+    Recipe("hand", "a hand of the same color leans on the cheek", worn=("hand",)),
+    Recipe(
+        "colored_wall", "saturated walls behind and beside the head tint its shaded cheek",
+        (Lamp(38, 22, 1.0, 0.9, 0.15), Lamp(70, 0, 0.3, 1.2, 0.3)), interreflection=True, walls=GREEN,
+    ),
+    Recipe("shallow_focus", "an open aperture: ears and nose are out of focus", optics=Optics(f_number=1.8)),
+    Recipe("jpeg_50", "a JPEG of quality 50: blocks, and color at half the size", optics=Optics(jpeg_quality=50)),
+    Recipe("high_iso", "sensor noise of little light: a pixel holds 400 electrons", optics=Optics(electrons=400)),
+    Recipe(
+        "snapshot", "all of it: strands, a hand, orange walls, an open aperture, noise, a JPEG",
+        (Lamp(35, 30, 1.0, 1.0, 0.3), Lamp(10, 60, 0.5, 1.3, 0.6, WARM)),
+        {"mouthSmileLeft": 0.5, "mouthSmileRight": 0.5}, pose=(-8, 3, 4),
+        worn=("strands", "hand"), interreflection=True, walls=ORANGE,
+        optics=Optics(f_number=2.8, electrons=1000, jpeg_quality=60),
+    ),
     Recipe("close_up", "from 0.45 m: strong perspective", distance=0.45, pose=(12, -4, 3)),
 )  # fmt: skip

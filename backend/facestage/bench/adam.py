@@ -20,10 +20,11 @@ from facestage.bench.solver import LIGHT_PHASE, finished_track, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract import brdf
 from facestage.contract.errors import InputError
-from facestage.fit.driver import FitRun, Phase, Schedule
+from facestage.fit.driver import FitRun
 from facestage.fit.energy import Energy
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.parameters import BLOCKS, Layout, State
+from facestage.fit.phases import Phase, Schedule
 from facestage.fit.problem import FINE_FACE_PX, Problem
 from facestage.fit.shading import ForwardModel, bilinear_weights
 from facestage.fit.truth import Truth
@@ -148,14 +149,14 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         phase = Phase("adam", BLOCKS, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
-        stage = run.solver_stage(phase, start.state)
+        stage = run.view.solver_stage(phase, start.state)
         if stage is None:
             raise InputError("Everything is frozen; there is nothing to compare.")
-        state = run.with_initial_lights(stage, start.state)
+        state = run.view.with_initial_lights(stage, start.state)
         factor = problem.scale(FINE_FACE_PX * settings.resolution)
         state = replace(state, camera=state.camera.scaled(factor))
         layout = stage.energy.layout
-        descent = Adam(learning_rates(layout, settings.rates, run.light_scale) * ~stage.freeze)
+        descent = Adam(learning_rates(layout, settings.rates, run.view.light_scale) * ~stage.freeze)
         # Making the scene and compiling its kernels is off the clock: nobody does it twice.
         setting_up = time.monotonic()
         adam = AdamRun(stage.energy, state, settings.samples)

@@ -18,9 +18,10 @@ from facestage.bench.solver import LIGHT_PHASE, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract import brdf
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.driver import SHAPE, SKIN, FitRun, Schedule
+from facestage.fit.driver import FitRun
 from facestage.fit.energy import Evaluation, PhotoTerm
 from facestage.fit.parameters import CHANNELS, State
+from facestage.fit.phases import SHAPE, SKIN, Schedule
 from facestage.fit.problem import Problem
 from facestage.fit.schedule import Stage
 from facestage.fit.shading import ForwardModel, Surface
@@ -58,6 +59,7 @@ class HarmonicForward(ForwardModel):
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
         traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        roughness: np.ndarray | None = None,
     ) -> LightTerms:  # fmt: skip
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)
@@ -86,9 +88,11 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
                 continue
             factor = problem.scale(phase.face_px)
             if not state.lights.any():
-                state = _initial_harmonics(run, run.solver_stage(replace(phase, blocks=blocks), state), state, factor)
+                state = _initial_harmonics(
+                    run, run.view.solver_stage(replace(phase, blocks=blocks), state), state, factor
+                )
             # Harmonics throw no shadows.
-            stage = run.solver_stage(replace(phase, blocks=blocks, shadow_edges=False), state)
+            stage = run.view.solver_stage(replace(phase, blocks=blocks, shadow_edges=False), state)
             if stage is None:
                 continue
             stage.low[stage.energy.layout.slices["lights"]] = -np.inf
@@ -124,5 +128,5 @@ def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: f
         ridge = RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
         target = weighted.T @ photo.photo.color[y, x, channel]
         coefficients[:, channel] = np.linalg.solve(normal + ridge * np.eye(COEFFICIENTS), target)
-    run.light_scale = max(float(np.abs(coefficients[0]).mean()), 1e-9)
+    run.view.light_scale = max(float(np.abs(coefficients[0]).mean()), 1e-9)
     return replace(state, lights=coefficients.ravel())

@@ -16,9 +16,11 @@ from facestage.contract.errors import InputError
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
 from facestage.contract.storage import atomic_file
-from facestage.fit.driver import FitRun, Fitted, Schedule
+from facestage.fit.driver import FitRun
+from facestage.fit.fitted import Fitted
 from facestage.fit.light_position import AXES
 from facestage.fit.parameters import Layout, State
+from facestage.fit.phases import Schedule
 from facestage.fit.plan import Plan, Rules
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
@@ -179,9 +181,9 @@ class _Timed:
     def step(self, rules: Rules, fitted: Fitted) -> float:
         """Processor seconds that the photo takes in one step of the last phase under ``rules``, where a fit ended."""
         run = FitRun(self.problem, self.forward, self.folder)
-        run.plan, run.camera_to_stage = Plan(rules), fitted.camera_to_stage
+        run.view.plan, run.view.camera_to_stage = Plan(rules), fitted.camera_to_stage
         phase = run.phases[-1]
-        stage = run.solver_stage(phase, fitted.state)
+        stage = run.view.solver_stage(phase, fitted.state)
         assert stage is not None and phase.face_px is not None
         photo, lights, layout = stage.energy.photo, stage.energy.stage, stage.energy.layout
         assert photo is not None and lights is not None

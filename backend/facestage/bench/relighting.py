@@ -13,10 +13,10 @@ import numpy as np
 from facestage.bench.trace import Track
 from facestage.contract.light_stage import LightStage
 from facestage.contract.storage import atomic_file
+from facestage.fit.atlas import Atlas
 from facestage.fit.parameters import State
 from facestage.fit.rendering import Textures, render_picture
 from facestage.fit.shading import ForwardModel
-from facestage.fit.texture import Atlas
 
 RELIGHTING_CSV = "relighting.csv"
 SIDES_PX = (256, 512)

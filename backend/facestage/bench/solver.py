@@ -9,8 +9,10 @@ from pathlib import Path
 
 from facestage.bench.settings import SolverSettings
 from facestage.bench.trace import Snapshot, Track
-from facestage.fit.driver import FitRun, Fitted, Progress, default_schedule
+from facestage.fit.driver import FitRun
+from facestage.fit.fitted import Fitted, Progress
 from facestage.fit.output import finish
+from facestage.fit.phases import default_schedule
 from facestage.fit.problem import Problem
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
@@ -35,7 +37,7 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget
         fitted = run.run(time.monotonic() + budget)
-    track = Track(snapshots, forward, fitted.stage, run.placed_stage)
+    track = Track(snapshots, forward, fitted.stage, run.view.placed_stage)
     return finished_track(track, problem, truth, fitted) if detail else track
 
 

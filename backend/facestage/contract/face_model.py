@@ -42,7 +42,8 @@ class FaceModel:
     albedo_basis: np.ndarray  # (d, n, 3) float32, change of log albedo per standard deviation
     landmarks: Mapping[str, np.ndarray]  # scheme -> (m, 6): 3 vertex indices, 3 barycentric weights
     regions: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (r,) int32 vertex indices
-    expression_prior: str = "box"  # "box": weights in 0..1; "gaussian": unit variance
+    # "box": weights in 0..1, "gaussian": unit variance; one word for all expressions, or one for each.
+    expression_prior: str | tuple[str, ...] = "box"
     # Where the published UV tile of the face lies in this atlas: corner u, v and scale.
     face_tile: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
@@ -83,20 +84,33 @@ class FaceModel:
         for region, indices in self.regions.items():
             if not _within(indices, n):
                 raise InputError(f"Face model '{self.name}': region '{region}' refers to a point outside 0..{n - 1}.")
-        if self.expression_prior not in ("box", "gaussian"):
+        if isinstance(self.expression_prior, tuple) and len(self.expression_prior) != len(self.expression_names):
             raise InputError(
-                f"Face model '{self.name}': expression_prior is '{self.expression_prior}', not box or gaussian."
+                f"Face model '{self.name}': expression_prior has {len(self.expression_prior)} words for "
+                f"{len(self.expression_names)} expressions; expected one for each, or one for all."
             )
+        words = (self.expression_prior,) if isinstance(self.expression_prior, str) else self.expression_prior
+        for word in words:
+            if word not in ("box", "gaussian"):
+                raise InputError(f"Face model '{self.name}': expression_prior is '{word}', not box or gaussian.")
+
+    @cached_property
+    def expression_box(self) -> np.ndarray:
+        """(e,) bool, the expressions whose weights lie in 0..1; the others are Gaussian with unit variance."""
+        words = self.expression_prior
+        if isinstance(words, str):
+            words = (words,) * len(self.expression_names)
+        return np.array([word == "box" for word in words], bool)
 
     @cached_property
     def triangles(self) -> np.ndarray:
         """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon order."""
-        return _split(self.polygons)
+        return split_quads(self.polygons)
 
     @cached_property
     def triangle_uvs(self) -> np.ndarray:
         """(t, 3) int32 UV indices, row for row with :attr:`triangles`."""
-        return _split(self.polygon_uvs)
+        return split_quads(self.polygon_uvs)
 
     @cached_property
     def triangle_part(self) -> np.ndarray:
@@ -159,7 +173,7 @@ class FaceModel:
         return cls(
             name=meta["name"], license=meta["license"], source=meta["source"],
             identity_names=tuple(meta["identity_names"]), expression_names=tuple(meta["expression_names"]),
-            expression_prior=meta["expression_prior"], face_tile=tuple(meta["face_tile"]),
+            expression_prior=_prior(meta["expression_prior"]), face_tile=tuple(meta["face_tile"]),
             landmarks={name[10:]: array for name, array in arrays.items() if name.startswith("landmarks/")},
             regions={name[8:]: array for name, array in arrays.items() if name.startswith("regions/")},
             **{name: arrays[name] for name in _ARRAYS},
@@ -175,12 +189,16 @@ _ARRAYS = (
 _META = ("name", "license", "source", "identity_names", "expression_names", "expression_prior", "face_tile")
 
 
+def _prior(saved: str | list[str]) -> str | tuple[str, ...]:
+    return saved if isinstance(saved, str) else tuple(saved)
+
+
 def _within(indices: np.ndarray, count: int) -> bool:
     return not indices.size or bool(indices.min() >= 0 and indices.max() < count)
 
 
-def _split(polygons: np.ndarray) -> np.ndarray:
-    """Triangles of quads (and of triangles marked by -1), keeping polygon order."""
+def split_quads(polygons: np.ndarray) -> np.ndarray:
+    """(t, 3) triangles of quads and triangles (p, 4), whose fourth is -1, keeping polygon order."""
     triangles = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
     keep = np.stack([np.ones(len(polygons), bool), polygons[:, 3] >= 0], axis=1)
     return np.ascontiguousarray(triangles[keep])

@@ -67,6 +67,7 @@ class Job:
     truth: Path | None = None
     plan: str = LEAN
     quality: str = GOOD
+    face: int | None = None  # which face to find where landmarks is None: 1 is the largest, as is None
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -83,6 +84,8 @@ class Job:
         if self.budget_seconds is not None and not (math.isfinite(self.budget_seconds) and self.budget_seconds > 0):
             raise InputError(f"The budget is {self.budget_seconds} seconds; expected a number greater than 0.")
 
+        if self.face is not None and self.face < 1:
+            raise InputError(f"The face is {self.face}; expected a whole number, 1 for the largest face of the photo.")
         if not 0 <= self.seed <= SEED_MAX:
             raise InputError(f"The seed is {self.seed}; expected a whole number of 0 to {SEED_MAX}.")
 
@@ -104,6 +107,7 @@ class Job:
             "light_color": self.light_color, "freeze": list(self.freeze), "weights": vars(self.weights),
             "budget_seconds": self.budget_seconds, "seed": self.seed, "device": self.device,
             "truth": str(self.truth) if self.truth else None, "plan": self.plan, "quality": self.quality,
+            "face": self.face,
         }  # fmt: skip
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -147,6 +151,7 @@ class Job:
                 truth=Path(data["truth"]) if data.get("truth") else None,
                 plan=str(data.get("plan", LEAN)),
                 quality=str(data.get("quality", GOOD)),
+                face=int(data["face"]) if data.get("face") is not None else None,
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"The job file '{folder / 'job.json'}' has a missing or wrong value ({error}).") from error

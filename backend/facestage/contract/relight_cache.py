@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.result import Result
+from facestage.contract.result import ROUGHNESS, Result
 from facestage.contract.storage import finite, read_arrays, write_arrays
 
 RELIGHT_CACHE = "relight.npz"
@@ -150,7 +150,7 @@ def relight_fingerprint(result: Result) -> str:
     for array in numbers:
         values = np.ascontiguousarray(array, np.float64)
         digest.update(f"{values.shape}".encode() + values.tobytes())
-    for name in TEXTURES:
+    for name in TEXTURES + ((ROUGHNESS,) if (result.folder / ROUGHNESS).is_file() else ()):
         try:
             content = (result.folder / name).read_bytes()
         except OSError as error:

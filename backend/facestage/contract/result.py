@@ -17,11 +17,15 @@ SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
+# Maps that older results lack: they have one roughness, and say nothing of where their texels are from.
+ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"
+# The red channel of COVERAGE; 0: the model's own.
+SEEN, BY_SYMMETRY = 255, 128
 
 
 @dataclass(frozen=True)
 class Result:
-    """The fitted face. ``folder`` holds the pictures named in PICTURES and the report."""
+    """The fitted face. ``folder`` holds the pictures named in PICTURES, ROUGHNESS and COVERAGE, and the report."""
 
     status: str  # CONVERGED, BUDGET_SPENT or STOPPED
     advice: str  # one sentence: what it means and what to do
@@ -47,6 +51,8 @@ class Result:
     unobserved: dict[str, list[str]] = field(default_factory=dict)
     # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences" that name them.
     null_directions: dict[str, Any] = field(default_factory=dict)
+    # What the fit took from the photo's file, in words: its "size" and "color" space, and where "focal" comes from.
+    photo: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -74,7 +80,7 @@ class Result:
             ],
             "energy": self.energy, "errors": self.errors, "timings": self.timings,
             "left_out": self.left_out, "unobserved": self.unobserved,
-            "null_directions": self.null_directions, "versions": self.versions,
+            "null_directions": self.null_directions, "photo": self.photo, "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
@@ -110,7 +116,7 @@ class Result:
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],
                 left_out=data["left_out"], unobserved=data.get("unobserved", {}),
                 null_directions=data.get("null_directions", {}),
-                versions=data["versions"], seed=data["seed"],
+                photo=data.get("photo", {}), versions=data["versions"], seed=data["seed"],
                 arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
                 folder=folder,
             )  # fmt: skip

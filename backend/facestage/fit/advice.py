@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.guard import INFORMATIVE_SHARE_MIN
 from facestage.fit.problem import Problem
 from facestage.fit.rendering import Picture
@@ -44,7 +44,7 @@ def _against(
     share = informative_share(problem, picture)
     if not np.isfinite(pixels):
         return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
-    if pixels > LANDMARK_SHARE_MAX * problem.face_size_px:
+    if pixels > LANDMARK_SHARE_MAX * problem.face_size_px / problem.window.factor:
         return (
             f"The fit ended with landmarks that are {pixels:.1f} px off (median); check the landmark file, "
             "or free the pose and expression."
@@ -61,6 +61,8 @@ def _against(
             f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
             "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
         )
+    if fitted.company:
+        return fitted.company
     if fitted.doubt:
         return (
             f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, and mask what is not the "

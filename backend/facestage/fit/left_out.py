@@ -7,7 +7,7 @@ from typing import Any
 from facestage.contract.face_model import OTHER
 from facestage.contract.job import LEAN
 from facestage.contract.light_stage import OFF
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.plan import Ledger
 from facestage.fit.problem import FINE_FACE_PX, Problem
 from facestage.fit.shadow_edges import omission

@@ -13,32 +13,25 @@ from typing import Any
 import numpy as np
 
 from facestage import __version__
-from facestage.contract import brdf
-from facestage.contract.face_model import EYES, OTHER, TEETH
+from facestage.contract.face_model import OTHER
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.relight_cache import relight_fingerprint
-from facestage.contract.result import Result
-from facestage.contract.storage import finite
+from facestage.contract.result import COVERAGE, ROUGHNESS, Result
+from facestage.contract.storage import finite, write_json
 from facestage.fit.advice import verdict
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.landmark_term import landmark_pixels
 from facestage.fit.left_out import left_out
 from facestage.fit.metrics import psnr
 from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import State
 from facestage.fit.problem import Problem
-from facestage.fit.rendering import Picture, Textures, face_pixels, light_probe, render_picture
-from facestage.fit.shading import ForwardModel, sample_bilinear
-from facestage.fit.texture import Atlas, detail_texture
+from facestage.fit.refine import Refined, refine
+from facestage.fit.rendering import Picture, face_pixels, light_probe, render_picture
+from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
-from facestage.image_io import resize, write_exr
+from facestage.image_io import write_exr, write_png
 from facestage.report import ReportData, write_report
-
-# Texels along the atlas per pixel of the face: the face fills about half of it.
-TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
-SPECULAR_TEXTURE = 256
-DETAIL_SAMPLES = 16
-WET_SPECULAR = 1.0  # eyes and teeth: a clear dielectric layer
 
 
 @dataclass(frozen=True)
@@ -46,33 +39,37 @@ class Finished:
     """Everything a result folder shows."""
 
     state: State
-    textures: Textures
-    texture_coverage: np.ndarray  # (S, S) bool: texels that the photo shows
+    refined: Refined
     picture: Picture
     errors: dict[str, float]
     timings: dict[str, float]
     trace: list[dict[str, Any]]
 
 
-def finish(problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None) -> Finished:
-    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too."""
+def finish(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None,
+    shared: Refined | None = None,
+) -> Finished:  # fmt: skip
+    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too.
+
+    ``shared``: the maps, where several photos have made them.
+    """
     started = time.monotonic()
-    albedo, coverage = _albedo_texture(problem, forward, fitted)
-    textures = Textures(albedo, _specular_texture(problem, fitted.state))
+    refined = refine(problem, forward, fitted) if shared is None else shared
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
     picture = render_picture(
-        forward, fitted.state, fitted.stage, textures, problem.job.seed, relight=_side_lights(problem, fitted.stage),
-        by_light=_relightable(problem, forward, fitted),
+        forward, fitted.state, fitted.stage, refined.textures, problem.job.seed,
+        relight=_side_lights(problem, fitted.stage), by_light=_relightable(problem, forward, fitted),
     )  # fmt: skip
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
-    errors = _errors(problem, fitted, albedo, picture, truth)
+    errors = _errors(problem, fitted, refined.textures.albedo, picture, truth)
     last: dict[str, Any] = {
         "seconds": fitted.seconds + sum(timings.values()), "stage": "albedo detail", "iteration": 1,
         "energy": fitted.energy, "psnr": errors.get("psnr"), "photo_rms": _rms(problem, picture),
     }  # fmt: skip
     last |= {name: errors[name] for name in ("rigid_mm", "similarity_mm") if name in errors}
-    return Finished(fitted.state, textures, coverage, picture, errors, timings, [*fitted.trace, last])
+    return Finished(fitted.state, refined, picture, errors, timings, [*fitted.trace, last])
 
 
 def _rms(problem: Problem, picture: Picture) -> float | None:
@@ -85,7 +82,7 @@ def _rms(problem: Problem, picture: Picture) -> float | None:
 def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
     """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
     box = len(face_pixels(forward, fitted.state))
-    return bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
+    return problem.window.whole and bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
 
 
 def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
@@ -97,38 +94,6 @@ def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
         if lit.any() and total > 0:
             result[f"from the {name}"] = np.where(lit[:, None], total / (3.0 * lit.sum()), 0.0) * np.ones(3)
     return result
-
-
-def _albedo_texture(problem: Problem, forward: ForwardModel, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
-    """(S, S, 3) albedo and (S, S) bool, which texels the photo shows."""
-    size = TEXTURE_MIN
-    while size < min(TEXELS_PER_FACE_PX * problem.face_size_px, TEXTURE_MAX):
-        size *= 2
-    atlas = Atlas.build(problem.geometry, size)
-    logs = atlas.bake(forward.log_albedo(fitted.state))
-    coverage = np.zeros((size, size), bool)
-    y, x = np.nonzero(problem.photograph.mask)
-    surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
-    if "albedo" not in problem.job.freeze and len(surface.pixels):
-        terms = forward.light_terms(fitted.state, surface, fitted.stage, DETAIL_SAMPLES, problem.job.seed)
-        image = forward.shade(fitted.state, surface, terms)
-        column, row = surface.pixels.astype(int).T
-        cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-        weights = np.clip((cosine - 0.15) / 0.3, 0, 1) * (problem.paintable * ~fitted.hidden)[row, column]
-        weights = weights[:, None] * ~problem.photograph.clipped[row, column]
-        doubt = _shading_doubt(problem, fitted)[row, column]
-        photo = problem.photograph.color[row, column]
-        detail, coverage = detail_texture(atlas, logs, image, forward.uvs(surface), photo, weights, doubt)
-        logs = logs + detail
-    return np.minimum(np.exp(logs), brdf.ALBEDO_MAX).astype(np.float32), coverage
-
-
-def _shading_doubt(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """(h, w) at the photo's size, see shading_doubt.py; 0 where nothing is known of it."""
-    width, height = problem.photograph.size
-    if fitted.shading_doubt is None:
-        return np.zeros((height, width))
-    return resize(fitted.shading_doubt.astype(np.float32), width, height)
 
 
 def _errors(
@@ -144,7 +109,7 @@ def _errors(
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     distance = np.linalg.norm(projected - problem.landmarks.points, axis=1)
     errors["landmark_statistic"] = fitted.landmark_statistic
-    errors["landmark_px"] = float(np.median(distance[problem.landmarks.counted]))
+    errors["landmark_px"] = float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     if truth is not None:
         errors |= truth.geometry_errors(state)
         # The landmark stage's own error: a fit must never end further from the truth than its start.
@@ -167,8 +132,8 @@ def write_result(
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
     status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
-        status=status, advice=advice,
-        model=problem.job.model, camera=state.camera, camera_to_stage=fitted.camera_to_stage,
+        status=status, advice=advice, model=problem.job.model,
+        camera=problem.window.full_camera(state.camera), camera_to_stage=fitted.camera_to_stage,
         model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
         albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
         vertices=vertices.astype(np.float32), triangles=model.triangles,
@@ -176,7 +141,7 @@ def write_result(
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
-        versions=_versions(), seed=problem.job.seed,
+        photo=problem.read_from_photo(), versions=_versions(), seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
         | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
@@ -184,9 +149,15 @@ def write_result(
     )  # fmt: skip
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)
-    write_exr(folder / "albedo.exr", finished.textures.albedo)
-    write_exr(folder / "specular.exr", finished.textures.specular)
-    write_exr(folder / "render.exr", finished.picture.color)
+    assert problem.job.landmarks is not None
+    write_json(folder / "landmarks.json", problem.job.landmarks.to_json())
+    textures = finished.refined.textures
+    write_exr(folder / "albedo.exr", textures.albedo)
+    write_exr(folder / "specular.exr", textures.specular)
+    if textures.roughness is not None:
+        write_exr(folder / ROUGHNESS, textures.roughness)
+    write_png(folder / COVERAGE, finished.refined.coverage)
+    write_exr(folder / "render.exr", problem.window.enlarged(finished.picture.color))
     cache = finished.picture.relight_cache(relight_fingerprint(result))
     if cache is not None:
         cache.save(folder)
@@ -214,18 +185,6 @@ def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray)
     return LightStage(**arrays)
 
 
-def _specular_texture(problem: Problem, state: State) -> np.ndarray:
-    """(SPECULAR_TEXTURE, SPECULAR_TEXTURE) c_spec: the fitted map on skin, a clear layer on eyes and teeth."""
-    atlas = Atlas.build(problem.geometry, SPECULAR_TEXTURE)
-    centre = (np.arange(SPECULAR_TEXTURE) + 0.5) / SPECULAR_TEXTURE
-    u, v = np.meshgrid(centre, 1 - centre)
-    texture = sample_bilinear(state.specular, np.stack([u.ravel(), v.ravel()], axis=1)).reshape(u.shape)
-    wet = np.isin(problem.geometry.triangle_part, (EYES, TEETH))
-    vertex_wet = np.zeros(len(problem.geometry.mean), np.float32)
-    vertex_wet[problem.geometry.triangles[wet]] = 1.0
-    return np.where(atlas.bake(vertex_wet[:, None])[..., 0] > 0.5, WET_SPECULAR, texture).astype(np.float32)
-
-
 def _versions() -> dict[str, str]:
     names = ("mitsuba", "drjit", "numpy", "scipy", "opencv-contrib-python-headless")
     found = {"facestage": __version__, "python": platform.python_version()}
@@ -242,8 +201,9 @@ def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: R
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     return ReportData(
         result=result, photo=problem.photograph.color, render=finished.picture.color,
-        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.textures.albedo,
-        specular=finished.textures.specular, texture_coverage=finished.texture_coverage, light_probe=probe,
+        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.refined.textures.albedo,
+        specular=finished.refined.textures.specular, roughness=finished.refined.textures.roughness,
+        texture_coverage=finished.refined.coverage, light_probe=probe,
         relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=projected,
         visible=problem.landmarks.counted, trace=finished.trace, title=problem.job.image.stem,
         surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),

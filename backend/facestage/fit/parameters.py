@@ -39,6 +39,14 @@ class State:
         return matrix
 
 
+def with_shape(state: State, shape: State) -> State:
+    """``state`` with pose, lens, identity and expression of another."""
+    return replace(
+        state, rotation=shape.rotation, translation=shape.translation, camera=shape.camera, identity=shape.identity,
+        expression=shape.expression,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class LightParameters:
     """How the light parameters become radiance (N, 3); a light that is not fitted has none.
@@ -151,11 +159,13 @@ class Layout:
         result[self.slices["specular"]] = state.specular.ravel()
         return result
 
-    def bounds(self, expression_box: bool, stage_lights: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(size,) lower and upper bounds of the values; ``stage_lights`` as in the priors."""
+    def bounds(
+        self, expression_box: bool | np.ndarray, stage_lights: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(size,) lower and upper bounds of the values; the arguments as in the priors."""
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        if expression_box:
-            low[self.slices["expression"]], high[self.slices["expression"]] = 0.0, 1.0
+        low[self.slices["expression"]] = np.where(expression_box, 0.0, -np.inf)
+        high[self.slices["expression"]] = np.where(expression_box, 1.0, np.inf)
         low[self.slices["lights"]] = 0.0
         reach = spacing(self._lights if stage_lights is None else stage_lights)
         low[self.slices["light_position"]], high[self.slices["light_position"]] = -reach, reach

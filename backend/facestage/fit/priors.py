@@ -37,18 +37,23 @@ class Priors:
     """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the lights."""
 
     def __init__(
-        self, layout: Layout, state: State, expression_box: bool, weights: Weights, light_scale: float = 1.0,
-        stage_lights: int | None = None,
+        self, layout: Layout, state: State, expression_box: bool | np.ndarray, weights: Weights,
+        light_scale: float = 1.0, stage_lights: int | None = None, focal_sigma: float = FOCAL_SIGMA,
     ) -> None:  # fmt: skip
-        """``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
+        """``expression_box``: which expressions (e,), or whether all, have weights in 0..1; others are Gaussian.
 
+        ``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
+
+        ``focal_sigma``: standard deviation of the logarithm of the focal length of ``state``.
         ``stage_lights``: lights of the whole stage, those that are off too; by default those of ``state``.
         """
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
-        self.expression_sigma = EXPRESSION_SIGMA if expression_box else 1.0
-        self.focal_px = state.camera.focal_px
+        self.expression_sigma = np.where(expression_box, EXPRESSION_SIGMA, 1.0)
+        self.focal_px, self.focal_sigma = state.camera.focal_px, focal_sigma
         self._lights = len(state.light_position) if stage_lights is None else stage_lights
         self.smoothness = _texel_differences(state.specular.shape[0])
+        # Blocks whose priors another photo of the same person carries.
+        self.omitted: frozenset[str] = frozenset()
 
     def _residual_operators(self, lights: LightParameters) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:
         """Per term: block, operator A and offset b of the residual A x - b in standard deviations."""
@@ -56,22 +61,18 @@ class Priors:
         prior = np.sqrt(self.weights.prior)
         size = slices["specular"].stop - slices["specular"].start
 
-        def scaled(name: str, mean: float, sigma: float) -> tuple[slice, sp.spmatrix, np.ndarray]:
-            count = slices[name].stop - slices[name].start
-            return (
-                slices[name],
-                sp.identity(count, format="csr") * (prior / sigma),
-                np.full(count, prior * mean / sigma),
-            )
+        def scaled(name: str, mean: float, sigma: float | np.ndarray) -> tuple[slice, sp.spmatrix, np.ndarray]:
+            inverse = np.broadcast_to(prior / sigma, slices[name].stop - slices[name].start)
+            return slices[name], sp.diags(inverse, format="csr"), mean * inverse
 
         light_operator, light_offset = _light_operator(lights, self.light_scale)
         light = np.sqrt(self.weights.light)
-        return {
+        terms = {
             "identity": scaled("identity", 0.0, 1.0),
             "expression": scaled("expression", 0.0, self.expression_sigma),
             "albedo": scaled("albedo", 0.0, 1.0),
             "roughness": scaled("roughness", ROUGHNESS_MEAN, ROUGHNESS_SIGMA),
-            "focal": scaled("focal", np.log(self.focal_px), FOCAL_SIGMA),
+            "focal": scaled("focal", np.log(self.focal_px), self.focal_sigma),
             # One observation's worth for the level of the whole map; smoothness ties the texels.
             "specular_level": (
                 slices["specular"],
@@ -86,6 +87,8 @@ class Priors:
             "light": (slices["lights"], light_operator * light, light_offset * light),
             "light_position": scaled("light_position", 0.0, LIGHT_POSITION_SHARE * spacing(self._lights)),
         }
+        omitted = [slices[name] for name in self.omitted]
+        return {name: term for name, term in terms.items() if term[0] not in omitted}
 
     def energies(self, state: State, lights: LightParameters) -> dict[str, float]:
         """The energy of each term at ``state``."""

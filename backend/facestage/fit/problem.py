@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
 from facestage.contract.storage import finite
+from facestage.fit.detection import known_to, with_landmarks
 from facestage.fit.energy import Photo
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
-from facestage.fit.skin_mask import face_pixels, face_size_px, skin_weight
+from facestage.fit.priors import FOCAL_SIGMA
+from facestage.fit.skin_mask import face_pixels, face_size_px, paint_weight, skin_weight
+from facestage.fit.window import Window
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
@@ -35,15 +41,17 @@ UV_AREA_MIN = 1e-4
 
 @dataclass(frozen=True)
 class Problem:
-    """A job with its files read. Arrays are at the photo's own resolution."""
+    """A job with its files read. Arrays, camera and landmarks are those of the photo's ``window``."""
 
     job: Job
     photograph: Photograph
     camera: Camera
-    landmarks: Landmarks
+    landmarks: Landmarks  # the job's, in a scheme that the face model knows
     geometry: FaceGeometry
     stage: LightStage  # stage frame, every light of the job
     fit_focal: bool
+    focal_sigma: float  # standard deviation of log focal before the fit
+    window: Window
 
     @property
     def lit(self) -> np.ndarray:
@@ -71,7 +79,18 @@ class Problem:
     @cached_property
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
-        return np.where(face_pixels((self.skin.shape[0], self.skin.shape[1]), self.landmarks), 1.0, self.skin)
+        return paint_weight(self.skin, self.landmarks)
+
+    def read_from_photo(self) -> dict[str, str]:
+        """What was taken from the photo's file besides its pixels, in words; see Result.photo."""
+        own, start = self.photograph.focal, self.window.full_camera(self.camera).focal_px
+        if not self.fit_focal:
+            focal = f"as given, {start:.5g} px; not fitted"
+        elif own is not None:
+            focal = f"fitted, from {own.focal_px:.5g} px +- {own.log_sigma:.0%} ({own.source})"
+        else:
+            focal = f"fitted, from a guess of {start:.5g} px +- {self.focal_sigma:.0%} (the photo does not say)"
+        return {"size": self.window.words, "color": self.photograph.color_space, "focal": focal}
 
     @cached_property
     def white(self) -> float:
@@ -103,6 +122,19 @@ class Problem:
             resize(source.clipped.astype(np.float32), *size) > 0.25,
         )
 
+    def reduced(self, face_px: float) -> Problem:
+        """The problem of a smaller photo, whose face has ``face_px`` pixels; of one that is no larger, itself."""
+        factor = self.scale(face_px)
+        if factor == 1.0:
+            return self
+        photo = self.photo_at(factor)
+        small = replace(
+            self.photograph, color=photo.color.astype(np.float32), mask=photo.usable, clipped=photo.clipped
+        )  # fmt: skip
+        return replace(
+            self, photograph=small, camera=self.camera.scaled(factor), landmarks=self.landmarks_at(factor)
+        )  # fmt: skip
+
     def landmarks_at(self, factor: float) -> Landmarks:
         """The landmarks of the photo resized by ``factor``."""
         return replace(self.landmarks, points=self.landmarks.points * factor)
@@ -123,8 +155,8 @@ class Problem:
         settings = {
             "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
             "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
-            "model": self.job.model, "fit_focal": self.fit_focal, "plan": self.job.plan,
-            "quality": self.job.quality,
+            "model": self.job.model, "fit_focal": self.fit_focal, "focal_sigma": self.focal_sigma,
+            "plan": self.job.plan, "quality": self.job.quality,
         }  # fmt: skip
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
@@ -190,32 +222,43 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
 
 
-def read_problem(job: Job) -> Problem:
-    """Read and check everything a job names. Raises InputError with what is wrong."""
+def read_problem(
+    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
+    geometry: FaceGeometry | None = None,
+) -> Problem:  # fmt: skip
+    """Read and check everything a job names. Raises InputError with what is wrong.
+
+    The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
+    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
+    """
     photograph = read_photograph(job.image)
     width, height = photograph.size
-    camera = job.camera or Camera.default(width, height)
+    own = photograph.focal
+    camera = job.camera or Camera.default(width, height, None if own is None else own.focal_px)
     if (camera.width, camera.height) != (width, height):
         raise InputError(
             f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
             f"{width} x {height}; give the camera of this photo."
         )
-    if job.landmarks is None:
-        raise InputError(
-            "No landmarks were given and automatic detection is not available; give --landmarks FILE.json "
-            "with 68 points (scheme ibug68)."
-        )
+    job = with_landmarks(job, photograph, landmark_model, emit)
+    assert job.landmarks is not None
     job.landmarks.check_inside(width, height)
     stage = job.stage or fibonacci_stage()
     if (stage.state == OFF).all():
         raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
         raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
-    model = load_model(job.model)
-    model.landmark_vertices(job.landmarks.scheme)
+    model = load_model(job.model) if geometry is None else geometry.model
+    landmarks = known_to(model, job.landmarks)
+    model.landmark_vertices(landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model)
-    geometry = FaceGeometry(model)
-    _check_rendered(geometry, job.landmarks.scheme)
+    geometry = geometry or FaceGeometry(model)
+    _check_rendered(geometry, landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
-    return Problem(job, photograph, camera, job.landmarks, geometry, stage, fit_focal)
+    focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
+    window = Window.of(width, height, landmarks)
+    return Problem(
+        job, window.photograph(photograph), window.camera(camera), window.landmarks(landmarks), geometry, stage,
+        fit_focal, focal_sigma, window,
+    )  # fmt: skip

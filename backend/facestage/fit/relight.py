@@ -12,20 +12,22 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import ON, LightStage
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import Result
+from facestage.contract.result import ROUGHNESS, Result
 from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
 from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
-from facestage.fit.rendering import Picture, Textures, face_pixels, render_picture
+from facestage.fit.rendering import Textures, face_pixels, render_picture
 from facestage.fit.shading import ForwardModel
-from facestage.image_io import linear_to_srgb, read_exr, write_exr
+from facestage.image_io import linear_to_srgb, read_exr, resize, write_exr
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 
 OUTPUTS = (".exr", ".png")
+# Pixels of the head's box that are traced at most.
+PICTURE_PIXELS = 1_600_000
 SAMPLES = 16  # shadow rays per light and sub-pixel of a picture that is traced
 
 
@@ -55,7 +57,7 @@ def render_result(
             identity=_weights(weights, "identity", result.identity_names, result.identity),
             expression=_weights(weights, "expression", result.expression_names, result.expression),
         )
-        color = render(result, samples or SAMPLES).color
+        color = render(result, samples or SAMPLES)
     else:
         color = relit(result, samples, make=lights is not None)
     if out.suffix.lower() == ".exr":
@@ -88,7 +90,7 @@ def relit(result: Result, samples: int | None, make: bool) -> np.ndarray:
             with suppress(InputError, OSError):
                 traced.save(_folder(result))
             return traced.relight(result.stage.radiance)
-    return render(result, samples or SAMPLES).color
+    return render(result, samples or SAMPLES)
 
 
 def make_cache(folder: Path, samples: int | None) -> None:
@@ -112,20 +114,28 @@ def trace_lights(result: Result, samples: int, shrink: bool = False) -> RelightC
     return picture.relight_cache(relight_fingerprint(result))
 
 
-def render(result: Result, samples: int) -> Picture:
-    """The result's face under its stage, traced at the photo's size."""
+def render(result: Result, samples: int) -> np.ndarray:
+    """(h, w, 3) the result's face under its stage, of the photo's size; a large one is traced smaller and enlarged."""
     lit = result.stage.radiance.max(axis=1) > 0
     if not lit.any():
         lit[0] = True  # a dark face is still a picture
     forward, state, stage, textures = _prepared(result, lit)
-    return render_picture(forward, state, stage, textures, result.seed, samples)
+    factor = min(1.0, float(np.sqrt(PICTURE_PIXELS / max(len(face_pixels(forward, state)), 1))))
+    camera = state.camera
+    state = replace(state, camera=camera if factor == 1 else camera.scaled(factor))
+    color = render_picture(forward, state, stage, textures, result.seed, samples).color
+    return color if factor == 1 else resize(color, camera.width, camera.height)
 
 
 def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
     """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera frame), textures."""
     start_renderer("auto")
     folder = _folder(result)
-    textures = Textures(read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0])
+    rough = folder / ROUGHNESS  # older results have one value alone
+    textures = Textures(
+        read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0],
+        read_exr(rough)[..., 0] if rough.is_file() else None,
+    )  # fmt: skip
     geometry = FaceGeometry(load_model(result.model))
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False))

@@ -25,6 +25,7 @@ class Textures:
 
     albedo: np.ndarray  # (S, S, 3)
     specular: np.ndarray  # (s, s) c_spec
+    roughness: np.ndarray | None = None  # (r, r); None: the state's one value
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,9 @@ def render_picture(
             for start in range(0, len(surface.pixels), BLOCK_POINTS):
                 block = surface.part(slice(start, start + BLOCK_POINTS))
                 x, y = block.pixels.astype(int).T
-                terms = forward.light_terms(state, block, stage, each, seed + sub)
                 uvs = forward.uvs(block)
+                rough = None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
+                terms = forward.light_terms(state, block, stage, each, seed + sub, roughness=rough)
                 albedo, c_spec = sample_bilinear(textures.albedo, uvs), sample_bilinear(textures.specular, uvs)
                 if images is not None:
                     images.add(x, y, 1.0 / grid**2, terms, albedo, c_spec)

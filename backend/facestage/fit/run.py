@@ -16,7 +16,8 @@ from facestage.contract.job import Job
 from facestage.contract.result import Result
 from facestage.contract.storage import atomic_folder
 from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.driver import FitRun, Progress
+from facestage.fit.driver import FitRun
+from facestage.fit.fitted import Progress
 from facestage.fit.output import finish, write_result
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.shading import ForwardModel
@@ -34,18 +35,29 @@ def partial_folder(out: Path) -> Path:
     return out.with_name(f"{out.name}.partial")
 
 
-def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None) -> Result:
-    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written."""
+def fit_job(
+    job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+) -> Result:  # fmt: skip
+    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written.
+
+    ``landmark_model`` finds the face of a job without landmarks; None looks for it in the usual places.
+    """
     out = Path(out).resolve()
     began = time.monotonic()
     emit(Event(STARTED, message=f"Reading {job.image.name}"))
-    problem = read_problem(job)
+
+    def emit_timed(event: Event) -> None:
+        emit(replace(event, seconds=time.monotonic() - began))
+
+    problem = read_problem(job, emit_timed, landmark_model)
+    job = problem.job
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
-    partial = _prepare_partial(out)
+    partial = prepare_partial(out, "result.json")
     forward = ForwardModel(problem.geometry, problem.lights)
     cold_start = time.monotonic() - began
-    deadline = _deadline(job, time.monotonic())
+    deadline = time.monotonic() + seconds_to_fit(job.budget_seconds)
     listener = _Listener(problem, forward, partial, emit, began, job.budget_seconds)
     run = FitRun(problem, forward, partial, truth, listener)
     try:
@@ -71,11 +83,12 @@ def fit_job(job: Job, out: Path, resume: bool = False, emit: Callable[[Event], N
     return result
 
 
-def _prepare_partial(out: Path) -> Path:
+def prepare_partial(out: Path, marker: str) -> Path:
+    """The partial folder of ``out``, made. Raises InputError unless ``out`` is free, or holds an earlier ``marker``."""
     if out.exists() and not out.is_dir():
         raise InputError(f"The output '{out}' is a file; expected a folder name.")
     # The result replaces the folder: never one that holds anything but an earlier result.
-    if out.is_dir() and any(out.iterdir()) and not (out / "result.json").is_file():
+    if out.is_dir() and any(out.iterdir()) and not (out / marker).is_file():
         raise InputError(f"The output folder '{out}' holds files that are not a result; choose a new or empty folder.")
     partial = partial_folder(out)
     try:
@@ -90,10 +103,11 @@ def _prepare_partial(out: Path) -> Path:
     return partial
 
 
-def _deadline(job: Job, now: float) -> float:
-    if job.budget_seconds is None:
+def seconds_to_fit(budget: float | None, photos: int = 1) -> float:
+    """What of a budget in seconds is left for the fit when the results of ``photos`` have to be written too."""
+    if budget is None:
         return float("inf")
-    return now + job.budget_seconds - min(FINISH_SHARE * job.budget_seconds, FINISH_SECONDS_MAX)
+    return budget - min(FINISH_SHARE * budget, FINISH_SECONDS_MAX * photos)
 
 
 class _Listener:

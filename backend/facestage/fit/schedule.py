@@ -1,24 +1,15 @@
-"""The multi-step schedule (Garrido et al. 2016, Algorithm 1) over the damped Gauss-Newton solver."""
+"""A stage of the schedule (Garrido et al. 2016, Algorithm 1): the solver over one photo's energy."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.fit.descent import CONVERGED_SHARE, Descent
 from facestage.fit.energy import Energy, Evaluation, common_energy
 from facestage.fit.parameters import State
-from facestage.fit.solver import Damping, bounded_step
-
-# A stage ends when the energy falls by less than this share in a step.
-CONVERGED_SHARE = 1e-3
-# Shadows and silhouettes jump between steps; what three dampings cannot lower is as low as it gets.
-MAX_REJECTIONS = 3
-HOPELESS_SHARE = 5e-3
-# Steps after which lights that were fitted to zero are asked whether they want to come back.
-LIGHTS_ASKED_EVERY = 4
+from facestage.fit.solver import Damping
 
 
 @dataclass(frozen=True)
@@ -37,65 +28,53 @@ class Iteration:
     prior_hessian: np.ndarray  # (size, size) the priors' part of it
 
 
-@dataclass
-class Stage:
-    """A run of the solver over some blocks of parameters."""
+class Stage(Descent[State, Evaluation | None, "System", Iteration]):
+    """The solver over some blocks of one photo's parameters."""
 
-    name: str
-    blocks: tuple[str, ...]
-    energy: Energy
-    steps: int
-    freeze: np.ndarray  # (size,) bool, true where the user, or the plan, holds a parameter
-    low: np.ndarray
-    high: np.ndarray
-    tolerance: float = CONVERGED_SHARE
-    damping: Damping = field(default_factory=Damping)
+    def __init__(
+        self, name: str, blocks: tuple[str, ...], energy: Energy, steps: int, freeze: np.ndarray, low: np.ndarray,
+        high: np.ndarray, tolerance: float = CONVERGED_SHARE,
+    ) -> None:  # fmt: skip
+        """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter."""
+        super().__init__(steps, low, high, tolerance, Damping())
+        self.name, self.blocks, self.energy, self.freeze = name, blocks, energy, freeze
 
-    def run(
-        self, state: State, seed: int, deadline: float, first: int = 1, clock: Callable[[], float] = time.monotonic
-    ) -> Iterator[Iteration]:
-        """Accepted steps, numbered from ``first``, until converged, out of steps, or past the ``deadline``."""
-        active = self.energy.layout.mask(self.blocks) & ~self.freeze
-        evaluation = self._evaluate(state, seed, everything=self._asks_lights(first))
-        for number in range(first, self.steps + 1):
-            system = _System(self.energy, state, evaluation, active)
-            if self._asks_lights(number):
-                self._rest_lights(state, system.gradient, active)
-            # The photo does not see a light that rests; the priors alone must not wake it.
-            free = active & ~self._parameters_at_rest()
-            accepted = False
-            for _ in range(MAX_REJECTIONS):
-                values = self.energy.layout.values(state)
-                proposal = bounded_step(
-                    system.hessian, system.gradient, self.damping.value, values, self.low, self.high, free
-                )
-                candidate = self.energy.layout.apply(state, proposal.step)
-                # The same random numbers on both sides of a comparison.
-                trial = self._evaluate(candidate, seed, everything=self._asks_lights(number + 1))
-                decrease = system.decrease(candidate, trial)
-                if decrease > 0 and proposal.predicted > 0:
-                    self.damping.accept(decrease / proposal.predicted)
-                    accepted = True
-                    break
-                self.damping.reject()
-                # What is left to gain is less than what visibility jumps by from step to step.
-                if clock() > deadline or proposal.predicted < HOPELESS_SHARE * system.total:
-                    return
-            if not accepted:
-                return
-            state, evaluation = candidate, trial
-            finished = number == self.steps or decrease < self.tolerance * max(system.total, 1e-12)
-            yield Iteration(
-                self.name, number, state, evaluation, system.terms, proposal.condition, self.damping, finished,
-                system.hessian, system.prior_hessian,
-            )  # fmt: skip
-            if finished or clock() > deadline:
-                return
+    @property
+    def active(self) -> np.ndarray:
+        """(size,) bool, the parameters that the stage is about."""
+        return self.energy.layout.mask(self.blocks) & ~self.freeze
 
-    def _evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
+    def evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
+        """None in a stage without a photo."""
         if self.energy.photo is None or self.energy.stage is None:
             return None
         return self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
+
+    def system(self, state: State, evaluation: Evaluation | None) -> System:
+        """The energy's quadratic model."""
+        return System(self.energy, state, evaluation, self.active)
+
+    def free(self) -> np.ndarray:
+        """The photo does not see a light that rests; the priors alone must not wake it."""
+        return self.active & ~self._parameters_at_rest()
+
+    def values(self, state: State) -> np.ndarray:
+        """See :meth:`Layout.values`."""
+        return self.energy.layout.values(state)
+
+    def moved(self, state: State, step: np.ndarray) -> State:
+        """See :meth:`Layout.apply`."""
+        return self.energy.layout.apply(state, step)
+
+    def accepted(
+        self, number: int, state: State, evaluation: Evaluation | None, system: System, condition: float,
+        finished: bool,
+    ) -> Iteration:  # fmt: skip
+        """The step with its system."""
+        return Iteration(
+            self.name, number, state, evaluation, system.terms, condition, self.damping, finished, system.hessian,
+            system.prior_hessian,
+        )  # fmt: skip
 
     @property
     def resting(self) -> np.ndarray:
@@ -111,21 +90,17 @@ class Stage:
             result[where] = self.energy.light_parameters.of_lights(self.resting)
         return result
 
-    def _asks_lights(self, number: int) -> bool:
-        """Whether step ``number`` asks every dark light anew if it wants to come back."""
-        return number % LIGHTS_ASKED_EVERY == 1
-
-    def _rest_lights(self, state: State, gradient: np.ndarray, active: np.ndarray) -> None:
-        """Lights at radiance 0 that the energy would only lower further rest until they are asked again."""
+    def rest_lights(self, state: State, gradient: np.ndarray) -> None:
+        """No light rests in a stage without a photo."""
         photo = self.energy.photo
         if photo is None:
             return
         where = self.energy.layout.slices["lights"]
-        settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~active[where]
+        settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~self.active[where]
         photo.resting = self.energy.light_parameters.dark(state.lights, settled)
 
 
-class _System:
+class System:
     """The quadratic model around one state, with its weights frozen."""
 
     def __init__(self, energy: Energy, state: State, evaluation: Evaluation | None, active: np.ndarray) -> None:

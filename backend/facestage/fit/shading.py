@@ -103,15 +103,18 @@ class ForwardModel:
     def light_terms(
         self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
         traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        roughness: np.ndarray | None = None,
     ) -> LightTerms:  # fmt: skip
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
 
         Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out;
         ``pairs`` of (K,) pixels and (K,) lights leave out all others, see :meth:`RayTracer.light_terms`.
+        ``roughness`` (P,) replaces the state's one value.
         """
         lit = self.lit_points(state, surface, stage)
         return self.tracer.light_terms(
-            lit.points, lit.normals, lit.facing, lit.views, lit.stage, lit.roughness, samples, seed, asked,
+            lit.points, lit.normals, lit.facing, lit.views, lit.stage,
+            lit.roughness if roughness is None else roughness, samples, seed, asked,
             self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
             traced, lit.keys, lit.numbers, pairs,
         )  # fmt: skip

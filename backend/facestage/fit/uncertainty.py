@@ -64,6 +64,24 @@ def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
     return result
 
 
+def marginal_hessian(hessian: np.ndarray, kept: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(k, k) Hessian over the ``kept`` (k,) indices when all other ``free`` (size,) entries are unknown.
+
+    Its inverse is the block of the whole inverse: the Schur complement.
+    """
+    other = free & (np.diag(hessian) > 0)
+    other[kept] = False
+    index = np.flatnonzero(other)
+    result = hessian[np.ix_(kept, kept)]
+    if len(index):
+        scale = 1.0 / np.sqrt(np.diag(hessian)[index])
+        matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
+        matrix[np.diag_indices_from(matrix)] += RIDGE
+        cross = hessian[np.ix_(index, kept)] * scale[:, None]
+        result = result - cross.T @ cho_solve(_factor(matrix), cross, check_finite=False)
+    return result
+
+
 def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
     """(size,) square roots of a covariance's diagonal; NaN where not ``active``."""
     return np.where(active, np.sqrt(np.maximum(np.diag(matrix), 0.0)), np.nan)

@@ -54,6 +54,8 @@ class Scheme:
     across: float
     along: float
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
+    brows: np.ndarray
+    chin: np.ndarray  # the lowest of the jaw
     eyes: tuple[Eye, ...] = ()
 
     def behind_closed_lids(self, points: np.ndarray) -> np.ndarray:
@@ -73,6 +75,7 @@ def _schemes() -> Mapping[str, Scheme]:
     ibug68 = Scheme(
         deviation, 1.0, contour=np.arange(17), slides=True, across=1.0, along=1.0, outline=np.arange(68),
         skin=np.array([*range(2, 15), *range(27, 36)]),
+        brows=np.arange(17, 27), chin=np.arange(6, 11),
     )  # fmt: skip
     deviation, independent = read_deviations()
     mediapipe478 = Scheme(
@@ -81,6 +84,7 @@ def _schemes() -> Mapping[str, Scheme]:
         # skin turns away it finds the outline, but not where along it.
         slides=False, across=0.6, along=1.7,
         outline=np.array([*_JAW, *_BROWS, *_NOSE, *_LIPS]), skin=np.array([*_JAW[1:-1], *_NOSE]),
+        brows=np.array(_BROWS), chin=np.array(_JAW[7:14]),
         eyes=(Eye(tuple(range(468, 473)), 159, 145, (33, 133)), Eye(tuple(range(473, 478)), 386, 374, (263, 362))),
     )  # fmt: skip
     return MappingProxyType({"ibug68": ibug68, "mediapipe478": mediapipe478})

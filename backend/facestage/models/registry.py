@@ -1,9 +1,8 @@
-"""From a model's specification (``default``, ``ict:PATH``, ``npz:PATH``) to a face model, cached on disk."""
+"""From a model's specification (``default``, ``ict:PATH``, ...) to a face model, cached on disk."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,22 +10,11 @@ from pathlib import Path
 from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
-KINDS = "default, ict:PATH or npz:PATH"
-
-
-def cache_folder() -> Path:
-    """The user's cache folder for Facestage ($FACESTAGE_CACHE, or the platform's own place)."""
-    override = os.environ.get("FACESTAGE_CACHE")
-    if override:
-        return Path(override)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "facestage"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "facestage"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "facestage"
+KINDS = "default, ict:PATH, npz:PATH or rig:FILE"
 
 
 def load_model(specification: str) -> FaceModel:
@@ -39,6 +27,9 @@ def load_model(specification: str) -> FaceModel:
     if kind == "ict" and argument:
         path = Path(argument).expanduser().resolve()
         return _cached("ict", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_ict(path))
+    if kind == "rig" and argument:
+        path = Path(argument).expanduser().resolve()
+        return _cached("rig", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_rig(path))
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
 
 
@@ -52,6 +43,12 @@ def _load_ict(path: Path) -> FaceModel:
     from facestage.models.ict import load_ict
 
     return load_ict(path)
+
+
+def _load_rig(path: Path) -> FaceModel:
+    from facestage.models.rig import load_rig
+
+    return load_rig(path)
 
 
 def _fingerprint(path: Path) -> str:

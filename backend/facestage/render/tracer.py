@@ -107,7 +107,7 @@ class RayTracer:
         facing: np.ndarray,
         views: np.ndarray,
         stage: LightStage,
-        roughness: float,
+        roughness: float | np.ndarray,
         samples: int,
         seed: int,
         asked: Asked = PLAIN,
@@ -120,8 +120,9 @@ class RayTracer:
         """Direct illumination of ``points`` (P, 3) by each light of ``stage`` (same frame, unit radiance).
 
         ``normals`` (P, 3) are the shading normals, ``facing`` (P, 3) the geometric ones on the viewer's
-        side, ``views`` (P, 3) unit vectors towards the camera. ``samples`` per light, stratified by a
-        rank-1 lattice with a shift per point and light that depends on ``seed`` and the point's key alone.
+        side, ``views`` (P, 3) unit vectors towards the camera. ``roughness`` is one value or (P,).
+        ``samples`` per light, stratified by a rank-1 lattice with a shift per point and light that depends on
+        ``seed`` and the point's key alone.
         ``radiance`` (N, 3), the stage's own when None, is what derivatives are summed with.
         ``traced`` (N,) bool: the lights to work on; the others' terms are zero.
         ``keys`` (P,) int, by default 0, 1, 2, ...: give what names a point across calls, such as its pixel,
@@ -136,6 +137,7 @@ class RayTracer:
             points, normals, facing, views, names = (
                 array[pairs[0]] for array in (points, normals, facing, views, names)
             )
+            roughness = roughness[pairs[0]] if isinstance(roughness, np.ndarray) and roughness.ndim else roughness
             lights = 1
         elif traced is not None:
             index = np.flatnonzero(traced)
@@ -157,6 +159,9 @@ class RayTracer:
         x, n, v = gather(points), gather(normals), gather(views)
         origin = x + SHADOW_OFFSET * gather(facing)
         first = group * dr.opaque(mi.UInt32, each) if pairs is None else mi.UInt32(pairs[1].astype(np.uint32))
+        rough = np.ravel(np.asarray(roughness, np.float32))
+        # One row for all points where they share it: the kernel is the same.
+        rough_row = dr.opaque(mi.UInt32, 1 if len(rough) > 1 else 0)
         squares = _Squares(
             stage, stage.radiance if radiance is None else radiance, index, samples,
             np.arange(len(stage)) if numbers is None else numbers,
@@ -167,7 +172,7 @@ class RayTracer:
             dr.opaque(mi.UInt32, len(index)), dr.opaque(mi.UInt32, samples), point, x, n, v, view_cosine(n, v), origin,
             dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(names, np.uint32)), point),
             # Opaque: another seed must not compile another kernel.
-            dr.opaque(mi.UInt32, 2 * seed), dr.opaque(mi.Float, float(roughness)),
+            dr.opaque(mi.UInt32, 2 * seed), dr.gather(mi.Float, _floats(rough), point * rough_row),
             asked.specular, asked.shadows, asked.by_surface, asked.by_roughness and asked.specular, asked.behind,
         )  # fmt: skip
         dr.eval(kept.diffuse, kept.specular, *sums)

@@ -3,8 +3,9 @@
 May import the contract, numpy, Pillow and matplotlib (only while drawing); never the renderer, Blender or the fit.
 """
 
+from facestage.report.person_page import write_person_report
 from facestage.report.preview import write_preview
 from facestage.report.report_data import ReportData
 from facestage.report.writer import write_report
 
-__all__ = ["ReportData", "write_preview", "write_report"]
+__all__ = ["ReportData", "write_person_report", "write_preview", "write_report"]

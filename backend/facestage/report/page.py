@@ -22,6 +22,7 @@ STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPP
 # Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG beside the page.
 EMBED_LIMIT = 250_000
 FACE_WIDTH = 560  # CSS pixels of the slider at most
+TEXTURE_COVERAGE = "texture_coverage.png"
 
 
 def build_page(folder: Path, data: ReportData) -> str:
@@ -134,11 +135,18 @@ def relit_file(name: str) -> str:
 
 
 def _textures(folder: Path, data: ReportData) -> str:
-    faded = " Faded texels are not seen in the photo." if data.texture_coverage is not None else ""
+    faded = " Of faded texels the photo says nothing." if data.texture_coverage is not None else ""
     albedo = _figure(folder / "albedo.png", "Diffuse albedo over the UV square", f"Diffuse albedo.{faded}")
-    caption = f"Specular map; roughness {tables.number(data.result.roughness, 3)}."
-    specular = _figure(folder / "specular.png", "Specular map over the UV square", caption)
-    return f'<div class="columns">{albedo}{specular}</div>'
+    fitted = tables.number(data.result.roughness, 3)
+    caption = "Specular map." if data.roughness is not None else f"Specular map; roughness {fitted}."
+    figures = albedo + _figure(folder / "specular.png", "Specular map over the UV square", caption)
+    if data.roughness is not None:
+        caption = f"Roughness; {fitted} where no highlight tells."
+        figures += _figure(folder / "roughness.png", "Roughness over the UV square", caption)
+    if data.texture_coverage is not None:
+        caption = "Where the albedo is from."
+        figures += _figure(folder / TEXTURE_COVERAGE, "Origin of the albedo over the UV square", caption)
+    return f'<div class="columns">{figures}</div>'
 
 
 def _light(folder: Path, data: ReportData) -> str:
@@ -215,6 +223,7 @@ def _numbers(data: ReportData) -> str:
         _bars_card("Energy at the end", tables.energy_rows(result.energy), ""),
         _bars_card("Timings", tables.timing_rows(result.timings), "s"),
         _rows_card("Camera, pose and settings", tables.setup_rows(result)),
+        _rows_card("Read from the photo", [Row(name, text) for name, text in result.photo.items()]),
         _rows_card("Software", [Row(name, str(version)) for name, version in result.versions.items()]),
     ]
     return f'<div class="columns">{"".join(cards)}</div>'

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.contract.storage import atomic_file
 from facestage.report.color import clean, exposure, luminance, shrink, shrink_factor, to_image, to_srgb8
 from facestage.report.figure import DARK, Canvas, nice_limit
@@ -173,22 +174,37 @@ def landmark_distances(data: ReportData) -> np.ndarray:
 
 
 def draw_albedo(path: Path, data: ReportData) -> None:
-    """The diffuse albedo over the UV square; texels that the photo does not show are faded."""
+    """The diffuse albedo over the UV square; texels of which the photo says nothing are faded."""
     albedo = shrink(data.albedo)
     if data.texture_coverage is not None:
-        seen = shrink(data.texture_coverage)[..., None]
-        albedo = albedo * (0.3 + 0.7 * seen)
+        known = shrink(data.texture_coverage[..., 0] > 0)[..., None]
+        albedo = albedo * (0.3 + 0.7 * known)
     save_linear(path, albedo)
 
 
-def draw_specular(path: Path, data: ReportData) -> None:
-    """The specular map over the UV square, grey, with its scale."""
-    specular = clean(data.specular)
-    limit = nice_limit(float(specular.max()), 0.01)
+def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:
+    """A map (s, s) over the UV square, grey, with its scale from ``least`` to a round number."""
+    values = clean(values)
+    limit = nice_limit(float(values.max()), 0.01)
     canvas = Canvas(640, 700, DARK)
-    _, artist = canvas.picture(0, 0, 640, 640, specular, cmap="gray", vmin=0, vmax=limit, interpolation="bilinear")
-    bar = canvas.color_bar(20, 656, 600, 10, artist, [0, limit / 2, limit])
+    _, artist = canvas.picture(0, 0, 640, 640, values, cmap="gray", vmin=least, vmax=limit, interpolation="bilinear")
+    bar = canvas.color_bar(20, 656, 600, 10, artist, [least, (least + limit) / 2, limit])
     labels = bar.ax.get_xticklabels()
     labels[0].set_ha("left")
     labels[-1].set_ha("right")
+    canvas.save(path)
+
+
+def draw_coverage(path: Path, coverage: np.ndarray) -> None:
+    """Where the albedo's texels are from, by color; ``coverage`` (S, S, 3) uint8 as of CONVENTIONS.md."""
+    colors = (("the photo", SEEN, "#f2c48d"), ("its mirror image", BY_SYMMETRY, "#5b9bd5"), ("the model", 0, "#2b2e36"))
+    picture = np.zeros((*coverage.shape[:2], 3), np.uint8)
+    canvas = Canvas(640, 700, DARK)
+    left = 20.0
+    for words, label, color in colors:
+        picture[coverage[..., 0] == label] = [int(color[at : at + 2], 16) for at in (1, 3, 5)]
+        canvas.text(left, 675, "■", 14, color)
+        canvas.text(left + 20, 675, words, 11)
+        left += 200
+    canvas.picture(0, 0, 640, 640, picture, interpolation="nearest")
     canvas.save(path)

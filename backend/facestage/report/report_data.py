@@ -35,7 +35,8 @@ class ReportData:
     landmarks: np.ndarray  # (m, 2) pixels, as given
     projected: np.ndarray  # (m, 2) pixels, as fitted
     visible: np.ndarray  # (m,) bool
-    texture_coverage: np.ndarray | None = None  # (S, S) bool, true for texels that the photo shows
+    roughness: np.ndarray | None = None  # (r, r), row 0 at v = 1; None: the result's one value everywhere
+    texture_coverage: np.ndarray | None = None  # (S, S, 3) uint8, where the albedo's texels are from (CONVENTIONS.md)
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
     surface: np.ndarray | None = None  # (t, 3) the rendered triangles of the result's vertices; None: all
     face: np.ndarray | None = None  # (f,) numbers of the face's vertices, without neck and scalp; None: all
@@ -51,7 +52,9 @@ class ReportData:
             "specular": self.specular.shape[:2], "light_probe": (*self.light_probe.shape[:2], 3),
         }  # fmt: skip
         if self.texture_coverage is not None:
-            expected["texture_coverage"] = self.albedo.shape[:2]
+            expected["texture_coverage"] = (*self.albedo.shape[:2], 3)
+        if self.roughness is not None:
+            expected["roughness"] = self.roughness.shape[:2]
         for name, shape in expected.items():
             found = getattr(self, name).shape
             if found != shape:

@@ -9,15 +9,16 @@ from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
 from facestage.report.light_picture import draw_light_probe
-from facestage.report.page import build_page, relit_file
+from facestage.report.page import TEXTURE_COVERAGE, build_page, relit_file
 from facestage.report.pictures import (
     COMPARISON_MARGIN,
     View,
     draw_albedo,
     draw_comparison,
+    draw_coverage,
     draw_faces,
     draw_landmarks,
-    draw_specular,
+    draw_map,
     save_linear,
 )
 from facestage.report.report_data import ReportData
@@ -28,10 +29,10 @@ PAGE = "report.html"
 def write_report(folder: Path, data: ReportData) -> None:
     """Write report.html and its PNG pictures into an existing folder.
 
-    comparison, face, face_photo, landmarks, albedo, specular, light_probe, trace, weights, certainty (where any
-    parameter was fitted), and one relit_NAME for each relit picture. All pictures of the photo share the exposure of
-    :func:`color.exposure` and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them all and needs no
-    other file.
+    comparison, face, face_photo, landmarks, albedo, specular, roughness and texture_coverage (where they are known),
+    light_probe, trace, weights, certainty (where any parameter was fitted), and one relit_NAME for each relit picture.
+    All pictures of the photo share the exposure of :func:`color.exposure` and are shrunk to at most
+    ``color.MAX_SIDE`` pixels. The page embeds them all and needs no other file.
     """
     folder = Path(folder)
     view = View.of(data)
@@ -39,7 +40,11 @@ def write_report(folder: Path, data: ReportData) -> None:
     draw_faces(folder, view)
     draw_landmarks(folder / "landmarks.png", view, data)
     draw_albedo(folder / "albedo.png", data)
-    draw_specular(folder / "specular.png", data)
+    draw_map(folder / "specular.png", data.specular)
+    if data.roughness is not None:
+        draw_map(folder / "roughness.png", data.roughness)
+    if data.texture_coverage is not None:
+        draw_coverage(folder / TEXTURE_COVERAGE, data.texture_coverage)
     draw_light_probe(folder / "light_probe.png", data)
     factor = exposure(data.photo)
     for name, picture in data.relit.items():

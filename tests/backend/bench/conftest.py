@@ -8,7 +8,7 @@ import pytest
 
 from facestage.bench.cases import Case
 from facestage.bench.trace import Judge
-from facestage.fit import driver
+from facestage.fit import phases
 from facestage.fit.problem import Problem
 from facestage.fit.truth import Truth
 from reference.synthetic_case import write_case
@@ -39,9 +39,9 @@ def opened(case: Case) -> tuple[Problem, Truth, Judge]:
 @pytest.fixture(autouse=True)
 def small_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Textures of a size that fits a photo of 96 pixels, and two steps per photo phase."""
-    monkeypatch.setattr("facestage.fit.driver.SPECULAR_SIZE", 6)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MIN", 64)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MAX", 64)
-    monkeypatch.setattr("facestage.fit.output.SPECULAR_TEXTURE", 32)
-    phases = tuple(replace(phase, steps=min(phase.steps, 2)) if phase.face_px else phase for phase in driver.PHASES)
-    monkeypatch.setattr(driver, "PHASES", phases)
+    monkeypatch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MIN", 64)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MAX", 64)
+    monkeypatch.setattr("facestage.fit.refine.SPECULAR_TEXTURE", 32)
+    short = tuple(replace(phase, steps=min(phase.steps, 2)) if phase.face_px else phase for phase in phases.PHASES)
+    monkeypatch.setattr(phases, "PHASES", short)

@@ -11,8 +11,9 @@ import pytest
 from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_adam
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
-from facestage.fit.driver import FitRun, Phase, Schedule
+from facestage.fit.driver import FitRun
 from facestage.fit.parameters import BLOCKS, Layout
+from facestage.fit.phases import Phase, Schedule
 from facestage.fit.problem import Problem
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
@@ -59,9 +60,9 @@ def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPat
     run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path_factory.mktemp("start"))
     run.phases = Schedule().until("light and albedo").phases
     fitted = run.run(float("inf"))
-    stage = run.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
+    stage = run.view.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
     assert stage is not None
-    state = run.with_initial_lights(stage, fitted.state)
+    state = run.view.with_initial_lights(stage, fitted.state)
     state = replace(state, camera=state.camera.scaled(problem.scale(40.0)))
     return AdamRun(stage.energy, state, samples=16), state
 

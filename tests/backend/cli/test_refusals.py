@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
 
 from facestage import cli
 from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from reference.command_line import (
@@ -39,6 +42,11 @@ def nan_exr(path: Path) -> Path:
     return path
 
 
+def unmarked(case: Case, path: Path) -> str:
+    replace(FaceModel.load(case.model), landmarks={}).save(path)
+    return f"npz:{path}"
+
+
 def shift(data: dict) -> None:
     data["points"] = [[x + 5000, y] for x, y in data["points"]]
 
@@ -51,7 +59,10 @@ BAD_OPTIONS: dict[str, tuple[Callable[[Case, Path], dict[str, str | Path | None]
     "NaN photo": (lambda _, d: {"image": nan_exr(d / "n.exr")}, ["n.exr", "no usable pixel"]),
     "folder as photo": (lambda _, d: {"image": d}, ["does not exist"]),
     "missing landmarks": (lambda _, d: {"--landmarks": d / "none.json"}, ["landmark file", "none.json", "not exist"]),
-    "no landmarks": (lambda _, d: {"--landmarks": None}, ["landmarks", "--landmarks"]),
+    "face that is not counted from 1": (lambda _, d: {"--landmarks": None, "--face": "0"}, ["face is 0", "1"]),
+    "missing landmark model": (
+        lambda _, d: {"--landmarks": None, "--landmark-model": d / "none.task"}, ["none.task", "does not exist"],
+    ),
     "too few landmarks": (
         lambda c, d: {"--landmarks": points(c, d / "p.json", lambda data: data["points"].pop())},
         ["p.json", "67", "68"],
@@ -65,11 +76,7 @@ BAD_OPTIONS: dict[str, tuple[Callable[[Case, Path], dict[str, str | Path | None]
         lambda c, d: {"--landmarks": points(c, d / "p.json", lambda data: data.update(scheme="dlib5"))},
         ["dlib5", "ibug68"],
     ),
-    "scheme of another model": (
-        lambda _, d: {"--landmarks": write(d / "p.json", json.dumps(
-            {"scheme": "mediapipe478", "points": np.random.default_rng(0).uniform(10, 80, (478, 2)).tolist()}
-        ))}, ["mediapipe478", "ibug68"],
-    ),
+    "model without landmarks": (lambda c, d: {"--model": unmarked(c, d / "m.npz")}, ["landmarks", "ibug68", "none"]),
     "landmarks that are no JSON": (lambda _, d: {"--landmarks": write(d / "p.json", "{")}, ["p.json", "JSON"]),
     "landmarks as a list": (lambda _, d: {"--landmarks": write(d / "p.json", "[1]")}, ["p.json", "list", "object"]),
     "missing camera": (lambda _, d: {"--camera": d / "none.json"}, ["camera file", "does not exist"]),
@@ -169,6 +176,20 @@ def test_a_fit_needs_a_photo_or_a_job_and_not_both(case: Case, tmp_path: Path, c
         sentence = refuse(capsys, "fit", "--job", tmp_path / "job", "--out", tmp_path / "out", *extra)
         assert extra[0].strip("-") in sentence
     assert not (tmp_path / "out").exists()
+
+
+def test_a_photo_without_landmarks_needs_the_landmark_model(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def offline(*_arguments: object, **_options: object) -> NoReturn:
+        raise ConnectionError
+
+    monkeypatch.setattr("facestage.landmarks.model_file.find_model", lambda _chosen: None)
+    monkeypatch.setattr("pooch.retrieve", offline)
+    for command, out in (("fit", tmp_path / "out"), ("detect", tmp_path / "points.json")):
+        sentence = refuse(capsys, command, case.photo, "--out", out)
+        assert "face_landmarker.task" in sentence and "--landmarks" in sentence
+    assert listing(tmp_path) == []
 
 
 def test_detect_refuses_politely_what_is_no_photo(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

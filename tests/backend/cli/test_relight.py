@@ -49,7 +49,7 @@ def render(tmp_path: Path) -> Callable[..., np.ndarray]:
 
 def traced(folder: Path, radiance: np.ndarray, samples: int) -> np.ndarray:
     result = Result.load(folder)
-    return relight.render(replace(result, stage=replace(result.stage, radiance=radiance)), samples).color
+    return relight.render(replace(result, stage=replace(result.stage, radiance=radiance)), samples)
 
 
 def worst(one: np.ndarray, other: np.ndarray) -> float:
@@ -95,7 +95,9 @@ def test_more_samples_than_the_cache_has_are_traced(
     assert worst(picture, traced(folder, radiance, samples + 3)) < HALF
 
 
-@pytest.mark.parametrize("fault", ["half a file", "no npz", "texture painted", "light moved", "other arrays"])
+@pytest.mark.parametrize(
+    "fault", ["half a file", "no npz", "texture painted", "rougher", "map lost", "light moved", "other arrays"]
+)
 def test_a_cache_that_does_not_fit_is_made_again(
     folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray], fault: str
 ):
@@ -110,6 +112,12 @@ def test_a_cache_that_does_not_fit_is_made_again(
         from facestage.image_io import write_exr
 
         write_exr(folder / "albedo.exr", 0.5 * read_exr(folder / "albedo.exr"))
+    elif fault == "rougher":
+        from facestage.image_io import write_exr
+
+        write_exr(folder / "roughness.exr", 1.5 * read_exr(folder / "roughness.exr")[..., 0])
+    elif fault == "map lost":
+        (folder / "roughness.exr").unlink()
     else:
         result = Result.load(folder)
         replace(result, stage=replace(result.stage, position=result.stage.position + 0.3)).write_into(folder)

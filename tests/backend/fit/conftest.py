@@ -37,7 +37,7 @@ def case(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Case:
 @pytest.fixture
 def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Textures of a size that fits a photo of 96 pixels."""
-    monkeypatch.setattr("facestage.fit.driver.SPECULAR_SIZE", 6)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MIN", 64)
-    monkeypatch.setattr("facestage.fit.output.TEXTURE_MAX", 64)
-    monkeypatch.setattr("facestage.fit.output.SPECULAR_TEXTURE", 32)
+    monkeypatch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MIN", 64)
+    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MAX", 64)
+    monkeypatch.setattr("facestage.fit.refine.SPECULAR_TEXTURE", 32)

@@ -16,7 +16,8 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.storage import read_arrays, write_arrays
 from facestage.fit.checkpoint import FILE, Checkpoint
-from facestage.fit.driver import FitRun, Fitted, Progress
+from facestage.fit.driver import FitRun
+from facestage.fit.fitted import Fitted, Progress
 from facestage.fit.parameters import Layout, State
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
@@ -75,7 +76,7 @@ def assert_same(found: Fitted, wanted: Fitted) -> None:
 def whole(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Fitted:
     """The run that nothing stopped, with the small maps."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.driver.SPECULAR_SIZE", 6)
+        patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
         return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
 
 

@@ -110,7 +110,7 @@ def test_wide_lights_get_more_samples(
     )  # fmt: skip
     problem = read_problem(job)
     run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path)
-    assert run.samples_factor == factor
+    assert run.view.samples_factor == factor
 
 
 def test_landmarks_on_a_line_are_refused() -> None:

@@ -29,14 +29,14 @@ pytestmark = pytest.mark.usefixtures("small_maps")
 @pytest.fixture(autouse=True)
 def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """At most two steps in each phase with a photo."""
-    from facestage.fit import driver
+    from facestage.fit import checks, phases
 
-    phases = tuple(
-        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in driver.PHASES
+    short = tuple(
+        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in phases.PHASES
     )
-    monkeypatch.setattr(driver, "PHASES", phases)
+    monkeypatch.setattr(phases, "PHASES", short)
     # Two steps never settle; that is not what these tests are about.
-    monkeypatch.setattr(driver, "SETTLED_SHARE", 1.0)
+    monkeypatch.setattr(checks, "SETTLED_SHARE", 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -291,3 +291,82 @@ def test_a_fully_masked_face_is_refused_in_words(job: Job, case: Case, tmp_path:
     with pytest.raises(InputError, match="usable pixels"):
         fit_job(replace(job, image=tmp_path / "masked.png"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def _with_lens(job: Job, folder: Path, millimeters: int) -> Job:
+    """The job on a JPEG of its photo whose EXIF names a lens, its camera left out."""
+    from PIL import Image
+
+    exif = Image.Exif()
+    with Image.open(job.image) as photo:
+        exif.get_ifd(0x8769).update({0xA405: millimeters, 0xA002: 4 * photo.width, 0xA003: 3 * photo.width})
+        # The shape of a sensor: the photo in the corner of a 4:3 picture, the rest transparent to no one.
+        wide = Image.new("RGB", (4 * photo.height // 3, photo.height))
+        wide.paste(photo.convert("RGB"))
+    wide.save(folder / "lens.jpg", exif=exif, quality=95)
+    return replace(job, image=folder / "lens.jpg", camera=None)
+
+
+def test_the_lens_of_the_exif_is_where_the_fit_starts(job: Job, tmp_path: Path):
+    from facestage.fit.problem import read_problem
+
+    lens = _with_lens(job, tmp_path, 85)
+    problem = read_problem(lens)
+    width, height = problem.photograph.size
+    expected = 85 * np.hypot(width, height) / np.hypot(36, 24)
+    assert problem.fit_focal and problem.focal_sigma == 0.05
+    assert problem.camera.focal_px == pytest.approx(expected)
+    result = fit_job(lens, tmp_path / "out")
+    assert "85 mm" in result.photo["focal"] and result.photo["color"] == "sRGB"
+    # Landmarks and photo may move it, but not as far as they would from a mere guess.
+    assert abs(np.log(result.camera.focal_px / expected)) < 0.15
+    deviation = result.arrays["deviation/focal"]
+    assert 0 < float(deviation.max()) <= 0.05
+    assert Result.load(tmp_path / "out").photo == result.photo
+
+
+def test_a_given_camera_is_held_whatever_the_exif_says(job: Job, tmp_path: Path):
+    from facestage.fit.problem import read_problem
+
+    lens = _with_lens(job, tmp_path, 24)
+    size = read_problem(lens).photograph.size
+    given = replace(lens, camera=Camera.default(*size, 300.0))
+    problem = read_problem(given)
+    assert not problem.fit_focal and problem.camera.focal_px == 300.0
+    assert "as given" in problem.read_from_photo()["focal"]
+    assert "guess" in read_problem(replace(job, camera=None)).read_from_photo()["focal"]
+
+
+def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The same photo, and the same enlarged beyond what is worked on at full size, end at the same face."""
+    from PIL import Image
+
+    from facestage.fit import window
+
+    # What is large begins between the two; the face is made as small as it was.
+    factor = 3
+    monkeypatch.setattr(window, "PIXELS_MAX", 30_000)
+    monkeypatch.setattr(window, "WORKING_FACE_PX", 60.0)
+    with Image.open(job.image) as photo:
+        large = photo.convert("RGB").resize((factor * photo.width, factor * photo.height), Image.Resampling.BICUBIC)
+    large.save(tmp_path / "large.png")
+    assert job.landmarks is not None and job.camera is not None
+    camera = job.camera
+    enlarged = Camera(
+        factor * camera.width, factor * camera.height, factor * camera.focal_px,
+        (factor * camera.principal_px[0], factor * camera.principal_px[1]),
+    )  # fmt: skip
+    landmarks = replace(job.landmarks, points=factor * job.landmarks.points)
+    small = fit_job(job, tmp_path / "small")
+    result = fit_job(
+        replace(job, image=tmp_path / "large.png", landmarks=landmarks, camera=enlarged), tmp_path / "large"
+    )
+    assert (result.camera.width, result.camera.height) == (enlarged.width, enlarged.height)
+    assert result.camera.focal_px == pytest.approx(enlarged.focal_px)
+    np.testing.assert_allclose(result.camera.principal_px, enlarged.principal_px)
+    assert "worked on" in result.photo["size"] and "worked on" not in small.photo["size"]
+    assert read_exr(tmp_path / "large" / "render.exr").shape[:2] == (enlarged.height, enlarged.width)
+    np.testing.assert_allclose(result.camera.project(result.vertices), factor * small.camera.project(small.vertices),
+        atol=0.02 * factor * camera.width)  # fmt: skip
+    assert result.errors["similarity_mm"] < small.errors["similarity_mm"] + 0.4
+    assert result.errors["landmark_px"] == pytest.approx(factor * small.errors["landmark_px"], rel=0.3)

@@ -9,24 +9,11 @@ from facestage.fit.normal_equations import NormalEquations
 from facestage.fit.parameters import BLOCKS, Layout
 from facestage.fit.photometric import Jacobian
 from facestage.render.tracer import Asked
+from reference.dense_system import written_out
 from reference.synthetic_scene import Scene
 
 # float32 products over a block of pixels, relative to the columns' lengths.
 BOUND = 2e-6
-
-
-def written_out(jacobian: Jacobian, layout: Layout, pixels: int) -> np.ndarray:
-    """(3 P, size) float64, channel by channel within a pixel."""
-    result = np.zeros((pixels, 3, layout.size))
-    for block in jacobian.blocks():
-        rows = result[block.pixels]
-        rows[:, :, jacobian.dense_columns] = block.dense.transpose(1, 0, 2)
-        rows[:, :, layout.slices["lights"]] = np.einsum(
-            "cbn,ncp->bcp", block.lights.astype(float), jacobian.light_jacobian
-        )
-        if block.texels is not None:
-            rows[:, :, layout.slices["specular"]] = block.gloss[..., None] * block.texels.toarray()[:, None]
-    return result.reshape(-1, layout.size)
 
 
 @pytest.mark.parametrize("blocks", [BLOCKS, ("lights",), ("specular",), ("pose", "lights"), ("albedo", "specular")])

@@ -59,6 +59,13 @@ def test_bounds(scene: Scene, box: bool):
     assert ((values >= low) & (values <= high)).all()
 
 
+def test_expressions_have_their_own_bounds(scene: Scene):
+    layout = Layout(scene.state)
+    low, high = layout.bounds(np.array([True, False, True]))
+    np.testing.assert_array_equal(low[layout.slices["expression"]], [0, -np.inf, 0])
+    np.testing.assert_array_equal(high[layout.slices["expression"]], [1, np.inf, 1])
+
+
 @given(st.booleans(), st.integers(0, 2**16))
 def test_radiance_round_trip_and_jacobian(uniform: bool, seed: int):
     random = np.random.default_rng(seed)

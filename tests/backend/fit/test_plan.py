@@ -14,11 +14,13 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
-from facestage.fit import driver
-from facestage.fit.driver import FitRun, Fitted, Schedule
+from facestage.fit import phases
+from facestage.fit.driver import FitRun
 from facestage.fit.energy import PhotoTerm
+from facestage.fit.fitted import Fitted
 from facestage.fit.left_out import amount, left_out, saved_sentence
 from facestage.fit.parameters import BLOCKS, Layout, LightParameters
+from facestage.fit.phases import Schedule
 from facestage.fit.plan import Ledger, Plan, Rules, Work
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
@@ -50,7 +52,7 @@ def fit(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Rules |
     """A short fit under the given rules, once each."""
     found: dict[tuple[Rules, str], Fitted] = {}
     schedule = Schedule(
-        tuple(p if p.face_px is None else replace(p, steps=min(p.steps, 2)) for p in driver.PHASES)
+        tuple(p if p.face_px is None else replace(p, steps=min(p.steps, 2)) for p in phases.PHASES)
     )  # fmt: skip
 
     def run(rules: Rules | None = None, given: Job | None = None) -> Fitted:

@@ -9,7 +9,7 @@ import pytest
 
 from facestage.contract.job import Weights
 from facestage.fit.parameters import Layout, LightParameters
-from facestage.fit.priors import Priors
+from facestage.fit.priors import EXPRESSION_SIGMA, Priors
 from reference.synthetic_scene import Scene, moved
 
 WEIGHTS = Weights(prior=1.7, light=0.6)
@@ -106,6 +106,15 @@ def test_the_expression_prior_follows_the_model(scene: Scene):
     ]
     assert energies[1] == pytest.approx(0.5 * (state.expression**2).sum())
     assert energies[0] > energies[1]
+
+
+def test_each_expression_may_have_its_own_prior(scene: Scene):
+    layout = Layout(scene.state)
+    state = moved(scene.state, expression=[0.1, 0.2, 0.3])
+    box = np.array([False, True, False])
+    energy = Priors(layout, state, box, Weights()).energies(state, scene.lights)["expression"]
+    sigma = np.array([1.0, EXPRESSION_SIGMA, 1.0])
+    assert energy == pytest.approx(0.5 * ((state.expression / sigma) ** 2).sum())
 
 
 @pytest.mark.parametrize("uniform", [False, True])

@@ -13,10 +13,11 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
-from facestage.fit.driver import FitRun, Schedule, default_schedule
+from facestage.fit.driver import FitRun
 from facestage.fit.energy import PhotoTerm
 from facestage.fit.left_out import left_out
 from facestage.fit.parameters import Layout, State
+from facestage.fit.phases import Schedule, default_schedule
 from facestage.fit.photometric import SHAPE, Jacobian
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel, Image, Surface
@@ -333,13 +334,13 @@ def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(
         problem = read_problem(given)
         forward = ForwardModel(problem.geometry, problem.lights)
         for edges, minimum in ((False, 0.0), (True, 0.0), (True, 1.0)):
-            monkeypatch.setattr("facestage.fit.driver.PENUMBRA_MIN", minimum)
+            monkeypatch.setattr("facestage.fit.view.PENUMBRA_MIN", minimum)
             run = FitRun(problem, forward, tmp_path, schedule=Schedule().with_shadow_edges(edges))
-            run.strong = first
-            state = replace(run._start_state(), lights=np.ones(problem.lights.size))
-            stage = run.solver_stage(run.phases[3], state)
+            run.view.strong = first
+            state = replace(run.view.start_state(), lights=np.ones(problem.lights.size))
+            stage = run.view.solver_stage(run.phases[3], state)
             assert stage is not None and stage.energy.photo is not None
-            found[name, edges, minimum] = (run.penumbra, stage.energy.photo.casting)
+            found[name, edges, minimum] = (run.view.penumbra, stage.energy.photo.casting)
     for name, casting in (("lattice", first), ("placed", np.ones(4, bool))):
         assert found[name, False, 0.0] == (None, None)
         share, lights = found[name, True, 0.0]

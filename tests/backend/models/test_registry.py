@@ -9,8 +9,9 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.folders import cache_folder
 from facestage.models import registry
-from facestage.models.registry import cache_folder, load_model
+from facestage.models.registry import load_model
 from reference.synthetic_face import synthetic_face
 
 
@@ -37,7 +38,7 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("specification", ["", "flame", "flame:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"])
 def test_unknown_specifications_are_named(specification: str):
-    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH or npz:PATH") as caught:
+    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH, npz:PATH or rig:FILE") as caught:
         load_model(specification)
     assert f"'{specification}'" in str(caught.value)
 

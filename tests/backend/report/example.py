@@ -69,6 +69,8 @@ def report_data(size: tuple[int, int] = (48, 40), lights: int = 20, **changes: A
         "albedo": rng.uniform(0.2, 0.6, (16, 16, 3)), "specular": np.full((4, 4), 0.5),
         "light_probe": rng.uniform(0.0, 3.0, (8, 16, 3)), "landmarks": landmarks,
         "projected": landmarks + np.array([3.0, 4.0]), "visible": np.arange(68) % 5 > 0,
-        "texture_coverage": np.eye(16, dtype=bool), "relit": {"from left": photo}, "trace": trace(),
+        "roughness": np.full((4, 4), 0.4),
+        "texture_coverage": 255 * np.eye(16, dtype=np.uint8)[..., None].repeat(3, axis=2),
+        "relit": {"from left": photo}, "trace": trace(),
     }  # fmt: skip
     return ReportData(**(values | changes))

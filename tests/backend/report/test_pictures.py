@@ -8,8 +8,16 @@ from PIL import Image
 
 from backend.report.example import report_data
 from facestage.contract.errors import InputError
+from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.report.figure import nice_limit
-from facestage.report.pictures import View, difference_limit, draw_albedo, draw_faces, landmark_distances
+from facestage.report.pictures import (
+    View,
+    difference_limit,
+    draw_albedo,
+    draw_coverage,
+    draw_faces,
+    landmark_distances,
+)
 
 
 def test_identical_images_differ_by_nothing() -> None:
@@ -50,9 +58,9 @@ def test_the_fit_replaces_the_photo_where_it_was_rendered(tmp_path: Path) -> Non
     np.testing.assert_array_equal(face[~inside], photo[~inside])
 
 
-def test_texels_that_the_photo_does_not_show_are_faded(tmp_path: Path) -> None:
-    coverage = np.zeros((16, 16), bool)
-    coverage[:8] = True
+def test_texels_of_which_the_photo_says_nothing_are_faded(tmp_path: Path) -> None:
+    coverage = np.zeros((16, 16, 3), np.uint8)
+    coverage[:4, :, 0], coverage[4:8, :, 0] = SEEN, BY_SYMMETRY
     draw_albedo(tmp_path / "albedo.png", report_data(albedo=np.full((16, 16, 3), 0.5), texture_coverage=coverage))
     with Image.open(tmp_path / "albedo.png") as image:
         pixels = np.asarray(image)
@@ -79,3 +87,15 @@ def test_limits_are_round_numbers(value: float, limit: float) -> None:
 def test_arrays_that_do_not_belong_together_are_refused() -> None:
     with pytest.raises(InputError, match=r"coverage has shape \(3, 3\), expected \(48, 40\)"):
         report_data(coverage=np.ones((3, 3), bool))
+
+
+def test_each_origin_of_a_texel_has_its_color(tmp_path: Path) -> None:
+    coverage = np.zeros((16, 16, 3), np.uint8)
+    coverage[:, :5, 0], coverage[:, 5:10, 0] = SEEN, BY_SYMMETRY
+    draw_coverage(tmp_path / "coverage.png", coverage)
+    with Image.open(tmp_path / "coverage.png") as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    height, width = pixels.shape[:2]
+    row = pixels[height // 2]
+    seen, mirrored, model = (row[int(share * width)] for share in (0.15, 0.45, 0.85))
+    assert seen[0] > seen[2] + 50 and mirrored[2] > mirrored[0] + 50 and model.max() < 70

@@ -19,7 +19,7 @@ from facestage.report import ReportData, write_report
 
 PICTURES = {
     "albedo.png", "comparison.png", "face.png", "face_photo.png", "landmarks.png", "light_probe.png",
-    "specular.png", "trace.png", "weights.png",
+    "roughness.png", "specular.png", "texture_coverage.png", "trace.png", "weights.png",
 }  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def bare() -> dict[str, Any]:
     empty: dict[str, Any] = {"energy": {}, "errors": {}, "timings": {}, "left_out": [], "versions": {}}
     zero = {"identity": np.zeros(3), "expression": np.zeros(0), "expression_names": ()}
     return {
-        "trace": [], "relit": {}, "texture_coverage": None, "coverage": np.zeros((48, 40), bool),
+        "trace": [], "relit": {}, "texture_coverage": None, "roughness": None, "coverage": np.zeros((48, 40), bool),
         "result": replace(data.result, **empty, **zero), "visible": np.zeros(68, bool),
     }  # fmt: skip
 
@@ -125,7 +125,7 @@ def broken() -> dict[str, Any]:
     return {
         "photo": photo, "render": render, "light_probe": probe, "trace": rows,
         "landmarks": np.full((68, 2), np.nan), "specular": np.full((4, 4), np.nan),
-        "albedo": np.full((16, 16, 3), np.nan),
+        "albedo": np.full((16, 16, 3), np.nan), "roughness": np.full((4, 4), np.inf),
     }  # fmt: skip
 
 
@@ -147,7 +147,8 @@ def test_extreme_data_still_gives_a_whole_report(tmp_path: Path, case: str) -> N
     changes = CASES[case]
     page = write(tmp_path, report_data(**changes))
     assert_pictures_decode(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} >= PICTURES | {"report.html"}
+    unknown = {f"{name}.png" for name in ("roughness", "texture_coverage") if changes.get(name, 1) is None}
+    assert {path.name for path in tmp_path.iterdir()} >= PICTURES - unknown | {"report.html"}
     assert not re.search(r"\bnan\b|\binf\b|\bNone\b", page.text)
 
 

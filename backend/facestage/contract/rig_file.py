@@ -1,0 +1,149 @@
+"""A user's own mesh with its shape keys, as the add-on writes it and the backend reads it: plain arrays, one .npz."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import PARTS
+from facestage.contract.storage import read_arrays, write_arrays
+
+SCHEMA_VERSION = 1
+UNKNOWN_PART = 255  # the backend guesses: skin, unless a loose piece lies where the eyes or the teeth are
+
+# What a user may mark: name -> (words, index in the ibug68 scheme). Left and right are the subject's.
+MARKS: Mapping[str, tuple[str, int]] = {
+    "eye_right_outer": ("Outer corner of the right eye", 36),
+    "eye_right_inner": ("Inner corner of the right eye", 39),
+    "eye_left_inner": ("Inner corner of the left eye", 42),
+    "eye_left_outer": ("Outer corner of the left eye", 45),
+    "nose_bridge": ("Bridge of the nose, between the eyes", 27),
+    "nose_tip": ("Tip of the nose", 30),
+    "nose_base": ("Base of the nose, above the lip", 33),
+    "mouth_right": ("Right corner of the mouth", 48),
+    "mouth_left": ("Left corner of the mouth", 54),
+    "lip_upper": ("Middle of the upper lip's upper edge", 51),
+    "lip_lower": ("Middle of the lower lip's lower edge", 57),
+    "chin": ("Lowest point of the chin", 8),
+}
+
+
+@dataclass(frozen=True)
+class RigFile:
+    """A mesh of n vertices, p polygons, u UV points, k identity and e expression shapes, in its own axes and unit.
+
+    An expression moves by its offsets at weight 1 (the end of its slider), an identity shape at one standard deviation.
+    """
+
+    name: str
+    license: str
+    vertices: np.ndarray  # (n, 3) float64, without any shape key
+    polygons: np.ndarray  # (p, 4) int32, quads; the fourth is -1 for a triangle
+    polygon_uvs: np.ndarray  # (p, 4) int32 into `uvs`; the fourth is -1 for a triangle
+    polygon_part: np.ndarray  # (p,) uint8, index into PARTS or UNKNOWN_PART
+    uvs: np.ndarray  # (u, 2) float32 in 0..1
+    expression_names: tuple[str, ...]
+    expression_offsets: np.ndarray  # (e, n, 3) float32
+    identity_names: tuple[str, ...]
+    identity_offsets: np.ndarray  # (k, n, 3) float32
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)  # metres per unit along each axis, as far as the scene says
+    borrow_identity: bool = True  # without identity shapes of its own, take the default model's
+    marks: Mapping[str, np.ndarray] = field(default_factory=dict)  # name in MARKS -> vertex indices, at their middle
+
+    def __post_init__(self) -> None:
+        n = len(self.vertices)
+        shapes = {
+            "vertices": (n, 3),
+            "polygons": (len(self.polygons), 4),
+            "polygon_uvs": (len(self.polygons), 4),
+            "polygon_part": (len(self.polygons),),
+            "uvs": (len(self.uvs), 2),
+            "expression_offsets": (len(self.expression_names), n, 3),
+            "identity_offsets": (len(self.identity_names), n, 3),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.issubdtype(array.dtype, np.number):
+                raise self._wrong(f"{name} has shape {array.shape} of {array.dtype}, expected {shape} of numbers")
+            if not np.isfinite(array).all():
+                raise self._wrong(f"{name} holds NaN or infinity")
+        if n < 100 or len(self.polygons) < 100:
+            raise InputError(
+                f"The mesh '{self.name}' has {n} vertices and {len(self.polygons)} polygons; a face needs at least "
+                "100 of each: choose the mesh of a face."
+            )
+        for name, limit in (("polygons", n), ("polygon_uvs", len(self.uvs))):
+            array = getattr(self, name)
+            if array.max() >= limit or array[:, :3].min() < 0 or array.min() < -1:
+                raise self._wrong(f"{name} refers to a point outside 0..{limit - 1}")
+        part = self.polygon_part
+        if not ((part >= 0) & (part < len(PARTS)) | (part == UNKNOWN_PART)).all():
+            raise self._wrong(f"polygon_part holds values other than 0..{len(PARTS) - 1} and {UNKNOWN_PART}")
+        names = (*self.expression_names, *self.identity_names)
+        if len(set(self.expression_names)) + len(set(self.identity_names)) < len(names) or not all(names):
+            raise self._wrong("two of its shapes have the same name, or one has none")
+        if not all(np.isfinite(value) and abs(value) > 1e-12 for value in self.scale) or len(self.scale) != 3:
+            raise InputError(
+                f"The mesh '{self.name}' has the scale {self.scale}; expected three numbers that are not 0."
+            )
+        for mark, indices in self.marks.items():
+            if mark not in MARKS:
+                raise self._wrong(f"the landmark '{mark}' is unknown; expected one of {', '.join(MARKS)}")
+            if not len(indices) or indices.min() < 0 or indices.max() >= n:
+                raise self._wrong(f"the landmark '{mark}' refers to a vertex outside 0..{n - 1}")
+
+    def _wrong(self, what: str) -> InputError:
+        return InputError(f"The mesh file of '{self.name}': {what}; export the mesh again (Use My Mesh).")
+
+    def known_points(self) -> dict[int, np.ndarray]:
+        """Index in the ibug68 scheme -> the place (3,) that the user has marked, in the mesh's own coordinates."""
+        return {MARKS[name][1]: self.vertices[indices].mean(axis=0) for name, indices in self.marks.items()}
+
+    def save(self, path: Path) -> None:
+        """Write the file whole or not at all."""
+        meta = {
+            "schema": SCHEMA_VERSION, "name": self.name, "license": self.license, "scale": self.scale,
+            "expression_names": self.expression_names, "identity_names": self.identity_names,
+            "borrow_identity": self.borrow_identity,
+        }  # fmt: skip
+        arrays = {name: np.asarray(getattr(self, name), kind) for name, kind in _ARRAYS.items()}
+        arrays |= {f"marks/{name}": np.asarray(indices, np.int32) for name, indices in self.marks.items()}
+        write_arrays(path, arrays | {"meta": np.array(json.dumps(meta))})
+
+    @classmethod
+    def load(cls, path: Path) -> RigFile:
+        """Read a file that :meth:`save` wrote. Raises InputError for anything else."""
+        arrays = read_arrays(path, "mesh file")
+        again = "export the mesh again with Use My Mesh in Blender"
+        missing = [name for name in (*_ARRAYS, "meta") if name not in arrays]
+        if missing:
+            raise InputError(f"The mesh file '{path}' lacks {', '.join(missing)}; {again}.")
+        try:
+            meta = json.loads(str(arrays["meta"]))
+            if meta["schema"] != SCHEMA_VERSION:
+                raise InputError(
+                    f"The mesh file '{path}' has schema {meta['schema']}, expected {SCHEMA_VERSION}; {again}."
+                )
+            x, y, z = meta["scale"]
+            return cls(
+                name=str(meta["name"]), license=str(meta["license"]),
+                scale=(float(x), float(y), float(z)),
+                expression_names=tuple(str(name) for name in meta["expression_names"]),
+                identity_names=tuple(str(name) for name in meta["identity_names"]),
+                borrow_identity=bool(meta["borrow_identity"]),
+                marks={name[6:]: array for name, array in arrays.items() if name.startswith("marks/")},
+                **{name: arrays[name] for name in _ARRAYS},
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"The mesh file '{path}' is damaged ({error}); {again}.") from error
+
+
+_ARRAYS = {
+    "vertices": np.float64, "polygons": np.int32, "polygon_uvs": np.int32, "polygon_part": np.uint8,
+    "uvs": np.float32, "expression_offsets": np.float32, "identity_offsets": np.float32,
+}  # fmt: skip

@@ -1,0 +1,111 @@
+"""The landmark model on disk: MediaPipe's Face Landmarker bundle, looked up, checked, or fetched once."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+from facestage.contract.errors import InputError
+from facestage.folders import cache_folder, data_folder
+
+FILE_NAME = "face_landmarker.task"
+URL = f"https://storage.googleapis.com/mediapipe-models/face_landmarker/face_landmarker/float16/1/{FILE_NAME}"
+SHA256 = "64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff"
+VARIABLE = "FACESTAGE_LANDMARK_MODEL"
+DETECTOR, MESH = "face_detector.tflite", "face_landmarks_detector.tflite"
+GEOMETRY = "geometry_pipeline_metadata_landmarks.binarypb"
+TIMEOUT = 15.0  # seconds without a byte from the server
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """The members of a checked bundle that are used, as bytes."""
+
+    path: Path
+    detector: bytes
+    mesh: bytes
+    geometry: bytes
+
+
+def cached_path() -> Path:
+    """Where a fetched model is kept, and where one may be put by hand."""
+    return cache_folder() / "landmarks" / FILE_NAME
+
+
+def find_model(chosen: Path | None = None) -> Path | None:
+    """The model's file on this machine, or None: ``chosen``, $FACESTAGE_LANDMARK_MODEL, the cache, the data folder.
+
+    A file that the user names must be there and be the right one; InputError otherwise.
+    """
+    variable = os.environ.get(VARIABLE)
+    for path, name in (
+        (chosen, "landmark model"),
+        (Path(variable) if variable else None, f"landmark model ${VARIABLE}"),
+    ):
+        if path is not None:
+            return _checked(Path(path).expanduser(), name)
+    for path in (cached_path(), data_folder() / FILE_NAME):
+        if path.is_file() and _digest(path.read_bytes()) == SHA256:
+            return path
+    return None
+
+
+def open_model(chosen: Path | None = None) -> Bundle:
+    """The landmark model, fetched from its public home when it is not on this machine.
+
+    Raises InputError for a file that is not the expected one, or when the model can neither be found nor fetched.
+    """
+    path = find_model(chosen) or _fetch()
+    data = path.read_bytes()
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        return Bundle(path, archive.read(DETECTOR), archive.read(MESH), archive.read(GEOMETRY))
+
+
+def _checked(path: Path, name: str) -> Path:
+    """``path`` if it is the model. Raises InputError."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"The {name} '{path}' does not exist; expected {FILE_NAME} of {URL}.") from error
+    except OSError as error:
+        raise InputError(f"The {name} '{path}' cannot be read ({error.strerror or error}).") from error
+    if _digest(data) != SHA256:
+        raise InputError(
+            f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 {SHA256[:16]}...): damaged, "
+            f"or another version; fetch it again from {URL}."
+        )
+    return path
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _fetch() -> Path:
+    """Download into the cache, checked and whole. Raises InputError."""
+    import pooch
+
+    # Whatever goes wrong is said once, by the error.
+    pooch.get_logger().setLevel("ERROR")
+    target = cached_path()
+    try:
+        return Path(
+            pooch.retrieve(
+                URL, f"sha256:{SHA256}", fname=target.name, path=target.parent,
+                downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
+            )
+        )  # fmt: skip
+    except OSError as error:
+        # requests' errors are of this kind too, with a page of text but no error number.
+        reason = error.strerror or f"{type(error).__name__}; is there a network connection?"
+    except ValueError:
+        # pooch says so of a file with another digest, and leaves nothing behind.
+        reason = "what came from there is another file"
+    raise InputError(
+        f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be fetched ({reason}); "
+        f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or give --landmarks."
+    )
