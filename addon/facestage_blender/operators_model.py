@@ -37,13 +37,16 @@ KINDS = {
         "ICT-FaceKit", "MIT", "Scanned heads with 100 identities and 53 expressions: its folder or archive"
     ),
     "flame": ModelKind(
-        "FLAME", "the FLAME license: read it, only FLAME 2023 Open is free for every use", "A FLAME model: its file",
+        "FLAME", "the FLAME license, non-commercial; FLAME 2023 Open alone is CC-BY-4.0",
+        "Scanned heads with a jaw that turns: a FLAME file, or the folder it is in", patterns="*.pkl;*.npz",
     ),
     "bfm": ModelKind(
-        "Basel Face Model", "the Basel Face Model's: non-commercial research only", "A Basel Face Model: its file",
-        patterns="*.h5;*.mat;*.zip;*.npz",
+        "Basel Face Model", "the Basel Face Model's, non-commercial research only",
+        "Scanned faces with their colors: a Basel Face Model file, or the folder it is in", patterns="*.mat;*.h5",
     ),
-    "gnm": ModelKind("GNM", "as its files say", "A GNM head model: its file or folder"),
+    "gnm": ModelKind(
+        "GNM Head", "Apache-2.0", "Google's head model: its gnm_head.npz, or the folder it is in", patterns="*.npz"
+    ),
     "rig": ModelKind(
         "Your Own Rig", "yours", "A mesh with shape keys that was written to a file", "SHAPEKEY_DATA"
     ),

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 EXIT_DONE, EXIT_BAD_INPUT = 0, 2
 CANCELLED = "cancelled; the last checkpoint is kept, --resume continues from it."
-MODELS = "default (built in), ict:PATH (ICT-FaceKit), npz:FILE or rig:FILE (a mesh exported from Blender)"
+MODELS = (
+    "default (built in), ict:PATH (ICT-FaceKit), flame:PATH, bfm:PATH (Basel Face Model), gnm:PATH (GNM Head), "
+    "rig:FILE (a mesh exported from Blender) or npz:FILE (any of them as saved by facestage model)"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -218,10 +221,14 @@ def _add_render(commands: Any) -> None:
 
 def _add_model(commands: Any) -> None:
     model = commands.add_parser(
-        "model", help="write a face model in Facestage's own form (what the add-on builds rigs from)"
+        "model",
+        help="say what a face model holds and under what licence, and write it in Facestage's own form",
+        description="Print a face model's name, licence, source and sizes as one line of JSON; with --out also write "
+        "it in Facestage's own form (what the add-on builds rigs from). docs/face-models.md says how to get each.",
+        epilog="Example: facestage model flame:generic_model.pkl --out flame.npz",
     )
     model.add_argument("model", metavar="MODEL", help=MODELS)
-    model.add_argument("--out", type=Path, required=True, metavar="FILE", help=".npz to write")
+    model.add_argument("--out", type=Path, metavar="FILE", help=".npz to write")
     model.set_defaults(run=_run_model)
 
 
@@ -414,13 +421,15 @@ def _read(path: Path | None, what: str) -> dict[str, Any] | None:
 def _run_model(options: argparse.Namespace) -> int:
     from facestage.models.registry import load_model
 
-    if options.out.suffix != ".npz":
+    if options.out is not None and options.out.suffix != ".npz":
         raise InputError(f"The output '{options.out}' does not end in .npz; a face model is written as one .npz file.")
     model = load_model(options.model)
-    model.save(options.out)
+    if options.out is not None:
+        model.save(options.out)
     summary = {
-        "name": model.name, "license": model.license, "vertices": len(model.vertices),
+        "name": model.name, "license": model.license, "source": model.source, "vertices": len(model.vertices),
         "identity": len(model.identity_names), "expression": len(model.expression_names),
+        "albedo": len(model.albedo_basis), "landmarks": sorted(model.landmarks),
     }  # fmt: skip
     print(json.dumps(summary))
     return EXIT_DONE

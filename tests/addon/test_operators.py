@@ -240,16 +240,17 @@ def test_relight_and_light_states(ready) -> None:
 def test_all_properties_and_operators_explain_themselves(scene) -> None:
     import bpy
 
-    from facestage_blender import operators, operators_fit, operators_landmarks, operators_model, operators_preview
     from facestage_blender import properties as settings
+    from facestage_blender.registration import MODULES
 
     for group in settings.CLASSES:
         for name, prop in group.bl_rna.properties.items():
             assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
-    for module in (operators, operators_fit, operators_landmarks, operators_model, operators_preview):
-        for operator in module.CLASSES:
-            assert operator.__doc__
-            assert hasattr(bpy.types, operator.__name__)
+    registered = [cls for module in MODULES for cls in module.CLASSES if cls.__name__.startswith("FACESTAGE_")]
+    assert len(registered) > 20
+    for cls in registered:
+        assert cls.__doc__
+        assert hasattr(bpy.types, cls.__name__)
 
 
 def test_face_model_is_chosen_with_its_license(ready, tmp_path: Path) -> None:

@@ -53,6 +53,8 @@ class Result:
     null_directions: dict[str, Any] = field(default_factory=dict)
     # What the fit took from the photo's file, in words: its "size" and "color" space, and where "focal" comes from.
     photo: dict[str, str] = field(default_factory=dict)
+    # The face model's "name", "license" and "source"; none in results of an older version.
+    model_origin: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -80,7 +82,8 @@ class Result:
             ],
             "energy": self.energy, "errors": self.errors, "timings": self.timings,
             "left_out": self.left_out, "unobserved": self.unobserved,
-            "null_directions": self.null_directions, "photo": self.photo, "versions": self.versions,
+            "null_directions": self.null_directions, "photo": self.photo, "model_origin": self.model_origin,
+            "versions": self.versions,
         }  # fmt: skip
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
@@ -116,7 +119,8 @@ class Result:
                 energy=data["energy"], errors=data["errors"], timings=data["timings"],
                 left_out=data["left_out"], unobserved=data.get("unobserved", {}),
                 null_directions=data.get("null_directions", {}),
-                photo=data.get("photo", {}), versions=data["versions"], seed=data["seed"],
+                photo=data.get("photo", {}),
+                model_origin=data.get("model_origin", {}), versions=data["versions"], seed=data["seed"],
                 arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
                 folder=folder,
             )  # fmt: skip

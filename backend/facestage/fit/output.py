@@ -141,6 +141,7 @@ def write_result(
         energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
         left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
+        model_origin={"name": model.name, "license": model.license, "source": model.source},
         photo=problem.read_from_photo(), versions=_versions(), seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from facestage.fit.gloss_detail import GlossStep, gloss_step
 from facestage.fit.problem import Problem
 from facestage.fit.rendering import Textures
 from facestage.fit.shading import ForwardModel, sample_bilinear
-from facestage.fit.shown import Shown, shaded, what_is_shown
+from facestage.fit.shown import Shown, what_is_shown
 from facestage.fit.symmetry import mirrored_texels
 from facestage.fit.texel_field import halved, resampled
 
@@ -47,10 +47,9 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
     gloss = None
     if shown is not None and not freeze >= {"specular", "roughness"}:
         gloss = _gloss(small, shown, fitted, freeze)
-        c_spec = np.clip(shown.image.c_spec + sample_bilinear(gloss.specular, shown.uvs), 0, brdf.SPECULAR_MAX)
-        roughness = _rough(fitted.state.roughness + sample_bilinear(gloss.roughness, shown.uvs))
-        image = shaded(forward, fitted, shown.image.surface, problem.job.seed + 1, c_spec, roughness)
-        shown = replace(shown, image=image)
+        shown = shown.with_gloss(
+            sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
+        )
     detail = None
     if shown is not None and "albedo" not in freeze:
         half = small if 2 * small.size == atlas.size else Atlas.build(problem.geometry, atlas.size // 2)

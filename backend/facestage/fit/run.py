@@ -52,6 +52,8 @@ def fit_job(
 
     problem = read_problem(job, emit_timed, landmark_model)
     job = problem.job
+    model = problem.geometry.model
+    emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
     partial = prepare_partial(out, "result.json")

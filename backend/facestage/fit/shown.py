@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
@@ -10,13 +10,13 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from facestage.contract import brdf
 from facestage.fit.fitted import Fitted
 from facestage.fit.problem import Problem
-from facestage.fit.rendering import RAY_BUDGET
-from facestage.fit.shading import ForwardModel, Image, Surface
+from facestage.fit.shading import ForwardModel, Image
 from facestage.fit.view import LANDMARK_SIGMA_SHARE
 from facestage.image_io import resize
 from facestage.render.tracer import Asked
 
-SAMPLES = 8
+# Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
+SAMPLES, SHADOW_RAYS = 8, 5e6
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it counts in full.
 GRAZING, FACING = 0.15, 0.45
 
@@ -54,6 +54,14 @@ class Shown:
         """(P, 3) radiance of the highlights."""
         return brdf.K_SPECULAR * self.image.c_spec[:, None] * self.image.specular
 
+    def with_gloss(self, c_spec: np.ndarray, roughness: np.ndarray) -> Shown:
+        """The same with c_spec and roughness changed by so much (P,); to first order in the roughness."""
+        image = self.image
+        changed = np.clip(image.c_spec + c_spec, 0, brdf.SPECULAR_MAX)
+        specular = np.maximum(image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0)
+        color = self.diffuse * image.albedo + brdf.K_SPECULAR * changed[:, None] * specular
+        return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
+
     def change_over_shift(self, values: np.ndarray) -> np.ndarray:
         """(P,) by how much ``values`` (P,) vary within ``shift_px`` of each pixel: what a wrong place would change."""
         column, row = self.image.surface.pixels.astype(int).T
@@ -71,7 +79,11 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
-    image = shaded(forward, fitted, surface, problem.job.seed)
+    samples = int(np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES))
+    terms = forward.light_terms(
+        fitted.state, surface, fitted.stage, samples, problem.job.seed, Asked(by_roughness=True)
+    )  # fmt: skip
+    image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
     skin = (problem.paintable * ~fitted.hidden)[row, column]
@@ -85,19 +97,6 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         feature=np.einsum("pi,pi->p", surface.weights, departure[surface.corners]),
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )  # fmt: skip
-
-
-def shaded(
-    forward: ForwardModel, fitted: Fitted, surface: Surface, seed: int, c_spec: np.ndarray | None = None,
-    roughness: np.ndarray | None = None,
-) -> Image:  # fmt: skip
-    """The fitted model at ``surface``, with other c_spec (P,) and roughness (P,) where given."""
-    samples = int(np.clip(RAY_BUDGET / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES))
-    asked = Asked(by_roughness=True)
-    terms = forward.light_terms(
-        fitted.state, surface, fitted.stage, samples, seed, asked, roughness=roughness
-    )  # fmt: skip
-    return forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance, c_spec=c_spec)
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> np.ndarray:

@@ -107,5 +107,6 @@ def _fetch() -> Path:
         reason = "what came from there is another file"
     raise InputError(
         f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be fetched ({reason}); "
-        f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or give --landmarks."
+        f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or give the fit "
+        "--landmarks FILE.json."
     )

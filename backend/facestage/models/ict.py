@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
-from facestage.models.landmark_tables import SCHEME, read_table
+from facestage.models.anatomy import PART_ALBEDO, eyeball_colors
+from facestage.models.shipped_landmarks import SCHEME, read_table
 from facestage.models.skin import albedo_basis
+from facestage.models.skinning import gaze_rotations
 
 LICENSE = "MIT (USC Institute for Creative Technologies)"
 SOURCE = "https://github.com/ICT-VGL/ICT-FaceKit"
@@ -39,9 +42,7 @@ _TILES = (
     (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
-_IRIS_RADIUS, _PUPIL_RADIUS = 0.0059, 0.0021  # m
-_PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
-_IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
+_SCLERA = 770  # vertices of the outer shell, the first of each eye
 
 Reader = Callable[[str], bytes]
 
@@ -84,13 +85,16 @@ def _load(path: Path) -> FaceModel:
         )
 
     vertices = ((neutral - centre) * centimetre).astype(np.float32)
+    expression_names = tuple(Path(name).stem for name in expression_files)
+    expressions = basis(expression_files)
+    _turn_eyeballs(vertices, expression_names, expressions)
     part, uvs = _parts_and_atlas(texture, polygon_uvs)
     mean, albedo = _albedo(vertices, polygons, part)
     return FaceModel(
         name="ICT-FaceKit", license=LICENSE, source=SOURCE,
         vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
         identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
-        expression_names=tuple(Path(name).stem for name in expression_files), expression_basis=basis(expression_files),
+        expression_names=expression_names, expression_basis=expressions,
         albedo_mean=mean, albedo_basis=albedo, face_tile=(*_TILES[0][2], _TILES[0][3]),
         landmarks={
             "ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1),
@@ -104,6 +108,22 @@ def _load(path: Path) -> FaceModel:
             "eye_right": np.arange(_EYES[1][0], _EYES[1][1], dtype=np.int32),
         },
     )  # fmt: skip
+
+
+def _turn_eyeballs(vertices: np.ndarray, names: tuple[str, ...], basis: np.ndarray) -> None:
+    """Let the eyeballs look where the lids of the eyeLook shapes do; as published, turning them is left to a rig."""
+    for name, rotation in gaze_rotations().items():
+        if name not in names:
+            continue
+        start, end = _EYES[0 if name.endswith("_L") else 1]
+        ball = vertices[start:end].astype(np.float64)
+        # The sphere through the sclera's back half; in front the cornea bulges.
+        sclera = ball[:_SCLERA]
+        back = sclera[sclera[:, 2] < np.median(sclera[:, 2])]
+        sphere = np.column_stack([2 * back, np.ones(len(back))])
+        middle = np.linalg.lstsq(sphere, (back**2).sum(axis=1), rcond=None)[0][:3]
+        turned = (ball - middle) @ Rotation.from_rotvec(rotation).as_matrix().T + middle
+        basis[names.index(name), start:end] += (turned - ball).astype(np.float32)
 
 
 def _open(path: Path) -> tuple[list[str], Reader]:
@@ -128,8 +148,9 @@ def _open(path: Path) -> tuple[list[str], Reader]:
                     if stream is not None:
                         contents[Path(member.name).name] = stream.read()
     except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
+        reason = " ".join(str(error).split())
         raise InputError(
-            f"The ICT-FaceKit archive '{path}' cannot be read ({error}); fetch it again from {SOURCE}."
+            f"The ICT-FaceKit archive '{path}' cannot be read ({reason}); fetch it again from {SOURCE}."
         ) from error
     return _checked(path, contents.keys()), contents.__getitem__
 
@@ -185,16 +206,11 @@ def _albedo(vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray) -> tup
     skin = np.zeros(len(vertices), bool)
     skin[:SKIN_END] = True
     mean, basis = albedo_basis(vertices, triangles, skin)
-    for label, color in _PART_ALBEDO.items():
+    for label, color in PART_ALBEDO.items():
         used = np.unique(polygons[part == label])
         used = used[(used >= 0) & ~skin[used]]
         mean[used] = color
+    # The outer shell is opaque here, so the iris is painted on its cornea.
     for start, end in _EYES:
-        ball = vertices[start:end]
-        centre = 0.5 * (ball.min(0) + ball.max(0))
-        radius = np.hypot(*(ball[:, :2] - centre[:2]).T)
-        front = ball[:, 2] > centre[2]
-        # The outer shell is opaque here, so the iris is painted on its cornea.
-        mean[start:end][front & (radius < _IRIS_RADIUS)] = _IRIS
-        mean[start:end][front & (radius < _PUPIL_RADIUS)] = _PUPIL
+        mean[start:end] = eyeball_colors(vertices[start:end])
     return mean.astype(np.float32), basis.astype(np.float32)

@@ -14,7 +14,13 @@ from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
-KINDS = "default, ict:PATH, npz:PATH or rig:FILE"
+# What loaders look for beside a model, and what a model's own file is called in a folder.
+_BESIDE = (
+    "landmark_embedding.npy", "flame_static_embedding.pkl", "FLAME_texture.npz", "flame_texture.npz",
+    "albedoModel2020_FLAME_albedoPart.npz", "head_sparse_68.txt", "../../landmarks/head_sparse_68.txt",
+)  # fmt: skip
+_MODEL_SUFFIXES = (".pkl", ".npz", ".mat", ".h5")
+KINDS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE"
 
 
 def load_model(specification: str) -> FaceModel:
@@ -24,12 +30,10 @@ def load_model(specification: str) -> FaceModel:
         return _cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
         return FaceModel.load(Path(argument).expanduser())
-    if kind == "ict" and argument:
+    loaders = {"ict": _load_ict, "flame": _load_flame, "bfm": _load_bfm, "gnm": _load_gnm, "rig": _load_rig}
+    if kind in loaders and argument:
         path = Path(argument).expanduser().resolve()
-        return _cached("ict", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_ict(path))
-    if kind == "rig" and argument:
-        path = Path(argument).expanduser().resolve()
-        return _cached("rig", f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: _load_rig(path))
+        return _cached(kind, f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: loaders[kind](path))
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
 
 
@@ -51,8 +55,34 @@ def _load_rig(path: Path) -> FaceModel:
     return load_rig(path)
 
 
+def _load_flame(path: Path) -> FaceModel:
+    from facestage.models.flame import load_flame
+
+    return load_flame(path)
+
+
+def _load_bfm(path: Path) -> FaceModel:
+    from facestage.models.bfm import load_bfm
+
+    return load_bfm(path)
+
+
+def _load_gnm(path: Path) -> FaceModel:
+    from facestage.models.gnm import load_gnm
+
+    return load_gnm(path)
+
+
 def _fingerprint(path: Path) -> str:
-    """Changes when the file, or the first level of the folder, changes."""
+    """Changes when the file, or a file that its loader looks for beside it, or the folder's first level changes."""
+    folder = path if path.is_dir() else path.parent
+    watched = [path, *(folder / name for name in _BESIDE)]
+    if path.is_dir():
+        watched += sorted(item for item in path.iterdir() if item.suffix.lower() in _MODEL_SUFFIXES)
+    return "|".join(_state(item) for item in watched)
+
+
+def _state(path: Path) -> str:
     try:
         stat = path.stat()
     except OSError:

@@ -268,8 +268,17 @@ def _cells(values: Iterable[str]) -> str:
 def _repeat(data: ReportData) -> str:
     return (
         '<div class="card">The job as it was resolved lies beside this page. In this folder, run'
-        f"<pre><code>{escape(data.repeat_command)}</code></pre></div>"
+        f"<pre><code>{escape(data.repeat_command)}</code></pre></div>" + _model_origin(data)
     )
+
+
+def _model_origin(data: ReportData) -> str:
+    """Whose model the face is, and on what terms: it holds for the result too."""
+    origin = data.result.model_origin
+    if not origin:
+        return ""
+    words = f"Face model: {origin['name']}, {origin['source']}. Licence: {origin['license']}."
+    return f'<div class="card">{escape(words)}</div>'
 
 
 def _figure(path: Path, alt: str, caption: str, wide: bool = False) -> str:

@@ -92,7 +92,10 @@ def test_model_is_written_and_summed_up(case: Case, tmp_path: Path, capsys: pyte
     assert cli.main(["model", case.model_option, "--out", str(tmp_path / "copy.npz")]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["vertices"] == 529 and summary["identity"] == 4 and summary["expression"] == 3
+    assert (summary["license"], summary["source"]) == ("CC0", "made for tests")
     assert (tmp_path / "copy.npz").is_file()
+    assert cli.main(["model", case.model_option]) == 0
+    assert json.loads(capsys.readouterr().out) == summary
     assert ".npz" in refuse(capsys, "model", case.model_option, "--out", tmp_path / "copy.zip")
     assert "flamingo" in refuse(capsys, "model", "flamingo", "--out", tmp_path / "b.npz")
     (tmp_path / "folder.npz").mkdir()

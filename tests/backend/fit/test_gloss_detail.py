@@ -8,6 +8,7 @@ import pytest
 from facestage.contract import brdf
 from facestage.fit.atlas import Atlas
 from facestage.fit.gloss_detail import GlossStep, gloss_step
+from facestage.fit.shading import sample_bilinear
 from facestage.fit.shown import Shown
 from reference.painted_face import ROUGHNESS, PaintedFace, painted_face
 
@@ -69,3 +70,15 @@ def test_a_held_map_stays_exactly(face: PaintedFace, held: str):
 def test_black_and_white_photos_give_numbers(face: PaintedFace, level: float):
     found = step(face, face.shown(np.full((len(face.surface.pixels), 3), level)))
     assert np.isfinite(found.specular).all() and np.isfinite(found.roughness).all()
+
+
+def test_changed_gloss_is_the_picture_that_is_traced_again(face: PaintedFace):
+    patch = face.uv_blob(TEXELS, HIGHLIGHT, 0.02)
+    traced, plain = face.photo(specular=0.3 * patch, roughness=0.02 * patch)
+    shown = face.shown(plain.color)
+    at = sample_bilinear(patch, shown.uvs)
+    changed = shown.with_gloss(0.3 * at, 0.02 * at)
+    error, change = np.abs(changed.image.color - traced), np.abs(traced - plain.color)
+    print(f"to first order, {error.sum() / change.sum():.3f} of the change is missed; 0.1 allowed")
+    assert error.sum() < 0.1 * change.sum()
+    np.testing.assert_allclose(changed.diffuse * changed.albedo + changed.specular, changed.image.color, rtol=1e-6)

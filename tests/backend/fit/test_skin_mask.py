@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.skin_mask import hull_pixels, paint_weight, skin_weight
+from facestage.fit.skin_mask import face_pixels, paint_weight, skin_weight
 
 SIZE = 160
 SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
@@ -132,7 +132,7 @@ def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landm
     lock = (np.abs(X - 96) < 5) & (Y < 90) & (Y > 20)
     photo = np.where((brows | lock)[..., None], [0.05, 0.03, 0.02], photo)
     weight = paint_weight(skin_weight(photo, landmarks), landmarks)
-    hull = hull_pixels((SIZE, SIZE), landmarks)
+    hull = face_pixels((SIZE, SIZE), landmarks)
     assert weight[brows & hull & (X < 80)].min() == 1.0
     assert weight[lock].mean() < 0.1
     assert weight[inside & hull & ~lock & (X < 88)].min() == 1.0

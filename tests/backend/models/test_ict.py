@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
-from facestage.contract.face_model import EYES, OTHER, SKIN, TEETH, FaceModel
+from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.models.ict import NARROW_FACE, VERTEX_COUNT, load_ict
 
 
@@ -129,6 +129,32 @@ def test_modes_are_of_a_face_s_size(published: FaceModel):
         assert (largest < 0.06).all() and largest[0] > 1e-3 and (largest > 1e-5).all()
     jaw = published.expression_basis[published.expression_names.index("jawOpen")]
     assert jaw[:, 1].min() < -0.01
+
+
+def test_eyes_teeth_and_mouth_move_with_the_face(published: FaceModel):
+    def moved(name: str) -> np.ndarray:
+        return published.expression_basis[published.expression_names.index(name)]
+
+    part_of = np.zeros(len(published.vertices), np.uint8)
+    part_of[published.triangles] = published.triangle_part[:, None]
+    teeth = np.flatnonzero(part_of == TEETH)
+    upper = teeth[published.vertices[teeth, 1] > np.median(published.vertices[teeth, 1]) + 0.005]
+    lower = teeth[published.vertices[teeth, 1] < np.median(published.vertices[teeth, 1]) - 0.005]
+    # The jaw takes its teeth along, the upper ones stay.
+    assert np.abs(moved("jawOpen")[upper]).max() < 1e-4
+    assert moved("jawOpen")[lower, 1].max() < -0.01
+    mouth = np.flatnonzero(part_of == MOUTH)
+    assert moved("jawOpen")[mouth, 1].min() < -0.015
+    for side, region, outward in (("L", "eye_left", 1), ("R", "eye_right", -1)):
+        ball = published.regions[region]
+        front = ball[published.vertices[ball, 2].argmax()]
+        assert moved(f"eyeLookUp_{side}")[front, 1] > 0.002 > moved(f"eyeLookDown_{side}")[front, 1] + 0.004
+        assert outward * moved(f"eyeLookOut_{side}")[front, 0] > 0.002
+        # It turns and keeps its shape: distances within the ball are those at rest.
+        turned = published.vertices[ball] + moved(f"eyeLookUp_{side}")[ball]
+        rest = np.linalg.norm(published.vertices[ball] - published.vertices[front], axis=1)
+        np.testing.assert_allclose(np.linalg.norm(turned - turned[ball == front], axis=1), rest, atol=1e-6)
+        assert np.abs(turned.mean(0) - published.vertices[ball].mean(0)).max() < 4e-3
 
 
 def test_parts_and_atlas(published: FaceModel):

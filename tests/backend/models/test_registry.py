@@ -36,11 +36,29 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return calls
 
 
-@pytest.mark.parametrize("specification", ["", "flame", "flame:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"])
+@pytest.mark.parametrize("specification", ["", "flame", "smpl:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"])
 def test_unknown_specifications_are_named(specification: str):
-    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH, npz:PATH or rig:FILE") as caught:
+    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH, flame:PATH, bfm:PATH") as caught:
         load_model(specification)
     assert f"'{specification}'" in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["ict", "flame", "bfm", "gnm", "rig"])
+def test_a_path_that_is_not_there_is_named(tmp_path: Path, kind: str):
+    with pytest.raises(InputError, match=r"none' does not exist"):
+        load_model(f"{kind}:{tmp_path / 'none'}")
+
+
+@pytest.mark.parametrize("beside", ["landmark_embedding.npy", "head_sparse_68.txt", "FLAME_texture.npz"])
+def test_a_file_beside_the_model_is_noticed(tmp_path: Path, built: list[str], beside: str):
+    (tmp_path / "model.pkl").write_bytes(b"one")
+    load_model(f"ict:{tmp_path / 'model.pkl'}")
+    (tmp_path / "result.png").touch()
+    load_model(f"ict:{tmp_path / 'model.pkl'}")
+    assert len(built) == 1
+    (tmp_path / beside).touch()
+    load_model(f"ict:{tmp_path / 'model.pkl'}")
+    assert len(built) == 2
 
 
 def test_a_model_file(tmp_path: Path):
