@@ -13,7 +13,7 @@ from facestage.models.head.expressions import expressions
 from facestage.models.head.identity import identity_modes
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
-from facestage.models.landmark_tables import SCHEME, read_table
+from facestage.models.shipped_landmarks import SCHEME, read_table
 from facestage.models.skin import albedo_basis
 
 NAME = "default"

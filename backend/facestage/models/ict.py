@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.models.anatomy import PART_ALBEDO, eyeball_colors
-from facestage.models.landmark_tables import SCHEME, read_table
+from facestage.models.shipped_landmarks import SCHEME, read_table
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import gaze_rotations
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from facestage.contract.landmarks import SCHEME_SIZES
-from facestage.models.landmark_tables import read_deviations
+from facestage.models.shipped_landmarks import read_deviations
 
 # The jaw's landmarks are on no feature of the skin; only across the outline are they sharp.
 _JAW_DEVIATION = 1.5

@@ -12,12 +12,12 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import SCHEME_SIZES, Landmarks
 from facestage.fit.contour_lines import contour_lines
-from facestage.fit.driver import SHAPE
 from facestage.fit.energy import Energy
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.metrics import aligned_distance
 from facestage.fit.parameters import Layout, LightParameters, State
+from facestage.fit.phases import SHAPE
 from facestage.fit.priors import Priors
 from facestage.fit.schedule import Stage
 from facestage.models.landmark_schemes import scheme_of

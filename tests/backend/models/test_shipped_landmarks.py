@@ -10,8 +10,8 @@ import pytest
 from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.contract.landmarks import SCHEME_SIZES
 from facestage.models.landmark_schemes import scheme_of
-from facestage.models.landmark_tables import SCHEME, read_table
 from facestage.models.registry import load_model
+from facestage.models.shipped_landmarks import SCHEME, read_table
 
 MM = 1e-3
 # The same points of both schemes: corners of eyes and mouth, middle of the lips, below the nose.
