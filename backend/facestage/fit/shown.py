@@ -16,7 +16,7 @@ from facestage.render.tracer import Asked
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6
-# Pixels across the face beyond which no texture shows more: of a larger face only every second, third, ... is looked at.
+# Of a face of more pixels across than any texture shows, only every second, third, ... is looked at.
 PIXELS_ACROSS = 1000.0
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it counts in full.
 GRAZING, FACING = 0.15, 0.45
