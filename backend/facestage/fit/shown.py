@@ -17,6 +17,8 @@ from facestage.render.tracer import Asked
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6
+# Of a face of more pixels across than any texture shows, only every second, third, ... is looked at.
+PIXELS_ACROSS = 1000.0
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it counts in full.
 GRAZING, FACING = 0.15, 0.45
 
@@ -74,9 +76,10 @@ class Shown:
 
 
 def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Shown | None:
-    """Every pixel of the photo that shows skin; None where there is none."""
-    y, x = np.nonzero(problem.photograph.mask)
-    surface = forward.surface(fitted.state, np.stack([x, y], axis=1) + 0.5, only_fitted=True)
+    """The pixels of the photo that show skin; None where there are none."""
+    step = int(np.ceil(problem.face_size_px / PIXELS_ACROSS))
+    y, x = np.nonzero(problem.photograph.mask[::step, ::step])
+    surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
     samples = int(np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES))
