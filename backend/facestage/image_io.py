@@ -92,8 +92,8 @@ def _read_display(path: Path) -> Photograph:
                     raise InputError(
                         f"The photo '{path}' is {image.size[0]} x {image.size[1]} pixels; at most {MAX_SIDE} a side."
                     )
-                if image.mode == "F":
-                    raise InputError(f"The photo '{path}' holds floating-point numbers; save it as an EXR.")
+                if image.mode in ("F", "I"):
+                    raise InputError(f"The photo '{path}' has 32 bits per pixel, of unknown scale; save it as an EXR.")
                 # Known only until the pixels are decoded.
                 deep = image.mode in ("RGB", "RGBA") and any("16" in str(tile.args) for tile in image.tile)
                 image.load()

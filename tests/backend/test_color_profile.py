@@ -216,9 +216,10 @@ def test_what_must_be_exported_first_says_so(tmp_path: Path):
     (tmp_path / "a.dng").write_bytes(b"II*\x00" + bytes(64))
     with pytest.raises(InputError, match=r"raw.*JPEG"):
         read_photograph(tmp_path / "a.dng")
-    Image.fromarray(np.zeros((4, 4), np.float32)).save(tmp_path / "a.tif")
-    with pytest.raises(InputError, match=r"floating-point.*EXR"):
-        read_photograph(tmp_path / "a.tif")
+    for kind in (np.float32, np.int32):
+        Image.fromarray(np.zeros((4, 4), kind)).save(tmp_path / "a.tif")
+        with pytest.raises(InputError, match=r"32 bits.*EXR"):
+            read_photograph(tmp_path / "a.tif")
 
 
 def test_exr_chromaticities(tmp_path: Path):
@@ -250,3 +251,13 @@ def _with_attribute(data: bytes, attribute: bytes) -> bytes:
     offsets = struct.unpack(f"<{count}Q", data[position + 1 : first])
     moved = struct.pack(f"<{count}Q", *(offset + len(attribute) for offset in offsets))
     return data[:position] + attribute + b"\x00" + moved + data[first:]
+
+
+def test_the_first_picture_of_several_is_the_photo(tmp_path: Path):
+    """Phones write JPEGs of more than one picture, a depth map for instance."""
+    first, second = (Image.new("RGB", (16, 8), color) for color in ((200, 30, 30), (30, 30, 200)))
+    first.save(tmp_path / "a.jpg", format="MPO", save_all=True, append_images=[second])
+    first.save(tmp_path / "b.webp", save_all=True, append_images=[second], lossless=True)
+    for name in ("a.jpg", "b.webp"):
+        color = read_photograph(tmp_path / name).color
+        assert color.shape == (8, 16, 3) and (color[..., 0] > 5 * color[..., 2]).all()
