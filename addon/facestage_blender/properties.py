@@ -111,7 +111,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     model: StringProperty(
         name="Face model",
-        description="default, ict:PATH, npz:FILE or rig:FILE",
+        description="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
         default="default",
     )
     light_count: IntProperty(
