@@ -55,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
     result.add_argument(
-        "--model", default="default", help="default, KIND:PATH with KIND one of ict, flame, bfm, gnm, rig, npz"
+        "--model", default="default", help="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE"
     )
     result.add_argument(
         "--rig-blend", type=Path, metavar="FILE.blend", help="a scene with a face mesh of your own, instead of --model"

@@ -13,8 +13,8 @@ EXPRESSIONS = ("left_eye_region", "right_eye_region", "lower_face_region", "tong
 EYE_RADIUS = 0.012
 
 
-def gnm_arrays(count: int = 2400, seed: int = 0) -> dict[str, np.ndarray]:
-    """The entries of gnm_head.npz; quads are pairs of neighboring triangles."""
+def gnm_arrays(count: int = 900, seed: int = 0) -> dict[str, np.ndarray]:
+    """The entries of gnm_head.npz: a head of ``count`` vertices and the middles of its edges and triangles."""
     skin = head(count, ring=60)
     marks = skin.landmarks
     centres = [marks[k : k + 6].mean(axis=0) - [0, 0, EYE_RADIUS - 0.003] for k in (42, 36)]
@@ -28,10 +28,11 @@ def gnm_arrays(count: int = 2400, seed: int = 0) -> dict[str, np.ndarray]:
     pieces.append(("tongue", *ball(80, 0.008, mouth - [0, 0, 0.03])))
     start, owner, vertices, quads = 0, [], [], []
     for name, points, triangles in pieces:
-        vertices.append(points)
-        owner += [name] * len(points)
-        quads.append(_quads(triangles) + start)
-        start += len(points)
+        places, rows = _quads(points, triangles)
+        vertices.append(places)
+        owner += [name] * len(places)
+        quads.append(rows + start)
+        start += len(places)
     place, faces, names = np.concatenate(vertices), np.concatenate(quads), np.array(owner)
     eye = np.char.endswith(names, "_eye") | np.char.endswith(names, "_cornea")
     groups = {
@@ -79,7 +80,7 @@ def gnm_arrays(count: int = 2400, seed: int = 0) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def write_landmarks(path: Path, count: int = 2400, shuffled_jaw: bool = False) -> np.ndarray:
+def write_landmarks(path: Path, count: int = 900, shuffled_jaw: bool = False) -> np.ndarray:
     """head_sparse_68.txt; the places (68, 3) in the ibug order. ``shuffled_jaw``: as some versions have it."""
     skin = head(count, ring=60)
     corners = skin.triangles[skin.landmark_triangle]
@@ -90,23 +91,12 @@ def write_landmarks(path: Path, count: int = 2400, shuffled_jaw: bool = False) -
     return skin.landmarks
 
 
-def _quads(triangles: np.ndarray) -> np.ndarray:
-    """(q, 4) quads of pairs of triangles that share an edge; a triangle without a free partner is left out."""
-    partner: dict[tuple[int, int], int] = {}
-    free = set(range(len(triangles)))
-    for row, triangle in enumerate(triangles.tolist()):
-        for k in range(3):
-            partner[triangle[k], triangle[(k + 1) % 3]] = row
-    result = []
-    for row, triangle in enumerate(triangles.tolist()):
-        if row not in free:
-            continue
-        for k in range(3):
-            a, b, c = triangle[k], triangle[(k + 1) % 3], triangle[(k + 2) % 3]
-            other = partner.get((b, a), row)
-            if other in free and other != row:
-                d = next(v for v in triangles[other].tolist() if v not in (a, b))
-                result.append([a, d, b, c])
-                free -= {row, other}
-                break
-    return np.array(result)
+def _quads(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The surface as quads, three for each triangle: its vertices, then the middles of its edges and triangles."""
+    start, end = triangles, np.roll(triangles, -1, axis=1)
+    edges, row = np.unique(np.sort(np.stack([start, end], axis=-1).reshape(-1, 2), axis=1), axis=0, return_inverse=True)
+    middle = len(points) + row.reshape(triangles.shape)
+    inside = len(points) + len(edges) + np.arange(len(triangles))
+    quads = [np.stack([triangles[:, k], middle[:, k], inside, middle[:, k - 1]], axis=1) for k in range(3)]
+    places = np.concatenate([points, points[edges].mean(axis=1), points[triangles].mean(axis=1)])
+    return places, np.concatenate(quads)

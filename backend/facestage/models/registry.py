@@ -20,7 +20,7 @@ _BESIDE = (
     "albedoModel2020_FLAME_albedoPart.npz", "head_sparse_68.txt", "../../landmarks/head_sparse_68.txt",
 )  # fmt: skip
 _MODEL_SUFFIXES = (".pkl", ".npz", ".mat", ".h5")
-KINDS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE"
+KINDS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 
 
 def load_model(specification: str) -> FaceModel:
