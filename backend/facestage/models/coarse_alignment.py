@@ -62,13 +62,14 @@ def coarse_alignments(
     candidates = surface.vertices[np.intersect1d(np.flatnonzero(focus), surface.triangles)]
     if not len(candidates):
         return []
+    size = float(np.ptp(candidates, axis=0).max())
     starts = []
     for rotation in axis_rotations():
         turned = candidates @ rotation  # the mesh in the default face's axes
         tip = candidates[turned[:, 2].argmax()]
         extent = float(np.ptp(turned[:, 1]))
         for ratio in _HEIGHT_RATIOS:
-            scale = ratio * extent / height
+            scale = ratio * max(extent, 1e-6 * size) / height
             starts.append(Similarity(scale, rotation, tip - scale * rotation @ nose))
     ranked = _improved(starts, points[few], normals[few], surface, steps=4)
     ranked = _improved([start for _, start in ranked[:12]], points[many], normals[many], surface, steps=12)

@@ -39,7 +39,7 @@ _EXPRESSION_SPREAD = 0.05  # a mesh at rest is nearly neutral
 _KNOWN_SPREAD = 0.7e-3  # metres
 _WARP_REACH, _WARP_POINTS, _WARP_STEPS = 12e-3, 600, 2  # metres
 # A face is found when the narrow face lies this close, on the default face's scale.
-MEDIAN_MAX, COVERED_MIN = 3.0e-3, 0.6
+MEDIAN_MAX, COVERED_MIN = 1.8e-3, 0.6
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,8 @@ def register(
     Raises InputError when no face is found.
     """
     known = {int(index): np.asarray(point, np.float64) for index, point in (known_points or {}).items()}
+    if not np.isfinite(vertices).all():
+        raise InputError("The mesh has vertices at NaN or infinity; repair it, or choose the mesh of a face.")
     surface = Surface(vertices, main_piece(vertices, triangles, focus))
     wanted = np.ones(len(surface.vertices), bool) if focus is None else np.asarray(focus, bool)
     if not wanted.any():
