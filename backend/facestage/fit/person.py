@@ -102,16 +102,20 @@ def _write(
 
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> tuple[np.ndarray, np.ndarray]:
     """Albedo (S, S, 3) and coverage (S, S) bool of the photos that share their skin."""
-    size = texture_size(max(face_px(member) for member in run.members))
-    merged = MergedTexture(run.members[0].problem.geometry, size)
+    sizes = [face_px(member) for member in run.members]
+    size = texture_size(max(sizes))
+    first = next(member for member in run.members if member.joined)
+    basis = first.view.forward.log_albedo(first.state)
+    merged = MergedTexture(first.problem.geometry, size, basis)
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"
         emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(run.members), message=words))
         if member.joined:
             problem, one = at_own_size(member, one)
             albedo, coverage = albedo_texture(problem, member.view.forward, one, size)
-            # Photos differ in the light that they were given, so by a factor.
-            merged.add(np.log(np.maximum(albedo, 1e-6)), coverage, one.state, problem.face_size_px)
+            # Photos differ by a factor of their light; and a texel counts by the number of pixels that show it.
+            weight = (sizes[member.number - 1] / max(sizes)) ** 2
+            merged.add(np.log(np.maximum(albedo, 1e-6)), coverage, one.state, weight)
     return np.exp(merged.mean()).astype(np.float32), merged.coverage
 
 
