@@ -23,7 +23,7 @@ from facestage.fit.merged_maps import MergedMaps
 from facestage.fit.output import finish, write_result
 from facestage.fit.person_advice import company, person_verdict
 from facestage.fit.person_photos import at_own_size, check_jobs, face_px, read_photos
-from facestage.fit.refine import SPECULAR_TEXTURE, Refined, refine, texture_size
+from facestage.fit.refine import Refined, refine, texture_size
 from facestage.fit.run import PREVIEW_INTERVAL, prepare_partial, seconds_to_fit
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
@@ -104,14 +104,18 @@ def _write(
 
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> Refined:
     """The maps of the photos that share their skin."""
-    size = texture_size(max(face_px(member) for member in run.members))
-    merged = MergedMaps(run.members[0].problem.geometry, size, SPECULAR_TEXTURE)
+    sizes = [face_px(member) for member in run.members]
+    size = texture_size(max(sizes))
+    first = next(member for member in run.members if member.joined)
+    merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"
         emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(run.members), message=words))
         if member.joined:
             problem, one = at_own_size(member, one)
-            merged.add(refine(problem, member.view.forward, one, size), one.state, problem.face_size_px)
+            # A texel counts by the number of pixels that show it.
+            weight = (sizes[member.number - 1] / max(sizes)) ** 2
+            merged.add(refine(problem, member.view.forward, one, size), one.state, weight)
     return merged.maps()
 
 
