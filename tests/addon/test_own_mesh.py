@@ -1,0 +1,185 @@
+"""A mesh of the user's: read with all its peculiarities, marked, and written back to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.result import CONVERGED, Result
+
+
+@pytest.fixture
+def alice(scene, head: FaceModel):
+    """The egg in centimetres, Z up, scaled and turned under a parent, with odd sliders and a modifier."""
+    import bpy
+
+    from facestage_blender.rig import add_shape_keys, build_mesh
+
+    mesh = build_mesh(head)
+    item = bpy.data.objects.new("Alice", mesh)
+    scene.collection.objects.link(item)
+    add_shape_keys(item, head)
+    keys = mesh.shape_keys.key_blocks
+    for name in [key.name for key in keys if key.name.startswith("identity/")]:
+        item.shape_key_remove(keys[name])
+    flat = np.empty(3 * len(mesh.vertices), np.float32)
+    for data in (*(key.data for key in keys), mesh.vertices):
+        data.foreach_get("co", flat)
+        data.foreach_set("co", 100 * flat)
+    keys["jawOpen"].slider_max, keys["browUp"].slider_min = 2.0, -1.0
+    keys["blink"].mute = True
+    parent = bpy.data.objects.new("Parent", None)
+    scene.collection.objects.link(parent)
+    parent.location, parent.rotation_euler = (1, 2, 3), (0, 0, 1)
+    item.parent, item.scale, item.rotation_euler = parent, (0.01, 0.01, 0.01), (0.3, 0, 0.5)
+    item.modifiers.new("Subdivision", "SUBSURF")
+    scene.view_layers[0].update()
+    scene.view_layers[0].objects.active = item
+    return item
+
+
+def model_of(rig, head: FaceModel) -> FaceModel:
+    """What the backend makes of the mesh, without searching for its face."""
+    from facestage_blender import frames
+
+    turn = frames.stage_to_blender()
+    scaled = np.array(rig.scale)
+    return FaceModel(
+        name=rig.name, license="yours", source="", vertices=(rig.vertices * scaled @ turn + 0.01).astype(np.float32),
+        polygons=rig.polygons, polygon_uvs=rig.polygon_uvs, polygon_part=np.minimum(rig.polygon_part, 4), uvs=rig.uvs,
+        identity_names=head.identity_names, identity_basis=head.identity_basis,
+        expression_names=rig.expression_names,
+        expression_basis=(rig.expression_offsets * scaled @ turn).astype(np.float32),
+        albedo_mean=head.albedo_mean, albedo_basis=head.albedo_basis, landmarks={},
+    )  # fmt: skip
+
+
+def result_of(model: FaceModel, identity: np.ndarray, expression: np.ndarray) -> Result:
+    """A result of this model with a head pose."""
+    pose = np.eye(4)
+    pose[:3, :3] = [[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]]
+    pose[:3, 3] = 0.02, -0.01, -0.6
+    to_stage = np.eye(4)
+    to_stage[2, 3] = 0.6
+    vertices = model.shape(identity, expression) @ pose[:3, :3].T + pose[:3, 3]
+    return Result(
+        status=CONVERGED, advice="", model="rig:x", camera=Camera.default(96, 80), camera_to_stage=to_stage,
+        model_to_camera=pose, identity=identity, expression=expression, albedo=np.zeros(3),
+        specular=np.ones((4, 4), np.float32), roughness=0.5, stage=fibonacci_stage(3), vertices=vertices,
+        triangles=model.triangles, identity_names=model.identity_names, expression_names=model.expression_names,
+    )  # fmt: skip
+
+
+def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
+    from facestage_blender.own_mesh import read_mesh
+
+    rig, own, notes = read_mesh(alice)
+    np.testing.assert_allclose(rig.scale, 0.01, rtol=1e-5)
+    assert own.expression == {
+        "jawOpen": ("jawOpen", 2.0), "browUp": ("browUp", 1.0), "browUp (negative)": ("browUp", -1.0),
+        "mode_0": ("mode_0", 1.0),
+    }  # fmt: skip
+    assert notes == ["1 muted shape keys are left out"]
+    lengths = np.linalg.norm(rig.expression_offsets, axis=2).max(axis=1) / 100
+    original = np.linalg.norm(head.expression_basis, axis=2).max(axis=1)
+    np.testing.assert_allclose(lengths, [2 * original[0], original[1], original[1], original[2]], rtol=1e-4)
+    assert len(alice.modifiers) == 1
+    np.testing.assert_array_equal(rig.polygons, head.polygons)
+
+
+def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) -> None:
+    import bpy
+
+    from facestage_blender.own_mesh import SHAPE_KEY, OwnMesh, read_mesh
+    from facestage_blender.own_rig import adopt, write_borrowed_shape
+    from facestage_blender.rig import read_weights, rig_axes, set_weights
+    from facestage_blender.stage import build_stage
+    from facestage_blender.write_back import place
+
+    rig, own, _ = read_mesh(alice)
+    model = model_of(rig, head)
+    adopt(scene, alice, "rig:x", model, rig, own)
+    result = result_of(model, np.array([1.0, -0.5, 0, 0.3, 0, 0]), np.array([0.25, 0.0, 0.5, 0.0]))
+    set_weights(alice, dict(zip(result.identity_names, result.identity, strict=True)),
+                dict(zip(result.expression_names, result.expression, strict=True)))  # fmt: skip
+    keys = alice.data.shape_keys.key_blocks
+    assert (keys["jawOpen"].value, keys["browUp"].value) == pytest.approx((0.5, -0.5))
+    assert (keys["jawOpen"].slider_max, keys["browUp"].slider_min) == (2.0, -1.0)
+    write_borrowed_shape(alice, OwnMesh.of(alice), result)
+    assert keys[SHAPE_KEY].value == 1.0
+    empty = build_stage(scene, result.stage)
+    place(empty, alice, result.model_to_stage, rig_axes(alice))
+    scene.view_layers[0].update()
+    alice.modifiers["Subdivision"].show_viewport = False
+    shown = alice.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    flat = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", flat)
+    world = np.array(alice.matrix_world)
+    stage = (flat.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]) @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    wanted = result.vertices @ result.camera_to_stage[:3, :3].T + result.camera_to_stage[:3, 3]
+    np.testing.assert_allclose(stage, wanted, atol=5e-6)
+    identity, expression = read_weights(alice)
+    np.testing.assert_allclose(list(identity.values()), result.identity, atol=1e-6)
+    np.testing.assert_allclose(list(expression.values()), result.expression, atol=1e-6)
+
+
+def test_marks_are_kept_replaced_and_cleared(alice) -> None:
+    from facestage_blender.own_mesh import clear_mark, mark, read_marks
+
+    for vertex in alice.data.vertices:
+        vertex.select = vertex.index in (5, 9)
+    assert mark(alice, "chin") == 2
+    alice.data.vertices[9].select = False
+    assert mark(alice, "chin") == 1
+    assert {name: indices.tolist() for name, indices in read_marks(alice).items()} == {"chin": [5]}
+    clear_mark(alice, "chin")
+    assert read_marks(alice) == {}
+    alice.data.vertices[5].select = False
+    with pytest.raises(InputError, match="No vertex of 'Alice' is selected"):
+        mark(alice, "chin")
+
+
+def test_mesh_without_uvs_gets_a_map_and_keeps_its_selection(alice) -> None:
+    from facestage_blender.own_mesh import read_mesh
+
+    alice.data.uv_layers.remove(alice.data.uv_layers[0])
+    for vertex in alice.data.vertices:
+        vertex.select = vertex.index < 7
+    rig, own, _ = read_mesh(alice)
+    assert own.uv_layer == "Facestage"
+    assert 0 <= rig.uvs.min() < rig.uvs.max() <= 1
+    assert sum(vertex.select for vertex in alice.data.vertices) == 7
+
+
+def test_tiles_are_packed_beside_the_own_map(alice) -> None:
+    from facestage_blender.own_mesh import read_mesh
+
+    layer = alice.data.uv_layers[0]
+    flat = np.empty(2 * len(layer.uv), np.float32)
+    layer.uv.foreach_get("vector", flat)
+    layer.uv.foreach_set("vector", flat + np.tile([1.0, 0.0], len(layer.uv)).astype(np.float32) * 3)
+    rig, own, _ = read_mesh(alice)
+    assert own.uv_layer == "Facestage"
+    assert rig.uvs.min() >= 0 and rig.uvs.max() <= 1
+    after = np.empty_like(flat)
+    alice.data.uv_layers[0].uv.foreach_get("vector", after)
+    np.testing.assert_allclose(after[::2] - flat[::2], 3.0, atol=1e-5)
+
+
+def test_what_cannot_be_a_face_is_refused(scene, alice) -> None:
+    import bpy
+
+    from facestage_blender.own_mesh import read_mesh
+
+    with pytest.raises(InputError, match="No mesh is active"):
+        read_mesh(None)
+    small = bpy.data.objects.new("Small", bpy.data.meshes.new("Small"))
+    with pytest.raises(InputError, match="'Small' has 0 vertices"):
+        read_mesh(small)
+    alice.data.shape_keys.use_relative = False
+    with pytest.raises(InputError, match="absolute"):
+        read_mesh(alice)
