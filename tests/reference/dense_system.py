@@ -45,10 +45,10 @@ def data_rows(stage: Stage, state: State, seed: int) -> Rows:
     energy, layout = stage.energy, stage.energy.layout
     photo = energy.photo
     assert photo is not None and energy.stage is not None
-    residual = energy.landmarks.residuals(state)
+    placed = energy.landmarks.at(state)
+    residual = placed.residuals(state)
     landmarks = Rows(
-        energy.landmarks.jacobian(state, layout), residual,
-        energy.weights.landmarks * energy.landmarks.robust_weights(residual),
+        placed.jacobian(state, layout), residual, energy.weights.landmarks * placed.robust_weights(residual)
     )  # fmt: skip
     evaluation = photo.evaluate(state, energy.stage, seed, everything=True)
     y, x = photo.index(evaluation.image.surface)

@@ -60,7 +60,7 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
         for name, size in (("TEXTURE_MIN", 64), ("TEXTURE_MAX", 64), ("SPECULAR_TEXTURE", 32)):
-            patch.setattr(f"facestage.fit.output.{name}", size)
+            patch.setattr(f"facestage.fit.refine.{name}", size)
         events: list[Event] = []
         fit_person(jobs[:2], out, emit=events.append)
     assert [events[0].kind, events[-1].kind] == [STARTED, DONE]
