@@ -22,6 +22,9 @@ _UNITS = (1.0, 0.01, 0.001, 0.1, 0.0254, 0.3048)
 _PLAUSIBLE = 1.35  # times larger or smaller than the default face
 _UPRIGHT = 25.0  # degrees: a face less turned than this is taken for one along the axes
 _MOVED = 0.05  # of the largest offset
+_EYEBALL = (0.015, 0.040)  # metres: the extents of an eyeball
+_IRIS_RADIUS, _PUPIL_RADIUS = 0.0059, 0.0021
+_IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
 _PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
 
 
@@ -62,6 +65,7 @@ def load_rig(path: Path) -> FaceModel:
     for label, color in _PART_ALBEDO.items():
         used = np.unique(triangles[part == label])
         mean[used[~on_skin[used]]] = color
+    _paint_irises(mean, placed, pieces(vertices, triangles), np.unique(triangles[part == EYES]), on_skin)
     return FaceModel(
         name=rig.name, license=rig.license, source=str(path),
         vertices=placed.astype(np.float32), polygons=rig.polygons, polygon_uvs=rig.polygon_uvs,
@@ -91,6 +95,23 @@ def _parts(rig: RigFile, fit: Registration, vertices: np.ndarray, triangles: np.
         guessed = parts_of_pieces(fit, vertices, triangles, piece)
         part[unknown] = guessed[piece[rig.polygons[unknown, 0]]]
     return part
+
+
+def _paint_irises(
+    mean: np.ndarray, vertices: np.ndarray, piece: np.ndarray, eyes: np.ndarray, on_skin: np.ndarray
+) -> None:
+    """Color iris and pupil on the front of each eyeball; vertices (n, 3) in the model frame."""
+    for label in np.unique(piece[eyes]):
+        ball = eyes[(piece[eyes] == label) & ~on_skin[eyes]]
+        if not len(ball):
+            continue
+        low, high = vertices[ball].min(axis=0), vertices[ball].max(axis=0)
+        if not _EYEBALL[0] < (high - low).min() <= (high - low).max() < _EYEBALL[1]:
+            continue
+        centre = 0.5 * (low + high)
+        radius = np.hypot(*(vertices[ball, :2] - centre[:2]).T)
+        for size, color in ((_IRIS_RADIUS, _IRIS), (_PUPIL_RADIUS, _PUPIL)):
+            mean[ball[(radius < size) & (vertices[ball, 2] > centre[2])]] = color
 
 
 def _upright(similarity: Similarity, narrow_face: np.ndarray) -> Similarity:
