@@ -39,6 +39,7 @@ _EXPRESSION_SPREAD = 0.05  # a mesh at rest is nearly neutral
 _KNOWN_SPREAD = 0.7e-3  # metres
 _WARP_REACH, _WARP_POINTS, _WARP_STEPS = 12e-3, 600, 2  # metres
 # A face is found when the narrow face lies this close, on the default face's scale.
+SMALLEST = 0.1
 MEDIAN_MAX, COVERED_MIN = 1.8e-3, 0.6
 
 
@@ -118,7 +119,9 @@ def register(
     best = _fit(source, best.target, best.similarity, known, _SCHEDULE[2:3], best)
     anchors = _anchors(source, best) | known
     best = _fit(source, best.target, best.similarity, anchors, _SCHEDULE[2:], best)
-    if not known and (best.median_distance > MEDIAN_MAX or best.covered < COVERED_MIN):
+    # A head is about a seventh of a body: something much smaller is not a face, however well it fits.
+    tiny = best.similarity.scale * source.height < SMALLEST * np.ptp(surface.vertices[wanted], axis=0).max()
+    if not known and (tiny or best.median_distance > MEDIAN_MAX or best.covered < COVERED_MIN):
         raise InputError(
             f"No face was found on the mesh: the nearest fit of a face is {best.median_distance * 1e3:.1f} mm off and "
             f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth corners, chin), or choose "
