@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from facestage import __version__
 from facestage.contract.errors import CancelledError, FacestageError, InputError
-from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe, parse_budget
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ def _add_fit(commands: Any) -> None:
     )  # fmt: skip
     fit.add_argument(
         "--same-person", action="store_true",
-        help=f"the photos, 2 to {PHOTOS_MAX}, show one person: identity and skin are shared; --landmarks, --camera, "
+        help="the photos show one person: identity and skin are shared; --landmarks, --camera, "
         "--focal-px and --truth are repeated for each photo in the same order (one camera does for all)",
     )  # fmt: skip
     fit.add_argument(

@@ -7,7 +7,6 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from facestage.contract.person import Person
 from facestage.contract.storage import atomic_file
@@ -47,6 +46,8 @@ def _draw(folder: Path, person: Person, path: Path) -> None:
 
 
 def _picture(path: Path) -> np.ndarray:
+    from PIL import Image
+
     with Image.open(path) as image:
         return np.asarray(image.convert("RGB"))
 
