@@ -24,6 +24,12 @@ _OVAL = (
 _JAW = _OVAL[8:29]
 _BROWS = (70, 63, 105, 66, 107, 336, 296, 334, 293, 300)
 _LIPS = (61, 291, 0, 17)
+# Once around between the lips, and between the lids of the subject's right and left eye.
+_OPENINGS = (
+    (78, 95, 88, 178, 87, 14, 317, 402, 318, 324, 308, 415, 310, 311, 312, 13, 82, 81, 80, 191),
+    (33, 7, 163, 144, 145, 153, 154, 155, 133, 173, 157, 158, 159, 160, 161, 246),
+    (263, 249, 390, 373, 374, 380, 381, 382, 362, 398, 384, 385, 386, 387, 388, 466),
+)
 _NOSE = (168, 6, 197, 195, 5, 4, 98, 97, 2, 326, 327)
 
 
@@ -56,6 +62,7 @@ class Scheme:
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
     brows: np.ndarray
     chin: np.ndarray  # the lowest of the jaw
+    openings: tuple[np.ndarray, ...]  # borders of lips and lids in order: what shows between them is no skin
     eyes: tuple[Eye, ...] = ()
 
     def behind_closed_lids(self, points: np.ndarray) -> np.ndarray:
@@ -76,6 +83,7 @@ def _schemes() -> Mapping[str, Scheme]:
         deviation, 1.0, contour=np.arange(17), slides=True, across=1.0, along=1.0, outline=np.arange(68),
         skin=np.array([*range(2, 15), *range(27, 36)]),
         brows=np.arange(17, 27), chin=np.arange(6, 11),
+        openings=(np.arange(60, 68), np.arange(36, 42), np.arange(42, 48)),
     )  # fmt: skip
     deviation, independent = read_deviations()
     mediapipe478 = Scheme(
@@ -84,7 +92,7 @@ def _schemes() -> Mapping[str, Scheme]:
         # skin turns away it finds the outline, but not where along it.
         slides=False, across=0.6, along=1.7,
         outline=np.array([*_JAW, *_BROWS, *_NOSE, *_LIPS]), skin=np.array([*_JAW[1:-1], *_NOSE]),
-        brows=np.array(_BROWS), chin=np.array(_JAW[7:14]),
+        brows=np.array(_BROWS), chin=np.array(_JAW[7:14]), openings=tuple(map(np.array, _OPENINGS)),
         eyes=(Eye(tuple(range(468, 473)), 159, 145, (33, 133)), Eye(tuple(range(473, 478)), 386, 374, (263, 362))),
     )  # fmt: skip
     return MappingProxyType({"ibug68": ibug68, "mediapipe478": mediapipe478})
