@@ -70,7 +70,7 @@ class LandmarkTerm:
     @property
     def observations(self) -> float:
         """How many independent points the landmarks amount to."""
-        return self.scheme.share * float(np.isfinite(self.sigma).sum())
+        return float(self.scheme.share[np.isfinite(self.sigma)].sum())
 
     def at(self, state: State) -> PlacedLandmarks:
         """The term around ``state``: which point of the skin each landmark is there, and how well it shows."""
@@ -130,10 +130,10 @@ def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) 
 class PlacedLandmarks:
     """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the skin."""
 
-    def __init__(self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: float) -> None:
+    def __init__(self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: np.ndarray) -> None:
         """``points`` (m, 2) pixels; ``whitening`` (m, 2, 2) takes pixels to standard deviations.
 
-        ``share``: of an independent point that each stands for.
+        ``share`` (m,): of an independent point that each stands for.
         """
         self.on_face, self.points, self.whitening, self.share = on_face, points, whitening, share
 
@@ -147,12 +147,12 @@ class PlacedLandmarks:
 
     def robust_weights(self, residuals: np.ndarray) -> np.ndarray:
         """(2 m,) Cauchy weights, one per point, times the share that neighbors leave it."""
-        return self.share * np.repeat(1.0 / (1.0 + _squared(residuals) / CAUCHY_SCALE**2), 2)
+        return np.repeat(self.share / (1.0 + _squared(residuals) / CAUCHY_SCALE**2), 2)
 
     def robust_energy(self, state: State) -> float:
         """The Cauchy energy that :meth:`robust_weights` belong to."""
         squared = _squared(self.residuals(state))
-        return 0.5 * self.share * CAUCHY_SCALE**2 * float(np.log1p(squared / CAUCHY_SCALE**2).sum())
+        return 0.5 * CAUCHY_SCALE**2 * float(self.share @ np.log1p(squared / CAUCHY_SCALE**2))
 
     def jacobian(self, state: State, layout: Layout) -> np.ndarray:
         """(2 m, size) derivative of :meth:`residuals`."""

@@ -32,6 +32,8 @@ CUT_MARGIN, CUT_FACE_PX, CUT_STEPS = 0.6, 160.0, 3
 CUT_SKIN, CUT_OTHER, CUT_TRUST, CUT_SAMPLES_MIN = 0.95, 0.02, 0.7, 30
 # Points of the outline that must show for its bounding box to say how large the face is.
 OUTLINE_MIN = 12
+# Parts of a pixel that the border of an opening is drawn to, in powers of two.
+BORDER_BITS = 4
 # Half the height of a brow, as a share of the face; share within the landmarks of a region that is the face's own.
 BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
 
@@ -44,14 +46,34 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
 
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
     stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
+    Teeth are as bright, and lids have a skin's shadows: what shows between lips and lids is none, whatever its color.
     """
     height, width = photo.shape[:2]
     scale = MASK_FACE_PX / max(face_size_px(landmarks), 1.0)
     if scale >= 1:
-        return _skin_weight(photo, landmarks)
-    size = max(round(width * scale), 1), max(round(height * scale), 1)
-    smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
-    return resize(_skin_weight(resize(photo, *size), smaller), width, height)
+        weight = _skin_weight(photo, landmarks)
+    else:
+        size = max(round(width * scale), 1), max(round(height * scale), 1)
+        smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
+        weight = resize(_skin_weight(resize(photo, *size), smaller), width, height)
+    return weight * (1.0 - opening_share((height, width), landmarks))
+
+
+def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the lids."""
+    import cv2
+
+    result = np.zeros(shape, np.float32)
+    for ring in scheme_of(landmarks.scheme).openings:
+        border = landmarks.points[ring]
+        if not np.isfinite(border).all():
+            continue
+        # Pixel centres are at halves in the points, at whole numbers in OpenCV.
+        fixed = np.round((border - 0.5) * 2**BORDER_BITS).astype(np.int32)
+        filled = np.zeros(shape, np.uint8)
+        cv2.fillPoly(filled, [fixed], 255, cv2.LINE_AA, BORDER_BITS)
+        result = np.maximum(result, filled / np.float32(255))
+    return result
 
 
 def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as Outline
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.skin_mask import face_pixels, paint_weight, skin_weight
+from facestage.fit.skin_mask import face_pixels, opening_share, paint_weight, skin_weight
 
 SIZE = 160
 SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
@@ -43,6 +45,14 @@ def overlap(weight: np.ndarray, skin: np.ndarray, region: np.ndarray) -> float:
     return float((mask & skin & region).sum() / ((mask | skin) & region).sum())
 
 
+def between_lips_and_lids(landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, pixels that an opening of mouth or eyes touches."""
+    centres = np.stack([X.ravel(), Y.ravel()], axis=1)
+    rings = (landmarks.points[60:68], landmarks.points[36:42], landmarks.points[42:48])
+    inside = [Outline(np.vstack([ring, ring[:1]])).contains_points(centres) for ring in rings]
+    return binary_dilation(np.any(inside, axis=0).reshape(SIZE, SIZE), np.ones((3, 3)))
+
+
 EVERYWHERE = np.ones((SIZE, SIZE), bool)
 
 
@@ -53,7 +63,7 @@ def test_a_bare_face_is_skin_and_the_wall_is_not(landmarks: Landmarks, skin: str
     assert weight.dtype == np.float32 and weight.min() >= 0 and weight.max() <= 1
     # What the lamp does not reach is as dark as hair; the rest is all there.
     lit = photo.mean(axis=2) > 0.25 * photo[inside].mean()
-    assert overlap(weight, inside & lit, ~inside | lit) > 0.97
+    assert overlap(weight, inside & lit, (~inside | lit) & ~between_lips_and_lids(landmarks)) > 0.97
 
 
 @pytest.mark.parametrize("skin", SKIN)
@@ -75,7 +85,30 @@ def test_hair_over_the_forehead_is_not_skin(landmarks: Landmarks):
     weight = skin_weight(photo, landmarks)
     assert weight[hair].mean() < 0.1
     lit = photo.mean(axis=2) > 0.2
-    assert weight[inside & ~hair & lit].mean() > 0.95
+    assert weight[inside & ~hair & lit & ~between_lips_and_lids(landmarks)].mean() > 0.95
+
+
+def test_teeth_are_not_skin_though_they_are_bright(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    points = landmarks.points.copy()
+    points[64:68, 1] += 12.0
+    laughing = Landmarks("ibug68", points, landmarks.visible)
+    opening = between_lips_and_lids(laughing)
+    mouth = opening & (Y > 85)
+    photo[mouth] = 1.5 * photo[inside].mean() * np.array([1.0, 0.96, 0.9])
+    weight = skin_weight(photo, laughing)
+    assert weight[binary_erosion(mouth, np.ones((5, 5)))].max() == 0.0
+    assert weight[binary_dilation(mouth, iterations=6) & ~binary_dilation(mouth, iterations=2)].min() > 0.9
+
+
+def test_the_share_of_an_opening_is_its_area(landmarks: Landmarks):
+    points = landmarks.points.copy()
+    points[60:68] = [[70.3, 100], [75, 100], [80, 100], [85, 100], [90.3, 100], [85, 110.6], [80, 110.6], [75, 110.6]]
+    points[36:48] = np.nan
+    share = opening_share((SIZE, SIZE), Landmarks("ibug68", points, np.ones(68, bool)))
+    # A border has the width of a pixel: half of it outside.
+    assert 0.0 <= share.sum() - 0.5 * (20 + 10) * 10.6 < 40
+    assert share[105, 79] == 1.0 and share[:98].max() == 0.0 and share[:, :68].max() == 0.0
 
 
 def test_noise_leaves_no_holes(landmarks: Landmarks):
