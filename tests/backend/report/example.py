@@ -34,6 +34,7 @@ def result(lights: LightStage, size: tuple[int, int] = (48, 40), **changes: Any)
         "energy": {"photo": 81.25, "landmarks": 4.5},
         "errors": {"psnr": 33.17, "landmark_px": 1.294, "rigid_mm": 1.876},
         "timings": {"cold_start": 1.5, "optimisation": 12.25}, "versions": {"numpy": "1.2.3"}, "seed": 90817,
+        "model_origin": {"name": "Head", "license": "CC0 & free", "source": "made for tests"},
         "left_out": [{"what": "7 lights", "why": "switched off", "saved": "7 of 20 lights"}],
     }  # fmt: skip
     return Result(**(values | changes))

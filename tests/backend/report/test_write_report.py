@@ -68,6 +68,7 @@ def test_a_report_holds_every_picture_and_number(tmp_path: Path) -> None:
     for expected in (
         "Ada & friends", "Converged", "It converged <well>.", "33.17", "1.294", "1.876", "81.25", "12.25", "90817",
         "1.2.3", "0.432", "7 of 20 lights", "switched off", "facestage fit --job . --out ../again",
+        "Face model: Head, made for tests. Licence: CC0 & free.",
     ):  # fmt: skip
         assert expected in page.text, expected
 
