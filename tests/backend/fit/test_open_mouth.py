@@ -67,7 +67,7 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
         for step in stage.run(state, 0, np.inf):
             state = step.state
     fitted = landmark_pixels(geometry, landmarks, state)
-    for pair, name, least in ((LIPS, "lips", 0.97), (RIGHT_LIDS, "right lids", 0.95), (LEFT_LIDS, "left lids", 0.95)):
+    for pair, name, least in ((LIPS, "lips", 0.96), (RIGHT_LIDS, "right lids", 0.93), (LEFT_LIDS, "left lids", 0.93)):
         share = gap(fitted, pair) / gap(exact, pair)
         print(f"{name}: {share:.3f} of the true {gap(exact, pair):.1f} px, margin {abs(1 - share) / (1 - least):.2f}")
         assert least < share < 2 - least

@@ -82,8 +82,9 @@ def test_points_agree_with_the_other_scheme(model: FaceModel):
 @pytest.mark.parametrize("name", SCHEME_SIZES)
 def test_schemes_name_points_that_they_have(name: str):
     scheme, count = scheme_of(name), SCHEME_SIZES[name]
-    assert scheme.deviation.shape == (count,) and (scheme.deviation > 0).all() and 0 < scheme.share <= 1
-    for points in (scheme.contour, scheme.outline, scheme.skin):
+    assert scheme.deviation.shape == (count,) and (scheme.deviation > 0).all()
+    assert scheme.share.shape == (count,) and (scheme.share > 0).all() and (scheme.share <= 1).all()
+    for points in (scheme.contour, scheme.outline, scheme.skin, *scheme.openings):
         assert len(np.unique(points)) == len(points) and points.min() >= 0 and points.max() < count
 
 
