@@ -14,7 +14,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
-from facestage.contract.face_model import FaceModel
+from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
@@ -74,7 +74,9 @@ class Problem:
     @cached_property
     def skin(self) -> np.ndarray:
         """(h, w) 0..1, which pixels have the color of the face's own skin."""
-        return skin_weight(self.photograph.color, self.landmarks)
+        # A mesh of skin alone has neither lids nor lips that could part.
+        parts = bool((self.geometry.triangle_part != SKIN).any())
+        return skin_weight(self.photograph.color, self.landmarks, openings=parts)
 
     @cached_property
     def paintable(self) -> np.ndarray:

@@ -41,12 +41,13 @@ BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
 FOREHEAD_SHARE = 0.5
 
 
-def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+def skin_weight(photo: np.ndarray, landmarks: Landmarks, openings: bool = True) -> np.ndarray:
     """(h, w) float32 in 0..1 of ``photo`` (h, w, 3) linear: 1 where its color is the face's own.
 
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
     stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
-    Teeth are as bright, and lids have a skin's shadows: what shows between lips and lids is none, whatever its color.
+    Teeth are as bright, and lids have a skin's shadows: what shows between lips and lids is none, whatever its color;
+    ``openings`` says whether the face has any.
     """
     height, width = photo.shape[:2]
     scale = MASK_FACE_PX / max(face_size_px(landmarks), 1.0)
@@ -56,7 +57,7 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
         size = max(round(width * scale), 1), max(round(height * scale), 1)
         smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
         weight = resize(_skin_weight(resize(photo, *size), smaller), width, height)
-    return weight * (1.0 - opening_share((height, width), landmarks))
+    return weight * (1.0 - opening_share((height, width), landmarks)) if openings else weight
 
 
 def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
