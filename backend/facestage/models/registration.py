@@ -85,6 +85,10 @@ class Registration:
         return float(np.median(distance[found])) if found.any() else np.inf, float(found.mean())
 
 
+def _found(fit: Registration) -> bool:
+    return fit.median_distance <= MEDIAN_MAX and fit.covered >= COVERED_MIN
+
+
 def register(
     model: FaceModel,
     vertices: np.ndarray,
@@ -118,10 +122,14 @@ def register(
     best = min(fits, key=lambda item: item[0])[1]
     best = _fit(source, best.target, best.similarity, known, _SCHEDULE[2:3], best)
     anchors = _anchors(source, best) | known
-    best = _fit(source, best.target, best.similarity, anchors, _SCHEDULE[2:], best)
+    plain, best = best, _fit(source, best.target, best.similarity, anchors, _SCHEDULE[2:], best)
+    if not _found(best):
+        # What was taken for the openings of eyes and mouth was something else.
+        anchors = known
+        best = _fit(source, plain.target, plain.similarity, known, _SCHEDULE[2:], plain)
     # A head is about a seventh of a body: something much smaller is not a face, however well it fits.
     tiny = best.similarity.scale * source.height < SMALLEST * np.ptp(surface.vertices[wanted], axis=0).max()
-    if not known and (tiny or best.median_distance > MEDIAN_MAX or best.covered < COVERED_MIN):
+    if not known and (tiny or not _found(best)):
         raise InputError(
             f"No face was found on the mesh: the nearest fit of a face is {best.median_distance * 1e3:.1f} mm off and "
             f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth corners, chin), or choose "
