@@ -17,7 +17,7 @@ from facestage.render.tracer import PLAIN
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SAMPLES = 16
 # Wet: a clear, smooth layer of tears or saliva.
-WET_SPECULAR, WET_ROUGHNESS = 1.0, 0.2
+WET_SPECULAR, WET_ROUGHNESS = 1.0, 0.35
 # Albedo of what the model paints as pupil, at most, and as iris, at most.
 PUPIL_MAX, IRIS_MAX = 0.02, 0.25
 # Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.
