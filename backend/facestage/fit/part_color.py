@@ -16,8 +16,9 @@ from facestage.render.tracer import PLAIN
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SAMPLES = 16
-# Wet: a clear, smooth layer of tears or saliva.
-WET_SPECULAR, WET_ROUGHNESS = 1.0, 0.35
+# Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand for it are blurred
+# into each other, and dimmed so that they do not veil the iris.
+WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
 # Albedo of what the model paints as pupil, at most, and as iris, at most.
 PUPIL_MAX, IRIS_MAX = 0.02, 0.25
 # Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.

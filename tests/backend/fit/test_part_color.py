@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.parameters import State
-from facestage.fit.part_color import WET_ROUGHNESS, Look, part_colors, parts_of
+from facestage.fit.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors, parts_of
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
 BLUE = np.array([0.05, 0.09, 0.14])
@@ -31,10 +31,11 @@ def picture(face: PaintedFace, state: State, log_change: np.ndarray) -> Look:
     """The face with ``log_change`` (m, 3) added to its vertices' log albedo."""
     y, x = np.mgrid[:SIDE, :SIDE]
     surface = face.forward.surface(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
-    terms = face.forward.light_terms(state, surface, face.stage, 16, 5, roughness=np.full(len(surface.pixels), WET_ROUGHNESS))
+    rough = np.full(len(surface.pixels), WET_ROUGHNESS)
+    terms = face.forward.light_terms(state, surface, face.stage, 16, 5, roughness=rough)
     logs = (face.forward.log_albedo(state) + log_change)[surface.corners]
     albedo = np.exp(np.einsum("pi,pic->pc", surface.weights, logs))
-    image = face.forward.shade(state, surface, terms, albedo, c_spec=np.ones(len(albedo)))
+    image = face.forward.shade(state, surface, terms, albedo, c_spec=np.full(len(albedo), WET_SPECULAR))
     column, row = surface.pixels.astype(int).T
     color, skin = np.zeros((SIDE, SIDE, 3)), np.zeros((SIDE, SIDE))
     color[row, column] = image.color
