@@ -12,10 +12,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import LightStage
-from facestage.contract.storage import atomic_folder, write_arrays, write_json
+from facestage.contract.storage import write_arrays, write_json
 
 from . import frames
 from .camera import ensure_camera, write_camera

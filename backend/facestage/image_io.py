@@ -15,8 +15,8 @@ import numpy as np
 from facestage.color_profile import DEFAULT, SRGB, chromaticities_to_rec709, decoder_of, through_littlecms
 from facestage.color_profile import linear_to_srgb as linear_to_srgb
 from facestage.color_profile import srgb_to_linear as srgb_to_linear
+from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
-from facestage.contract.storage import atomic_file
 from facestage.exif import FocalPrior, focal_prior
 
 MAX_SIDE = 16384

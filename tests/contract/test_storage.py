@@ -11,16 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from facestage.contract.atomic import atomic_file, atomic_folder
 from facestage.contract.errors import InputError
-from facestage.contract.storage import (
-    atomic_file,
-    atomic_folder,
-    finite,
-    read_arrays,
-    read_json,
-    write_arrays,
-    write_json,
-)
+from facestage.contract.storage import finite, read_arrays, read_json, write_arrays, write_json
 
 
 def names(folder: Path) -> list[str]:
@@ -74,7 +67,7 @@ def test_folder_keeps_the_old_one_when_the_last_rename_fails(tmp_path: Path):
         with atomic_folder(tmp_path / "out") as folder:
             (folder / "new").touch()
 
-    with mock.patch("facestage.contract.storage.os.replace", failing), pytest.raises(OSError, match="holds it"):
+    with mock.patch("facestage.contract.atomic.os.replace", failing), pytest.raises(OSError, match="holds it"):
         write()
     assert names(tmp_path / "out") == ["old"]
 

@@ -12,10 +12,10 @@ from typing import TextIO
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
-from facestage.contract.storage import atomic_file
 from facestage.fit.driver import FitRun
 from facestage.fit.fitted import Fitted
 from facestage.fit.light_position import AXES

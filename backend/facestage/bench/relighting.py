@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from facestage.bench.trace import Track
+from facestage.contract.atomic import atomic_file
 from facestage.contract.light_stage import LightStage
-from facestage.contract.storage import atomic_file
 from facestage.fit.atlas import Atlas
 from facestage.fit.parameters import State
 from facestage.fit.rendering import Textures, render_picture

@@ -15,7 +15,7 @@ from facestage.bench.charts import CURVES, SETTINGS, draw_curves, draw_settings,
 from facestage.bench.settings import HARMONICS, OURS
 from facestage.bench.table import Final, Reach, adam_text, final_lines, ratio_text, reach_lines
 from facestage.bench.trace import Row
-from facestage.contract.storage import atomic_file
+from facestage.contract.atomic import atomic_file
 from facestage.report.page_style import CSS
 
 TRACE_CSV, REACH_CSV, FINAL_CSV, TEXT, PAGE = "trace.csv", "reach.csv", "final.csv", "bench.txt", "bench.html"

@@ -10,8 +10,8 @@ from typing import Any
 
 from facestage.bench.settings import DEFAULT
 from facestage.bench.table import Final
+from facestage.contract.atomic import atomic_file
 from facestage.contract.quality import BEST, DRAFT, GOOD
-from facestage.contract.storage import atomic_file
 
 QUALITY_JSON = "quality.json"
 CONTENDERS = {DRAFT: DRAFT, GOOD: DEFAULT.name, BEST: BEST}

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.quality import GOOD, QUALITIES
-from facestage.contract.storage import atomic_folder, read_arrays, read_json, write_arrays, write_json
+from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
 PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness", "lights", "light_position", "focal")

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract import person as contract
+from facestage.contract.atomic import atomic_folder
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
-from facestage.contract.storage import atomic_folder
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
 from facestage.fit.merged_maps import MergedMaps

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import ON, LightStage
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import ROUGHNESS, Result
-from facestage.contract.storage import atomic_file
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
 from facestage.fit.one_light import relight_scale

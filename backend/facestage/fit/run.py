@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_folder
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
 from facestage.contract.result import Result
-from facestage.contract.storage import atomic_folder
 from facestage.fit.checkpoint import Checkpoint
 from facestage.fit.driver import FitRun
 from facestage.fit.fitted import Progress

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
-from facestage.contract.storage import atomic_file
 from facestage.image_io import Photograph
 from facestage.landmarks.canonical import CanonicalFace
 from facestage.landmarks.crop import Crop

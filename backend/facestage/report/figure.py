@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from facestage.contract.storage import atomic_file
+from facestage.contract.atomic import atomic_file
 
 DPI = 100
 _FAST = {"compress_level": 3}

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_file
 from facestage.contract.person import Person
-from facestage.contract.storage import atomic_file
 from facestage.report.figure import DARK, Canvas
 from facestage.report.page import STATUS_WORDS, data_uri
 from facestage.report.page_style import CSS

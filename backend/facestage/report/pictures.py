@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.atomic import atomic_file
 from facestage.contract.result import BY_SYMMETRY, SEEN
-from facestage.contract.storage import atomic_file
 from facestage.report.color import clean, exposure, luminance, shrink, shrink_factor, to_image, to_srgb8
 from facestage.report.figure import DARK, Canvas, nice_limit
 from facestage.report.report_data import ReportData
