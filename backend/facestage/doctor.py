@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from facestage import __version__, native
+from facestage.child import python_code
 from facestage.contract.errors import BackendUnavailableError, InputError
 from facestage.folders import cache_folder, data_folder
 from facestage.landmarks.model_file import URL, cached_path, find_model
@@ -111,7 +112,7 @@ def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
         return Finding(subject, "not installed", works=False, needed=needed, remedy=INSTALL)
     code = f"import {module}; print(getattr({module}, '__version__', '') or {module}.app.version_string)"
     done = subprocess.run(
-        [sys.executable, "-c", code], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace"
+        python_code(code), stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace"
     )
     if done.returncode == 0:
         return Finding(subject, done.stdout.strip().splitlines()[-1])

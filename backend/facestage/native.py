@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from facestage.child import python_code
 from facestage.contract.errors import BackendUnavailableError, FacestageError, InputError
 from facestage.contract.storage import write_json
 from facestage.folders import cache_folder
@@ -128,9 +129,11 @@ def llvm_candidates() -> list[Path]:
     """Every libLLVM on this machine, best first: the user's choice, the environment's own, then the system's."""
     chosen = os.environ.get(LLVM_VARIABLE)
     own = [Path(sys.prefix, "native"), Path(sys.prefix, "lib")]
-    ordered = [Path(chosen)] if chosen else []
+    ordered = [Path(chosen).absolute()] if chosen else []
     for folders in (own, _system_folders()):
-        ordered += sorted(_libraries_in(folders), key=_preference)
+        # One that a variable names relative to the current folder may be anybody's.
+        trusted = (folder for folder in folders if folder.is_absolute())
+        ordered += sorted(_libraries_in(trusted), key=_preference)
     unique: dict[Path, Path] = {}
     for path in ordered:
         unique.setdefault(path.resolve(), path)
@@ -185,10 +188,17 @@ def _run_probe(variant: str, settings: dict[str, str]) -> str:
         # An empty kernel cache: one filled by another libLLVM would hide that this one cannot compile.
         environment = {**os.environ, **settings, "DRJIT_CACHE_DIR": folder}
         try:
+            # In that folder, because Mitsuba looks for plugins in the current one.
             done = subprocess.run(
-                [sys.executable, "-c", _PROBE, variant], env=environment, stdin=subprocess.DEVNULL,
-                capture_output=True, encoding="utf-8", errors="replace", timeout=PROBE_SECONDS,
-            )  # fmt: skip
+                python_code(_PROBE, variant),
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                timeout=PROBE_SECONDS,
+            )
         except subprocess.TimeoutExpired:
             return f"it did not answer within {PROBE_SECONDS:.0f} s"
     if done.returncode == 0 and "works" in done.stdout:

@@ -17,6 +17,7 @@ from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.render.brdf import specular_lobe
+from facestage.render.variant import load_dict
 
 SKIN = "facestage_skin"
 ALBEDO, C_SPEC = "vertex_albedo", "vertex_specular"
@@ -51,7 +52,7 @@ class GradientScene:
         _register()
         count = len(values.vertices)
         properties = mi.Properties()
-        properties["skin"] = mi.load_dict({"type": SKIN})
+        properties["skin"] = load_dict({"type": SKIN})
         mesh = mi.Mesh(
             "face", vertex_count=count, face_count=len(triangles), has_vertex_normals=True, props=properties
         )  # fmt: skip
@@ -62,7 +63,7 @@ class GradientScene:
         parameters["vertex_positions"] = _flat(values.vertices)
         parameters.update()
         self._lights = [f"light_{number}.emitter.radiance.value" for number in range(len(stage))]
-        self._scene = mi.load_dict(_description(mesh, camera, stage))
+        self._scene = load_dict(_description(mesh, camera, stage))
         self._parameters = mi.traverse(self._scene)
         self._roughness = next(key for key in self._parameters if key[0].endswith("roughness"))[0]
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from facestage.contract.light_stage import LightStage
 from facestage.render.brdf import specular_lobe, view_cosine
+from facestage.render.variant import load_dict
 
 # Shadow rays start this far off the surface (metres): facets of a smooth-shaded mesh must not shadow
 # themselves, and nothing on a face that casts a shadow is thinner.
@@ -78,7 +79,7 @@ class RayTracer:
         start = np.linspace(0.0, 1.0, vertex_count * 3, dtype=np.float32)
         self._parameters["vertex_positions"] = mi.Float(start)
         self._parameters.update()
-        self.scene = mi.load_dict({"type": "scene", "face": self._mesh})
+        self.scene = load_dict({"type": "scene", "face": self._mesh})
         self._scene_parameters = mi.traverse(self.scene)
 
     def update(self, vertices: np.ndarray) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.report.figure import DARK, Canvas, nice_limit
+from facestage.report.plotting import load_matplotlib
 from facestage.report.report_data import ReportData
 
 CERTAINTY, DEVIATION = "certainty.png", "vertex_deviation_mm"
@@ -75,6 +76,7 @@ def _draw(
     face: np.ndarray, values: np.ndarray, limit: float,
 ) -> object:  # fmt: skip
     """Paint the triangles back to front; returns what a color bar is made of."""
+    load_matplotlib()
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import PolyCollection

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from facestage.contract.atomic import atomic_file
+from facestage.report.plotting import load_matplotlib
 
 DPI = 100
 _FAST = {"compress_level": 3}
@@ -33,6 +34,7 @@ class Canvas:
     """A figure of ``width`` x ``height`` pixels whose axes are placed in pixels from the top left."""
 
     def __init__(self, width: float, height: float, theme: Theme) -> None:
+        load_matplotlib()
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 

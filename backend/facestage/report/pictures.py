@@ -11,6 +11,7 @@ from facestage.contract.atomic import atomic_file
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.report.color import clean, exposure, luminance, shrink, shrink_factor, to_image, to_srgb8
 from facestage.report.figure import DARK, Canvas, nice_limit
+from facestage.report.plotting import load_matplotlib
 from facestage.report.report_data import ReportData
 
 PANEL_WIDTH, PANEL_HEIGHT = 480, 640
@@ -126,6 +127,7 @@ def difference_limit(difference: np.ndarray) -> float:
 
 def _difference_map() -> object:
     """Too dark blue, right nearly black, too bright red: zero is quiet on a dark page."""
+    load_matplotlib()
     from matplotlib.colors import LinearSegmentedColormap
 
     colors = ["#9fd8ff", "#3d8fe0", "#1c4a80", "#23252b", "#8a3326", "#e8693f", "#ffd9a8"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
+from facestage.child import python_module
 from facestage.contract.errors import FacestageError, InputError
 from facestage.report.stress import StressRow, head_lines, row_lines, summary_line, write_stress_report
 from facestage.stress.case import Case
@@ -88,7 +88,7 @@ def run_in_child(case: Case, folder: Path, command: Sequence[str] | None = None)
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / OUTCOME).unlink(missing_ok=True)
-    arguments = command or [sys.executable, "-m", "facestage.stress.child", case.name, str(folder)]
+    arguments = command or python_module("facestage.stress.child", case.name, str(folder.absolute()))
     began = time.monotonic()
     with (folder / LOG).open("wb") as log:
         try:
