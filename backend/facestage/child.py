@@ -32,10 +32,11 @@ def trusted_path() -> list[str]:
     A PYTHONPATH that begins or ends with a colon names the current folder too, which few people know.
     """
     current = _current_folder()
-    relative = [entry for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if not os.path.isabs(entry)]
     doubtful = {""}
     if current is not None:
-        doubtful |= {current, *(os.path.normpath(os.path.join(current, entry)) for entry in relative)}
+        entries = [Path(entry) for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+        relative = [os.path.normpath(current / entry) for entry in entries if not entry.is_absolute()]
+        doubtful |= {str(current), *relative}
     with contextlib.suppress(RuntimeError):
         # A user without a home has no site-packages of his own.
         doubtful -= {site.getusersitepackages()} if site.ENABLE_USER_SITE else set()
@@ -44,9 +45,9 @@ def trusted_path() -> list[str]:
     return folders if own in folders else [*folders, own]
 
 
-def _current_folder() -> str | None:
+def _current_folder() -> Path | None:
     """The current folder, or None where it was removed."""
     try:
-        return str(Path.cwd())
+        return Path.cwd()
     except OSError:
         return None
