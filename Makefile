@@ -21,7 +21,7 @@ setup: ## Make .venv with everything needed (minutes the first time, then nothin
 	@"$(PYTHON)" tools/setup.py $(if $(filter file,$(origin PYTHON)),,--python "$(PYTHON)")
 
 demo: setup ## Fit a face from a photograph and show it in a Blender scene
-	@$(VENV) -m facestage_blender.demo
+	@$(VENV) -P -m facestage_blender.demo
 
 test: setup ## Run all tests
 	@$(VENV) -m pytest
@@ -41,7 +41,7 @@ ci: ## What continuous integration runs: set-up, style, types, tests
 	@.ci/run
 
 doctor: setup ## Say what works on this machine and how to mend what does not
-	@$(VENV) -m facestage.doctor
+	@$(VENV) -P -m facestage.doctor
 
 extension: setup ## Build the Blender extension into dist/
 	@$(VENV) tools/build_extension.py

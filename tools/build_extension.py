@@ -1,23 +1,28 @@
-"""Build the Blender extension: the add-on, and beside it a wheel of the backend's package.
+"""Build the Blender extension: the add-on, and beside it wheels of the backend's package and what its contract imports.
 
-Blender puts the wheel on its Python path, so that the add-on can ``import facestage.contract``; the same wheel
+Blender puts the wheels on its Python path, so that the add-on can ``import facestage.contract``; the backend's wheel
 is what `pip install` takes to make the backend's own environment. Blender's own builder checks and zips it.
 """
 
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 from setup_error import SetupError
 
 PROJECT = Path(__file__).resolve().parent.parent
 ADDON = PROJECT / "addon" / "facestage_blender"
+LOCK = PROJECT / "requirements" / "python3.11.txt"
+LIBRARIES = ("marshmallow",)  # pure Python, without dependencies: what facestage.contract imports beside numpy
+PIP = (sys.executable, "-I", "-m", "pip", "--quiet", "--disable-pip-version-check")
 NOT_SHIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "ruff.toml")
 
 
@@ -40,35 +45,54 @@ def build_extension(target: Path) -> Path:
         shutil.copytree(ADDON, stage, ignore=NOT_SHIPPED)
         shutil.copyfile(PROJECT / "LICENSE", stage / "LICENSE")
         manifest = stage / "blender_manifest.toml"
-        wheel = build_wheel(Path(folder, "package"), stage / "wheels")
-        manifest.write_text(with_wheel(manifest.read_text(encoding="utf-8"), wheel), encoding="utf-8")
+        build_wheel(Path(folder, "package"), stage / "wheels")
+        fetch_wheels(Path(folder, "libraries.txt"), stage / "wheels")
+        names = sorted(path.name for path in (stage / "wheels").glob("*.whl"))
+        manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), names), encoding="utf-8")
         version = tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
         target.mkdir(parents=True, exist_ok=True)
         archive = target / f"{ADDON.name}-{version}.zip"
-        run([sys.executable, str(builder), "build", "--source-dir", str(stage), "--output-filepath", str(archive)])
-    run([sys.executable, str(builder), "validate", str(archive)])
+        build = [sys.executable, "-I", str(builder)]
+        run([*build, "build", "--source-dir", str(stage), "--output-filepath", str(archive)])
+        run([*build, "validate", str(archive)])
     return archive
 
 
-def build_wheel(stage: Path, target: Path) -> str:
-    """Build the wheel of the backend's package alone, without the add-on, and return its file name."""
+def build_wheel(stage: Path, target: Path) -> None:
+    """Build the wheel of the backend's package alone, without the add-on, into the folder ``target``."""
     shutil.copytree(PROJECT / "backend", stage / "backend", ignore=NOT_SHIPPED)
     (stage / "addon").mkdir()
     for name in ("pyproject.toml", "LICENSE", "README.md"):
         if (PROJECT / name).is_file():
             shutil.copyfile(PROJECT / name, stage / name)
-    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
-    run([*pip, "--no-deps", "--no-build-isolation", "--wheel-dir", str(target), str(stage)])
-    return next(target.glob("*.whl")).name
+    # With the installed setuptools: a build of its own would fetch another.
+    run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(target), str(stage)])
 
 
-def with_wheel(manifest: str, wheel: str) -> str:
-    """The manifest's text with the wheel listed, before its first table."""
+def fetch_wheels(listing: Path, target: Path) -> None:
+    """Fetch the wheels of LIBRARIES into ``target``: exactly those whose digests requirements/ names."""
+    lock = LOCK.read_text(encoding="utf-8")
+    listing.write_text("".join(locked(lock, name) for name in LIBRARIES), encoding="utf-8")
+    only = ["--no-deps", "--require-hashes", "--only-binary", ":all:"]
+    run([*PIP, "download", *only, "--dest", str(target), "--requirement", str(listing)])
+
+
+def locked(lock: str, name: str) -> str:
+    """The lines of a requirements file that pin ``name``, with its digests."""
+    found = re.search(rf"^{re.escape(name)}==(?:.*\\\n)*.*$", lock, re.MULTILINE)
+    if found is None or "--hash=sha256:" not in found[0]:
+        raise SetupError(f"{LOCK.name} does not pin {name} with its digests; requirements/README.md says how to.")
+    return f"{found[0]}\n"
+
+
+def with_wheels(manifest: str, wheels: Sequence[str]) -> str:
+    """The manifest's text with the wheels listed, before its first table."""
     if "wheels" in tomllib.loads(manifest):
         raise SetupError("blender_manifest.toml lists wheels already; leave that to tools/build_extension.py.")
     lines = manifest.splitlines(keepends=True)
     first_table = next((number for number, line in enumerate(lines) if line.startswith("[")), len(lines))
-    return "".join([*lines[:first_table], f'wheels = ["./wheels/{wheel}"]\n\n', *lines[first_table:]])
+    listed = "".join(f'  "./wheels/{wheel}",\n' for wheel in wheels)
+    return "".join([*lines[:first_table], f"wheels = [\n{listed}]\n\n", *lines[first_table:]])
 
 
 def blender_builder() -> Path:

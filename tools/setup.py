@@ -23,6 +23,8 @@ PROJECT = Path(__file__).resolve().parent.parent
 VENV = PROJECT / ".venv"
 STAMP = VENV / "facestage-setup.stamp"
 SUPPORTED = ("3.11", "3.13")  # the Pythons inside Blender 4.2-5.0 and 5.1+
+# Only files whose digests are in the list, and nothing that would have to be built: a build fetches what no list names.
+LOCKED = ("--require-hashes", "--only-binary", ":all:")
 INGREDIENTS = ("pyproject.toml", "tools/*.py", "requirements/*.txt")
 
 
@@ -83,7 +85,7 @@ def python_version(executable: str) -> str | None:
     """Major.minor of an interpreter, or None when it does not start (a pyenv shim, a dangling link)."""
     code = "import sys; print('%d.%d' % sys.version_info[:2])"
     try:
-        done = subprocess.run([executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        done = subprocess.run([executable, "-I", "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     except OSError:
         return None
     return done.stdout.decode().strip() if done.returncode == 0 else None
@@ -114,9 +116,9 @@ def create_environment(python: str) -> None:
         say("The folder .venv is not a usable environment of the Python wanted; making it anew.")
         shutil.rmtree(VENV)
     say(f"Making .venv with {python} ...")
-    if subprocess.run([python, "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL).returncode:
+    if subprocess.run([python, "-I", "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL).returncode:
         install_venv_module(python)
-    done = run([python, "-m", "venv", str(VENV)])
+    done = run([python, "-I", "-m", "venv", str(VENV)])
     if done.returncode:
         shutil.rmtree(VENV, ignore_errors=True)
         raise SetupError(f"'{python} -m venv .venv' failed ({last_line(done)}); mend that and run it again.")
@@ -135,13 +137,14 @@ def install_packages() -> None:
     """Install the locked packages and the project itself, editable."""
     lock = PROJECT / "requirements" / f"python{venv_version()}.txt"
     say(f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the first time) ...")
-    pip("-r", str(lock))
-    pip("--no-deps", "--no-build-isolation", "--editable", str(PROJECT))
+    pip(*LOCKED, "-r", str(lock))
+    # With the locked setuptools: a build of its own would fetch another.
+    pip("--no-deps", "--no-build-isolation", "--no-index", "--editable", str(PROJECT))
 
 
 def pip(*arguments: str) -> None:
     """Run pip install; on failure show its output and raise SetupError."""
-    command = [str(venv_python()), "-m", "pip", "install", "--disable-pip-version-check", "--quiet", *arguments]
+    command = [str(venv_python()), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--quiet", *arguments]
     done = run(command)
     if done.returncode:
         print(done.stdout, file=sys.stderr)

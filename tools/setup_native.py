@@ -53,7 +53,7 @@ def provide_native_libraries(venv: Path, python: Path) -> None:
 def import_failure(python: Path, module: str) -> str:
     """Why a module cannot be imported in a fresh process; empty when it can."""
     done = subprocess.run(
-        [str(python), "-c", f"import {module}"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        [str(python), "-I", "-c", f"import {module}"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, encoding="utf-8", errors="replace",
     )  # fmt: skip
     if done.returncode == 0:
@@ -64,7 +64,7 @@ def import_failure(python: Path, module: str) -> str:
 
 def renderer_works(python: Path) -> bool:
     """Whether the backend finds a renderer that compiles and runs here."""
-    command = [str(python), "-m", "facestage.native"]
+    command = [str(python), "-I", "-m", "facestage.native"]
     return subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0
 
 
@@ -149,7 +149,8 @@ def private_apt(folder: Path) -> tuple[str, ...]:
 def install_preload(venv: Path, python: Path) -> None:
     """Have Python load the unpacked libraries at start, those that the packages miss and no others."""
     code = "import sysconfig; print(sysconfig.get_path('platlib'))"
-    site = Path(subprocess.run([str(python), "-c", code], check=True, capture_output=True, text=True).stdout.strip())
+    done = subprocess.run([str(python), "-I", "-c", code], check=True, capture_output=True, text=True)
+    site = Path(done.stdout.strip())
     libraries = libraries_to_load(site, venv / "native")
     shutil.copyfile(Path(__file__).with_name(f"{PRELOAD}.py"), site / f"{PRELOAD}.py")
     relative = [str(path.relative_to(venv)) for path in libraries]

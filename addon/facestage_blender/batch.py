@@ -1,6 +1,6 @@
 """Facestage without a window.
 
-    python -m facestage_blender.batch --image PHOTO --out DIR [options]
+    python -P -m facestage_blender.batch --image PHOTO --out DIR [options]
     blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out DIR [options]
 
 Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.

@@ -1,6 +1,6 @@
 """What `make demo` runs: a real photo and a synthetic one, the whole way from pixels to a relightable .blend.
 
-python -m facestage_blender.demo [--out out/demo]
+python -P -m facestage_blender.demo [--out out/demo]
 """
 
 from __future__ import annotations

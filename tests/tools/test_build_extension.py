@@ -50,13 +50,14 @@ def test_archive_holds_the_addon_its_license_and_the_wheel(archive: Path) -> Non
         manifest = tomllib.loads(extension.read("blender_manifest.toml").decode())
     assert {"__init__.py", "registration.py", "LICENSE"} <= names
     assert not {name for name in names if "__pycache__" in name or name.endswith("ruff.toml")}
-    (wheel,) = manifest["wheels"]
-    assert wheel.removeprefix("./") in names
+    wheels = [wheel.removeprefix("./") for wheel in manifest["wheels"]]
+    assert sorted(wheels) == sorted(name for name in names if name.endswith(".whl"))
+    assert [Path(wheel).name.split("-")[0] for wheel in wheels] == ["facestage", "marshmallow"]
 
 
 def test_wheel_holds_the_backend_and_not_the_addon(archive: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(archive) as extension:
-        (wheel,) = [name for name in extension.namelist() if name.endswith(".whl")]
+        (wheel,) = [name for name in extension.namelist() if name.startswith("wheels/facestage-")]
         extension.extract(wheel, tmp_path)
     with zipfile.ZipFile(tmp_path / wheel) as package:
         names = package.namelist()
@@ -73,6 +74,7 @@ def test_blender_installs_and_enables_it(archive: Path, tmp_path: Path) -> None:
     )  # fmt: skip
     assert "ENABLED True" in done.stdout, done.stdout + done.stderr
     assert f"FROM {tmp_path}" in done.stdout
+    assert list(tmp_path.rglob("site-packages/marshmallow/__init__.py")), "what the contract imports comes along"
     assert "TOP False" in done.stdout, "the add-on imports itself by an absolute name, which an extension does not have"
 
 
@@ -87,10 +89,24 @@ def test_manifest_keeps_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     import build_extension
 
     before = 'id = "a"\n\n[permissions]\nfiles = "read"\n'
-    after = tomllib.loads(build_extension.with_wheel(before, "facestage.whl"))
-    assert after == {**tomllib.loads(before), "wheels": ["./wheels/facestage.whl"]}
+    after = tomllib.loads(build_extension.with_wheels(before, ["a.whl", "b.whl"]))
+    assert after == {**tomllib.loads(before), "wheels": ["./wheels/a.whl", "./wheels/b.whl"]}
     with pytest.raises(build_extension.SetupError, match="lists wheels already"):
-        build_extension.with_wheel("wheels = []\n", "facestage.whl")
+        build_extension.with_wheels("wheels = []\n", ["facestage.whl"])
+
+
+def test_a_library_is_fetched_with_its_digests_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
+    import build_extension
+
+    lock = "a==1 \\\n    --hash=sha256:1\nb==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\nbc==4\n"
+    assert build_extension.locked(lock, "b") == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
+    for name in ("bc", "c"):
+        with pytest.raises(build_extension.SetupError, match=f"does not pin {name} with its digests"):
+            build_extension.locked(lock, name)
+    for name in build_extension.LIBRARIES:
+        other = (REPOSITORY / "requirements" / "python3.13.txt").read_text(encoding="utf-8")
+        assert build_extension.locked(other, name) == build_extension.locked(build_extension.LOCK.read_text(), name)
 
 
 def _sources() -> list[Path]:

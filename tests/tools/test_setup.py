@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 from types import ModuleType
 
@@ -83,6 +86,60 @@ def test_stamp_follows_what_the_environment_is_made_from(
     assert set_up.fingerprint() != first
 
 
+def pinned(python: str) -> dict[str, str]:
+    """What the list for a Python pins: the version of each package."""
+    text = (REPOSITORY / "requirements" / f"python{python}.txt").read_text(encoding="utf-8")
+    return dict(re.findall(r"^([a-z0-9.-]+)==(\S+)", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.13"])
+def test_every_locked_package_has_digests(python: str) -> None:
+    text = (REPOSITORY / "requirements" / f"python{python}.txt").read_text(encoding="utf-8")
+    packages = text.replace("\\\n", " ").splitlines()
+    assert len(packages) == len(pinned(python)) > 40
+    for line in packages:
+        requirement, *digests = line.split()
+        assert digests, f"{requirement} has no digest"
+        assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", digest) for digest in digests), requirement
+
+
+def test_nothing_is_installed_without_its_digest(set_up: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[tuple[str, ...]] = []
+    monkeypatch.setattr(set_up, "pip", lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(set_up, "venv_version", lambda: "3.11")
+    set_up.install_packages()
+    packages, project = calls
+    assert packages[:3] == ("--require-hashes", "--only-binary", ":all:") and packages[-1].endswith("python3.11.txt")
+    assert {"--no-deps", "--no-build-isolation", "--no-index"} <= set(project)
+
+
+def test_pip_refuses_a_package_with_another_digest(set_up: ModuleType, tmp_path: Path) -> None:
+    wheel = tmp_path / "tiny-1-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        archive.writestr("tiny-1.dist-info/METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1\n")
+        archive.writestr("tiny-1.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr("tiny-1.dist-info/RECORD", "")
+    for digest, refused in ((hashlib.sha256(wheel.read_bytes()).hexdigest(), False), ("0" * 64, True)):
+        (tmp_path / "list.txt").write_text(f"tiny==1 --hash=sha256:{digest}\n")
+        done = set_up.run([
+            sys.executable, "-I", "-m", "pip", "install", "--dry-run", "--no-index", "--find-links", str(tmp_path),
+            *set_up.LOCKED, "-r", str(tmp_path / "list.txt"),
+        ])  # fmt: skip
+        assert ("DO NOT MATCH THE HASHES" in done.stdout) == (done.returncode != 0) == refused, done.stdout
+
+
+def test_an_interpreter_is_asked_without_the_current_folder(
+    set_up: ModuleType, native: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ensurepip", "venv", "mitsuba", "facestage", "sysconfig"):
+        (tmp_path / f"{name}.py").write_text(f"open('sprung-{name}', 'w')\n")
+    monkeypatch.chdir(tmp_path)
+    set_up.python_version(sys.executable)
+    native.import_failure(Path(sys.executable), "mitsuba")
+    native.renderer_works(Path(sys.executable))
+    assert not list(tmp_path.glob("sprung-*"))
+
+
 def test_locked_versions_are_the_allowed_ones() -> None:
     from packaging.requirements import Requirement
 
@@ -92,8 +149,7 @@ def test_locked_versions_are_the_allowed_ones() -> None:
         *(text for extra in project["optional-dependencies"].values() for text in extra),
     ]
     for python in ("3.11", "3.13"):
-        lines = (REPOSITORY / "requirements" / f"python{python}.txt").read_text(encoding="utf-8").split()
-        locked = dict(line.lower().split("==") for line in lines)
+        locked = pinned(python)
         for requirement in map(Requirement, wanted):
             if requirement.marker is None or requirement.marker.evaluate({"python_version": python}):
                 assert requirement.specifier.contains(locked[requirement.name]), f"{requirement} on Python {python}"

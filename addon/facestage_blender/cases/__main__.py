@@ -1,7 +1,7 @@
 """Makes photographs with known truth.
 
-python -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE] [--size 256] [--seed 0]
-python -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
+python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE] [--size 256] [--seed 0]
+python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
 """
 
 from __future__ import annotations
