@@ -15,6 +15,7 @@ from facestage.contract.result import CONVERGED, Result
 
 from .backend import doctor_command, fit_command, model_command, partial_folder
 from .landmarks import remember_landmarks
+from .online import online_access
 from .preferences import addon_preferences, backend_command, work_folder
 from .process import CANCELLED, BackendProcess, Outcome
 from .rig import build_rig
@@ -103,7 +104,7 @@ class BackendTask:
         state = context.window_manager.facestage
         state.failure = ""
         try:
-            Running.process = BackendProcess(self.command(context))
+            Running.process = BackendProcess(self.command(context), online_access())
         except FacestageError as error:
             self._fail(context, str(error))
             return False

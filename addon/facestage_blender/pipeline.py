@@ -27,6 +27,7 @@ from . import process
 from .backend import fit_command, model_command
 from .camera import ensure_camera, load_image, show_photo, write_camera
 from .landmarks import remember_landmarks
+from .online import online_access
 from .own_rig import adopt, export_mesh
 from .process import BackendProcess
 from .render import quiet
@@ -178,7 +179,7 @@ def face_model(spec: str, backend: list[str], on_event: Callable[[Event], None])
 
 def run_backend(command: list[str], on_event: Callable[[Event], None]) -> None:
     """Run the backend to its end. Raises the typed error that its exit code stands for."""
-    child = BackendProcess(command)
+    child = BackendProcess(command, online_access())
     try:
         outcome = child.wait(on_event)
     except BaseException:

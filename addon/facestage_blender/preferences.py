@@ -8,8 +8,13 @@ from bpy.props import StringProperty
 from facestage.contract.errors import BackendUnavailableError
 
 from .backend import find_backend
+from .online import online_access
 
 REPORT_LINES = 14
+OFFLINE = (
+    "Online access is off (System > Network), so the backend downloads nothing: to find faces it needs the landmark "
+    "model on this machine, and Check Backend says where."
+)
 
 
 class FacestagePreferences(bpy.types.AddonPreferences):
@@ -33,6 +38,8 @@ class FacestagePreferences(bpy.types.AddonPreferences):
             layout.label(text=f"Using: {found}", icon="CHECKMARK")
         except BackendUnavailableError as error:
             draw_wrapped(layout, str(error), "ERROR", 90)
+        if not online_access():
+            draw_wrapped(layout, OFFLINE, "INFO", 90)
         running = context.window_manager.facestage.task
         layout.operator("facestage.check_backend", icon="VIEWZOOM", text="Checking ..." if running else "Check Backend")
         if self.report:

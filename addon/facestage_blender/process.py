@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from typing import IO
 
 from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.events import FAILED, Event
+from facestage.contract.online import with_online_access
 
 DONE, BAD_INPUT, CANCELLED, UNAVAILABLE = 0, 2, 3, 4
 KILL_AFTER_SECONDS = 10.0  # a backend that has not stopped by then is killed
@@ -36,8 +38,11 @@ class Outcome:
 class BackendProcess:
     """One run of the backend. Poll it from a timer; every method returns at once."""
 
-    def __init__(self, command: Sequence[str]) -> None:
-        """Start ``command``. Raises BackendUnavailableError when it cannot be started."""
+    def __init__(self, command: Sequence[str], online: bool = True) -> None:
+        """Start ``command``, which may fetch what it lacks when ``online``.
+
+        Raises BackendUnavailableError when it cannot be started.
+        """
         self.command = list(command)
         self.failure = ""
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -47,7 +52,7 @@ class BackendProcess:
         try:
             self._child = subprocess.Popen(
                 self.command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                text=True, encoding="utf-8", errors="replace", bufsize=1,
+                text=True, encoding="utf-8", errors="replace", bufsize=1, env=_environment(online),
             )  # fmt: skip
         except OSError as error:
             raise BackendUnavailableError(
@@ -120,6 +125,12 @@ class BackendProcess:
     def _read_errors(self, stream: IO[str]) -> None:
         with stream:
             self._errors.extend(line.strip() for line in stream if line.strip())
+
+
+def _environment(online: bool) -> dict[str, str]:
+    """What the backend is told beside its command line."""
+    # A backend given as "python -m facestage" must not import what lies in the folder that Blender was started in.
+    return with_online_access({**os.environ, "PYTHONSAFEPATH": "1"}, online)
 
 
 def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> Outcome:

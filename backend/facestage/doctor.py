@@ -8,7 +8,7 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -17,8 +17,9 @@ from typing import TextIO
 from facestage import __version__, native
 from facestage.child import python_code
 from facestage.contract.errors import BackendUnavailableError, InputError
+from facestage.contract.online import OFFLINE_VARIABLE, is_offline
 from facestage.folders import cache_folder, data_folder
-from facestage.landmarks.model_file import URL, cached_path, find_model
+from facestage.landmarks.model_file import URL, VARIABLE, cached_path, find_model
 
 EXIT_ABLE, EXIT_UNABLE = 0, BackendUnavailableError.exit_code
 PYTHONS = ((3, 11), (3, 13))  # the Pythons inside Blender 4.2-5.0 and 5.1+
@@ -78,10 +79,11 @@ def findings() -> Iterator[Finding]:
     yield import_finding("OpenCV", "cv2", needed=True)
     yield from renderer_findings()
     yield import_finding("Blender (bpy)", "bpy", needed=False)
-    yield folder_finding("cache folder", cache_folder())
-    yield folder_finding("temporary folder", Path(tempfile.gettempdir()))
+    yield folder_finding("cache folder", cache_folder)
+    yield folder_finding("temporary folder", lambda: Path(tempfile.gettempdir()))
     yield data_finding()
     yield landmark_finding()
+    yield online_finding()
 
 
 def python_finding() -> Finding:
@@ -136,8 +138,12 @@ def renderer_findings() -> Iterator[Finding]:
         yield Finding("renderer", "none works", works=False, needed=True, remedy=native.llvm_remedy())
 
 
-def folder_finding(subject: str, folder: Path) -> Finding:
-    """Whether a folder can be written."""
+def folder_finding(subject: str, place: Callable[[], Path]) -> Finding:
+    """Whether there is such a folder, and it can be written."""
+    try:
+        folder = place()
+    except (InputError, OSError) as error:
+        return Finding(subject, str(error), works=False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -163,9 +169,25 @@ def landmark_finding() -> Finding:
     except InputError as error:
         return Finding("landmark model", str(error), works=False)
     if path is None:
-        remedy = f"A fit without --landmarks fetches it (3.7 MB); without a network put {URL} at {cached_path()}"
+        fetched = "Downloads are off" if is_offline() else "A fit without --landmarks fetches it (3.7 MB)"
+        remedy = f"{fetched}; without a network put {URL} at {_place()}"
         return Finding("landmark model", "not on this machine yet", works=False, remedy=remedy)
     return Finding("landmark model", str(path))
+
+
+def _place() -> str:
+    """Where a landmark model may be put by hand."""
+    try:
+        return str(cached_path())
+    except InputError:
+        return f"a place that ${VARIABLE} names"
+
+
+def online_finding() -> Finding:
+    """Whether the backend may fetch what it lacks."""
+    if is_offline():
+        return Finding("online access", f"off (${OFFLINE_VARIABLE}): nothing is downloaded")
+    return Finding("online access", f"allowed, for the landmark model alone ({OFFLINE_VARIABLE}=1 turns it off)")
 
 
 def _library_remedy() -> str:

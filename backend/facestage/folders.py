@@ -6,19 +6,46 @@ import os
 import sys
 from pathlib import Path
 
+from facestage.contract.errors import InputError
+
 
 def cache_folder() -> Path:
-    """The user's cache folder for Facestage ($FACESTAGE_CACHE, or the platform's own place)."""
+    """The user's cache folder for Facestage ($FACESTAGE_CACHE, or the platform's own place).
+
+    Raises InputError for a user without a home folder; what is only faster with a cache does without.
+    """
     override = os.environ.get("FACESTAGE_CACHE")
     if override:
         return Path(override)
+    named = {"win32": "LOCALAPPDATA"}.get(sys.platform, "XDG_CACHE_HOME")
+    base = Path(os.environ.get(named, ""))
+    # A relative one would be wherever the user happens to be, and the standard says to pass it over.
+    if base.is_absolute() and sys.platform != "darwin":
+        return base / "facestage"
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "facestage"
+        return _home() / "facestage"
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "facestage"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "facestage"
+        return _home() / "Library" / "Caches" / "facestage"
+    return _home() / ".cache" / "facestage"
 
 
 def data_folder() -> Path:
     """Data that is not part of the project ($FACESTAGE_DATA, or shared/data beside the source tree); may be absent."""
     return Path(os.environ.get("FACESTAGE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+
+
+def _home() -> Path:
+    try:
+        home = Path.home()
+    except RuntimeError as error:
+        raise _homeless() from error
+    if not home.is_absolute():
+        raise _homeless()
+    return home
+
+
+def _homeless() -> InputError:
+    return InputError(
+        "This user has no home folder, so there is no place for Facestage's cache; set FACESTAGE_CACHE to a folder "
+        "that you may write to."
+    )

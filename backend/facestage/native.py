@@ -307,7 +307,7 @@ def _remembered() -> list[str]:
     """Keys of what worked before; failures are tried again, since the user may have mended them."""
     try:
         works = json.loads(_memory().read_text(encoding="utf-8"))["works"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, FacestageError, ValueError, KeyError, TypeError):
         return []
     return [str(key) for key in works] if isinstance(works, list) else []
 

@@ -78,7 +78,7 @@ def test_module_that_crashes_on_import_is_reported(tmp_path: Path, monkeypatch: 
 
 def test_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    finding = doctor.folder_finding("cache folder", tmp_path / "file")
+    finding = doctor.folder_finding("cache folder", lambda: tmp_path / "file")
     assert not finding.works
     assert "FACESTAGE_CACHE" in finding.remedy
 

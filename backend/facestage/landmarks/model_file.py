@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import zipfile
@@ -10,6 +11,8 @@ from io import BytesIO
 from pathlib import Path
 
 from facestage.contract.errors import InputError
+from facestage.contract.online import OFFLINE_VARIABLE, is_offline
+from facestage.contract.reading import MIB, read_bytes
 from facestage.folders import cache_folder, data_folder
 
 FILE_NAME = "face_landmarker.task"
@@ -18,6 +21,7 @@ SHA256 = "64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff"
 VARIABLE = "FACESTAGE_LANDMARK_MODEL"
 DETECTOR, MESH = "face_detector.tflite", "face_landmarks_detector.tflite"
 GEOMETRY = "geometry_pipeline_metadata_landmarks.binarypb"
+LIMIT = 16 * MIB
 TIMEOUT = 15.0  # seconds without a byte from the server
 
 
@@ -41,17 +45,8 @@ def find_model(chosen: Path | None = None) -> Path | None:
 
     A file that the user names must be there and be the right one; InputError otherwise.
     """
-    variable = os.environ.get(VARIABLE)
-    for path, name in (
-        (chosen, "landmark model"),
-        (Path(variable) if variable else None, f"landmark model ${VARIABLE}"),
-    ):
-        if path is not None:
-            return _checked(Path(path).expanduser(), name)
-    for path in (cached_path(), data_folder() / FILE_NAME):
-        if path.is_file() and _digest(path.read_bytes()) == SHA256:
-            return path
-    return None
+    path = _found(chosen)
+    return None if path is None else path[0]
 
 
 def open_model(chosen: Path | None = None) -> Bundle:
@@ -59,46 +54,66 @@ def open_model(chosen: Path | None = None) -> Bundle:
 
     Raises InputError for a file that is not the expected one, or when the model can neither be found nor fetched.
     """
-    path = find_model(chosen) or _fetch()
-    data = path.read_bytes()
+    path, data = _found(chosen) or _fetch()
     with zipfile.ZipFile(BytesIO(data)) as archive:
         return Bundle(path, archive.read(DETECTOR), archive.read(MESH), archive.read(GEOMETRY))
 
 
-def _checked(path: Path, name: str) -> Path:
-    """``path`` if it is the model. Raises InputError."""
+def _found(chosen: Path | None) -> tuple[Path, bytes] | None:
+    """The model on this machine: its path, and its bytes, checked."""
+    variable = os.environ.get(VARIABLE)
+    for path, name in (
+        (chosen, "landmark model"),
+        (Path(variable) if variable else None, f"landmark model ${VARIABLE}"),
+    ):
+        if path is not None:
+            return path, _checked(path, name)
+    for place in (cached_path, lambda: data_folder() / FILE_NAME):
+        # What nobody named is passed over when it is damaged, or when there is no cache.
+        with contextlib.suppress(InputError):
+            path = place()
+            return path, _checked(path, "landmark model")
+    return None
+
+
+def _checked(path: Path, name: str) -> bytes:
+    """The bytes of ``path`` if it is the model. Raises InputError."""
     try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"The {name} '{path}' does not exist; expected {FILE_NAME} of {URL}.") from error
-    except OSError as error:
-        raise InputError(f"The {name} '{path}' cannot be read ({error.strerror or error}).") from error
+        path = path.expanduser()
+    except RuntimeError as error:
+        raise InputError(f"The {name} '{path}' names a home folder that does not exist; check the path.") from error
+    data = read_bytes(path, name, LIMIT)
     if _digest(data) != SHA256:
         raise InputError(
             f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 {SHA256[:16]}...): damaged, "
             f"or another version; fetch it again from {URL}."
         )
-    return path
+    return data
 
 
 def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _fetch() -> Path:
+def _fetch() -> tuple[Path, bytes]:
     """Download into the cache, checked and whole. Raises InputError."""
+    if is_offline():
+        raise InputError(
+            f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which is not on this machine, and "
+            f"downloads are off (${OFFLINE_VARIABLE}, or Blender's Preferences > System > Network); allow them, or "
+            f"{_by_hand(cached_path())}."
+        )
     import pooch
 
     # Whatever goes wrong is said once, by the error.
     pooch.get_logger().setLevel("ERROR")
     target = cached_path()
     try:
-        return Path(
-            pooch.retrieve(
-                URL, f"sha256:{SHA256}", fname=target.name, path=target.parent,
-                downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
-            )
+        pooch.retrieve(
+            URL, f"sha256:{SHA256}", fname=target.name, path=target.parent,
+            downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
         )  # fmt: skip
+        return target, _checked(target, "landmark model")
     except OSError as error:
         # requests' errors are of this kind too, with a page of text but no error number.
         reason = error.strerror or f"{type(error).__name__}; is there a network connection?"
@@ -107,6 +122,13 @@ def _fetch() -> Path:
         reason = "what came from there is another file"
     raise InputError(
         f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be fetched ({reason}); "
+        f"{_by_hand(target)}."
+    )
+
+
+def _by_hand(target: Path) -> str:
+    """What to do where nothing can be fetched."""
+    return (
         f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or give the fit "
-        "--landmarks FILE.json."
+        "--landmarks FILE.json"
     )

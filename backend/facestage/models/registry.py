@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import sys
 from collections.abc import Callable
@@ -101,15 +102,15 @@ def _source_fingerprint() -> str:
 
 def _cached(name: str, key: str, build: Callable[[], FaceModel]) -> FaceModel:
     """The model from the cache, or built and then cached; an unwritable cache only costs time."""
-    path = cache_folder() / "models" / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz"
-    if path.is_file():
-        try:
+    file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz"
+    # Without a cache, or with one that is damaged or cannot be read, the model is built anew.
+    with contextlib.suppress(InputError, OSError):
+        path = cache_folder() / "models" / file
+        if path.is_file():
             return FaceModel.load(path)
-        except InputError:
-            path.unlink(missing_ok=True)
     model = build()
     try:
-        model.save(path)
+        model.save(cache_folder() / "models" / file)
     except (InputError, OSError) as error:
         print(f"facestage: the converted face model is not cached ({error})", file=sys.stderr)
     return model
