@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 from facestage.contract.errors import InputError
@@ -49,3 +52,30 @@ def _homeless() -> InputError:
         "This user has no home folder, so there is no place for Facestage's cache; set FACESTAGE_CACHE to a folder "
         "that you may write to."
     )
+
+
+def shelter_caches() -> None:
+    """Give libraries whose own place for their caches cannot be used one that is removed when the process ends.
+
+    They would say so in warnings of several lines, or put it into the current folder.
+    """
+    if os.name != "posix":
+        return
+    home = os.environ.get("HOME")
+    for variable, places in _LIBRARY_CACHES.items():
+        if variable in os.environ or (home and all(_usable(Path(home, place)) for place in places)):
+            continue
+        folder = tempfile.mkdtemp(prefix="facestage-cache-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        os.environ[variable] = folder
+
+
+# Where Dr.Jit keeps compiled kernels, and Matplotlib its settings and its list of fonts.
+_LIBRARY_CACHES = {"DRJIT_CACHE_DIR": (".drjit",), "MPLCONFIGDIR": (".config/matplotlib", ".cache/matplotlib")}
+
+
+def _usable(folder: Path) -> bool:
+    """Whether the folder can be read and written, or made."""
+    while not os.path.exists(folder) and folder != folder.parent:  # noqa: PTH110 - Path's raises where it may not look
+        folder = folder.parent
+    return folder.is_absolute() and os.path.isdir(folder) and os.access(folder, os.R_OK | os.W_OK | os.X_OK)  # noqa: PTH112

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from facestage import cli
+from facestage.cli.jobs import read_job
+from facestage.cli.parser import build_parser
 from reference.synthetic_case import Case
 
 
@@ -28,22 +30,22 @@ from reference.synthetic_case import Case
     ],
 )
 def test_every_option_reaches_the_job(case: Case, arguments: list[str], attribute: Callable, value: object):
-    parser = cli.build_parser()
+    parser = build_parser()
     plain = ["fit", str(case.photo), "--out", "o"]
-    assert attribute(cli._job(parser.parse_args(plain + arguments))) == value
+    assert attribute(read_job(parser.parse_args(plain + arguments))) == value
     if "--focal-px" not in arguments:
-        assert attribute(cli._job(parser.parse_args(plain))) != value
+        assert attribute(read_job(parser.parse_args(plain))) != value
     else:
-        assert cli._job(parser.parse_args(plain)).camera is None
+        assert read_job(parser.parse_args(plain)).camera is None
 
 
 @pytest.mark.parametrize("plan", ["lean", "full"])
 def test_the_plan_of_a_job_folder_holds_unless_the_command_line_says_otherwise(case: Case, tmp_path: Path, plan: str):
-    parser = cli.build_parser()
-    cli._job(parser.parse_args(["fit", str(case.photo), "--out", "o", "--plan", plan])).save(tmp_path / "job")
+    parser = build_parser()
+    read_job(parser.parse_args(["fit", str(case.photo), "--out", "o", "--plan", plan])).save(tmp_path / "job")
     from_folder = ["fit", "--job", str(tmp_path / "job"), "--out", "o"]
-    assert cli._job(parser.parse_args(from_folder)).plan == plan
-    assert cli._job(parser.parse_args([*from_folder, "--plan", "full"])).plan == "full"
+    assert read_job(parser.parse_args(from_folder)).plan == plan
+    assert read_job(parser.parse_args([*from_folder, "--plan", "full"])).plan == "full"
 
 
 def test_a_bench_of_the_plan_takes_no_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

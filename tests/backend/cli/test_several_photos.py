@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 
 from facestage import cli
+from facestage.cli.jobs import read_jobs
+from facestage.cli.parser import build_parser
 from facestage.contract.errors import InputError
 from reference.synthetic_case import Case
 
 
 def parsed(*arguments: object):
-    return cli.build_parser().parse_args(["fit", *map(str, arguments), "--out", "o"])
+    return build_parser().parse_args(["fit", *map(str, arguments), "--out", "o"])
 
 
 @pytest.fixture
@@ -38,7 +40,7 @@ def test_each_photo_has_its_own_landmarks_and_truth(case: Case, photos: list[Pat
     options: list[object] = [*photos]
     for number, file in enumerate(landmark_files(case, tmp_path, 3)):
         options += ["--landmarks", file, "--truth", f"/truth{number}.npz"]
-    jobs = cli._jobs(parsed(*options, "--same-person", "--camera", case.camera, "--seed", 4))
+    jobs = read_jobs(parsed(*options, "--same-person", "--camera", case.camera, "--seed", 4))
     assert [job.image for job in jobs] == photos
     assert [job.landmarks.points[0, 0] for job in jobs] == [10.0, 11.0, 12.0]
     assert [job.truth for job in jobs] == [Path(f"/truth{number}.npz") for number in range(3)]
@@ -46,20 +48,20 @@ def test_each_photo_has_its_own_landmarks_and_truth(case: Case, photos: list[Pat
 
 
 def test_focal_lengths_are_for_each_photo_or_for_all(photos: list[Path]):
-    each = cli._jobs(parsed(*photos[:2], "--focal-px", 100, "--focal-px", 200))
+    each = read_jobs(parsed(*photos[:2], "--focal-px", 100, "--focal-px", 200))
     assert [job.camera.focal_px for job in each] == [100, 200]
-    assert [job.camera.focal_px for job in cli._jobs(parsed(*photos, "--focal-px", 100))] == [100, 100, 100]
-    assert [job.camera for job in cli._jobs(parsed(*photos))] == [None, None, None]
+    assert [job.camera.focal_px for job in read_jobs(parsed(*photos, "--focal-px", 100))] == [100, 100, 100]
+    assert [job.camera for job in read_jobs(parsed(*photos))] == [None, None, None]
 
 
 def test_job_folders_may_be_several(photos: list[Path], tmp_path: Path):
-    for job, name in zip(cli._jobs(parsed(*photos[:2], "--seed", 3)), "xy", strict=True):
+    for job, name in zip(read_jobs(parsed(*photos[:2], "--seed", 3)), "xy", strict=True):
         job.save(tmp_path / name)
-    jobs = cli._jobs(parsed("--job", tmp_path / "x", tmp_path / "y", "--same-person", "--budget", "9"))
+    jobs = read_jobs(parsed("--job", tmp_path / "x", tmp_path / "y", "--same-person", "--budget", "9"))
     assert [job.image.parent for job in jobs] == [tmp_path / "x", tmp_path / "y"]
     assert all(job.seed == 3 and job.budget_seconds == 9 for job in jobs)
     with pytest.raises(InputError, match="leave out seed"):
-        cli._jobs(parsed("--job", tmp_path / "x", tmp_path / "y", "--seed", "1"))
+        read_jobs(parsed("--job", tmp_path / "x", tmp_path / "y", "--seed", "1"))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_job_folders_may_be_several(photos: list[Path], tmp_path: Path):
 def test_a_wrong_number_of_files_is_refused(case: Case, photos: list[Path], values: list[str], words: str):
     arguments = [item for value in values for item in (value, case.landmarks)]
     with pytest.raises(InputError, match=words):
-        cli._jobs(parsed(*photos, *arguments, "--same-person"))
+        read_jobs(parsed(*photos, *arguments, "--same-person"))
 
 
 def test_several_photos_without_a_word_about_them_are_refused(

@@ -1,0 +1,8 @@
+"""`python -m facestage`."""
+
+import sys
+
+from facestage.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

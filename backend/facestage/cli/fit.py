@@ -1,0 +1,118 @@
+"""``facestage fit``: one photograph, or several of one person."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from facestage.cli.common import EXIT_DONE, MODELS, add_finding
+from facestage.cli.jobs import read_job, read_jobs
+from facestage.contract.quality import GOOD, QUALITIES, describe
+
+if TYPE_CHECKING:
+    from facestage.contract.events import Event
+
+
+def add_command(commands: Any) -> None:
+    """Add ``fit`` to the commands."""
+    fit = commands.add_parser(
+        "fit",
+        help="fit a face to a photograph",
+        description="Fit shape, expression, pose, albedo, specular map and light to one photograph; or one shape and "
+        "one skin to several of the same person, with a result for each photo.",
+        epilog="Example: facestage fit photo.png --out result --budget 60, or "
+        "facestage fit a.png b.png --same-person --out result. "
+        "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
+    )
+    fit.add_argument(
+        "image", nargs="*", type=Path, metavar="IMAGE",
+        help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels; several with --same-person",
+    )  # fmt: skip
+    fit.add_argument(
+        "--job", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
+        help="a job folder (what the add-on writes) instead of IMAGE and its options; several with --same-person",
+    )  # fmt: skip
+    fit.add_argument(
+        "--same-person", action="store_true",
+        help="the photos show one person: identity and skin are shared; --landmarks, --camera, "
+        "--focal-px and --truth are repeated for each photo in the same order (one camera does for all)",
+    )  # fmt: skip
+    fit.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done"
+    )
+    fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
+    fit.add_argument(
+        "--landmarks", action="append", type=Path, metavar="FILE",
+        help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a face is found in the photo',
+    )  # fmt: skip
+    add_finding(fit)
+    camera = fit.add_mutually_exclusive_group()
+    camera.add_argument(
+        "--camera",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}',
+    )
+    camera.add_argument(
+        "--focal-px",
+        action="append",
+        type=float,
+        metavar="F",
+        help="focal length in pixels; fitted when neither is given",
+    )
+    fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
+    fit.add_argument(
+        "--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all"
+    )
+    fit.add_argument(
+        "--freeze", nargs="+", action="extend", default=[], metavar="NAME",
+        help="do not fit: identity, expression, pose, albedo, ...",
+    )  # fmt: skip
+    fit.add_argument(
+        "--budget", metavar="SECONDS|NAME",
+        help="seconds from the first step on, pictures included; or a quality: "
+        + "; ".join(f"{name} ({describe(name)})" for name in QUALITIES) + f" (default: {GOOD}, as long as it takes)",
+    )  # fmt: skip
+    fit.add_argument("--seed", type=int, metavar="N", help="seed of the light samples (default 0)")
+    fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
+    fit.add_argument(
+        "--truth",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help="known vertices (.npz): adds errors to trace and result, changes nothing",
+    )
+    fit.add_argument(
+        "--plan", choices=("lean", "full"),
+        help="lean (default) leaves out what the scene does not need; full works on everything, to check that the "
+        "answer is the same",
+    )  # fmt: skip
+    fit.add_argument(
+        "--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out"
+    )
+    fit.set_defaults(run=run, cancelled=cancelled)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit, telling of the progress on standard output."""
+    from facestage.fit.person import fit_person
+    from facestage.fit.run import fit_job
+
+    def emit(event: Event) -> None:
+        print(event.to_line(), flush=True)
+
+    if options.same_person:
+        fit_person(read_jobs(options), options.out, options.resume, emit, options.landmark_model)
+    else:
+        fit_job(read_job(options), options.out, options.resume, emit, options.landmark_model)
+    return EXIT_DONE
+
+
+def cancelled(options: argparse.Namespace) -> str:
+    """What a stopped fit says: whether there is a checkpoint to go on from."""
+    out = options.out.resolve()
+    if any(out.with_name(f"{out.name}.partial").glob("*checkpoint.npz")):
+        return "cancelled; the last checkpoint is kept, --resume continues from it."
+    return "cancelled before the first checkpoint; run it again to start over."

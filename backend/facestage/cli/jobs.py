@@ -1,0 +1,102 @@
+"""The jobs that a ``fit`` command line asks for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from facestage.contract.errors import InputError
+from facestage.contract.quality import parse_budget
+
+if TYPE_CHECKING:
+    from facestage.contract.job import Job
+
+
+def read_job(options: argparse.Namespace) -> Job:
+    """The job of a ``fit`` command line that is about one photo."""
+    jobs = read_jobs(options)
+    if len(jobs) > 1:
+        raise InputError(
+            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of them, or fit them "
+            "one by one."
+        )
+    return jobs[0]
+
+
+def read_jobs(options: argparse.Namespace) -> list[Job]:
+    """The jobs of a ``fit`` command line, from job folders or from the images and their options."""
+    from facestage.contract.job import Job
+
+    count = len(options.job) or len(options.image)
+    if options.job:
+        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device", "face")
+        given = [name for name in own if getattr(options, name) not in (None, [])]
+        if given or options.freeze:
+            raise InputError(
+                f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or change it in the job."
+            )
+        jobs = [Job.load(folder) for folder in options.job]
+    elif not options.image:
+        raise InputError("facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job DIR --out DIR.")
+    else:
+        landmarks = _for_each(options.landmarks, count, "landmark files")
+        cameras = _for_each(options.camera, count, "camera files", one_for_all=True)
+        focals = _for_each(options.focal_px, count, "focal lengths", one_for_all=True)
+        jobs = [_image_job(options, *own) for own in zip(options.image, landmarks, cameras, focals, strict=True)]
+    truths = _for_each(options.truth, count, "truth files")
+    return [_override(job, options, truth) for job, truth in zip(jobs, truths, strict=True)]
+
+
+def _for_each(values: list[Any] | None, count: int, what: str, one_for_all: bool = False) -> list[Any]:
+    """One value per photo; None for each when none was given."""
+    if not values:
+        return [None] * count
+    if one_for_all and len(values) == 1:
+        return values * count
+    if len(values) != count:
+        raise InputError(
+            f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; expected one for each, in "
+            "the order of the photos."
+        )
+    return values
+
+
+def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
+    from dataclasses import replace
+
+    if options.budget is not None:
+        seconds, quality = parse_budget(options.budget)
+        job = replace(job, budget_seconds=seconds, quality=quality)
+    if truth is not None:
+        job = replace(job, truth=truth.absolute())
+    if options.plan is not None:
+        job = replace(job, plan=options.plan)
+    return job
+
+
+def _image_job(
+    options: argparse.Namespace, image: Path, landmarks: Path | None, camera_file: Path | None, focal_px: float | None
+) -> Job:
+    from facestage.contract.camera import Camera
+    from facestage.contract.job import Job
+    from facestage.contract.landmarks import Landmarks
+    from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
+    from facestage.image_io import read_photograph
+
+    camera = Camera.read(camera_file) if camera_file else None
+    if focal_px is not None:
+        camera = Camera.default(*read_photograph(image).size, focal_px)
+    count = DEFAULT_COUNT if options.lights is None else options.lights
+    return Job(
+        image=image.absolute(),
+        model=options.model or "default",
+        landmarks=Landmarks.read(landmarks) if landmarks else None,
+        camera=camera,
+        stage=fibonacci_stage(count),
+        light_color=options.light_color or "multi",
+        freeze=tuple(options.freeze),
+        seed=options.seed or 0,
+        device=options.device or "auto",
+        face=options.face,
+    )

@@ -1,0 +1,25 @@
+"""The parser of every command."""
+
+from __future__ import annotations
+
+import argparse
+
+from facestage import __version__
+from facestage.cli import bench, detect, doctor, fit, model, render, stress
+
+COMMANDS = (fit, detect, render, model, bench, stress, doctor)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of every command; ``--help`` of each shows an example."""
+    parser = argparse.ArgumentParser(
+        prog="facestage",
+        description="From a photograph of a face to a face that can be edited and relit.",
+        epilog="Start with: facestage doctor, then facestage fit photo.jpg --out result. "
+        "Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works here.",
+    )
+    parser.add_argument("--version", action="version", version=f"facestage {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        command.add_command(commands)
+    return parser

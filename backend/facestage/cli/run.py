@@ -1,0 +1,111 @@
+"""One command from its arguments to its exit code."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import sys
+from collections.abc import Iterator, Sequence
+
+from facestage.child import trusted_path
+from facestage.cli import streams
+from facestage.cli.signals import Cancellation
+from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.folders import shelter_caches
+
+EXIT_BAD_INPUT, EXIT_CANCELLED = InputError.exit_code, CancelledError.exit_code
+FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> int:
+    """Parse ``arguments`` (the process's own when None), run the command, and return its exit code."""
+    options: argparse.Namespace | None = None
+    try:
+        if arguments is None:
+            _prepare_process()
+        from facestage.cli.parser import build_parser
+
+        options = build_parser().parse_args(arguments)
+        code = int(options.run(options))
+        streams.flush_output()
+    except BaseException as error:  # noqa: BLE001 - raised again below, unless there is a sentence for it
+        # No signal may cut off what is said of the first.
+        cancellation.close()
+        if cancellation.asked or isinstance(error, KeyboardInterrupt):
+            return _cancelled(options)
+        return _failed(error)
+    return code
+
+
+def _prepare_process() -> None:
+    """What only a process that runs nothing else may change."""
+    streams.open_missing()
+    # Started with -m, Python would look for every module in the current folder first.
+    sys.path[:] = trusted_path()
+    shelter_caches()
+
+
+def _cancelled(options: argparse.Namespace | None) -> int:
+    """Say what is left of a command that was stopped. A library may have turned the signal into another exception."""
+    left = getattr(options, "cancelled", None)
+    streams.say("cancelled; run it again to start over." if left is None else left(options))
+    _flush_or_silence()
+    return EXIT_CANCELLED
+
+
+def _failed(error: BaseException) -> int:
+    """Say why a command ended with ``error``, and return the exit code; a fault of the program's own is raised."""
+    if isinstance(error, BrokenPipeError):
+        # Whoever listened is gone.
+        streams.silence(sys.stdout)
+        return EXIT_CANCELLED
+    if isinstance(error, SystemExit):
+        try:
+            streams.flush_output()
+        except OSError as full:
+            return _failed(full)
+        raise error
+    if isinstance(error, FacestageError):
+        streams.say(str(error))
+        _flush_or_silence()
+        return error.exit_code
+    sentence = explain(error)
+    if sentence is None:
+        raise error
+    streams.say(sentence)
+    _flush_or_silence()
+    return EXIT_BAD_INPUT
+
+
+def explain(error: BaseException) -> str | None:
+    """One sentence for what the machine, not the program, is to blame for; None for anything else."""
+    if isinstance(error, MemoryError):
+        detail = f" ({error})" if str(error) else ""
+        return f"The memory is not enough for this{detail}; take a smaller photo or face model, or free some memory."
+    # Libraries hide a full disk behind errors of their own, raised while they close the file.
+    cause = next((one for one in _chain(error) if isinstance(one, OSError) and one.errno in FULL), error)
+    if not isinstance(cause, OSError):
+        return None
+    file = f" '{cause.filename}'" if cause.filename else ""
+    if cause.errno in FULL:
+        remedy = "free some space, or choose another disk, and run it again"
+        return f"Cannot write{file or ' the output'}: {cause.strerror or cause}; {remedy}."
+    if cause.errno in FORBIDDEN:
+        return f"Cannot use{file or ' a file'}: {cause.strerror or cause}; check who may read and write there."
+    return f"Cannot use{file or ' a file'}: {cause.strerror or cause}; check the path and the disk, and run it again."
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        seen.add(id(error))
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _flush_or_silence() -> None:
+    try:
+        streams.flush_output()
+    except OSError:
+        streams.silence(sys.stdout)

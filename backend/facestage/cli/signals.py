@@ -1,0 +1,61 @@
+"""Ctrl+C and SIGTERM: both ask for the same, also while libraries are imported."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType
+from typing import Any
+
+ASK_AGAIN_SECONDS = 0.05
+
+
+class Cancellation:
+    """While entered, a signal raises KeyboardInterrupt where the program is, once that is safe."""
+
+    def __init__(self, until_the_end: bool = False) -> None:
+        self.asked = False
+        self._over = False
+        self._until_the_end = until_the_end
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Cancellation:
+        if threading.current_thread() is threading.main_thread():
+            # What the program was told to ignore, as by nohup, stays ignored.
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if signal.getsignal(number) != signal.SIG_IGN:
+                    self._before[number] = signal.signal(number, self._answer)
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+        if not self._until_the_end:
+            for number, handler in self._before.items():
+                signal.signal(number, handler)
+
+    def close(self) -> None:
+        """Answer no more signals: what is left to do is short, and must not be cut off."""
+        self._over = True
+
+    def _answer(self, _number: int, frame: FrameType | None) -> None:
+        if self._over:
+            return
+        self.asked = True
+        if in_foreign_import(frame) and hasattr(signal, "setitimer"):
+            # A library that is being imported may turn the exception into one of its own, swallow it, or abort.
+            if signal.SIGALRM not in self._before:
+                self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._answer)
+            signal.setitimer(signal.ITIMER_REAL, ASK_AGAIN_SECONDS)
+            return
+        raise KeyboardInterrupt
+
+
+def in_foreign_import(frame: FrameType | None) -> bool:
+    """Whether ``frame`` belongs to the import of a module that is not Facestage's own."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] == "facestage":
+            return False
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
