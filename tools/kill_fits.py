@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -121,7 +121,7 @@ class Fit:
 
     def trial(self, number: int, chance: random.Random) -> tuple[str, list[str]]:
         """One fit that is killed once or twice; what was done to it, and what differs in the end."""
-        from reference.same_answer import differences
+        from reference.same_answer import differences  # type: ignore[import-not-found]
 
         out = self.folder / f"{self.name}-{number}" / "out"
         out.parent.mkdir()
@@ -158,8 +158,7 @@ def _without_own(out: Path) -> Path:
     return copy
 
 
-def _wait(run: Run, until: object) -> None:
-    assert callable(until)
+def _wait(run: Run, until: Callable[[], bool]) -> None:
     while not until() and run.process.poll() is None:
         time.sleep(0.001)
 
@@ -175,9 +174,9 @@ def _when_writing(run: Run, out: Path) -> float | None:
 def make_fits(folder: Path) -> list[Fit]:
     """One small photo, and two of the same person."""
     from facestage.render.variant import start_renderer
-    from reference.synthetic_case import write_case
-    from reference.synthetic_scene import synthetic_scene
-    from reference.two_photos import another_photo
+    from reference.synthetic_case import write_case  # type: ignore[import-not-found]
+    from reference.synthetic_scene import synthetic_scene  # type: ignore[import-not-found]
+    from reference.two_photos import another_photo  # type: ignore[import-not-found]
 
     start_renderer("cpu")
     scene = synthetic_scene()

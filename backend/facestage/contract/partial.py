@@ -21,29 +21,31 @@ def partial_folder(out: Path) -> Path:
     return out.with_name(f"{out.name}{SUFFIX}")
 
 
-def take_partial(out: Path) -> Path:
-    """The partial folder of ``out``, made and marked.
+def make_partial(out: Path) -> Path:
+    """The partial folder of ``out``, made if there is none, for one that will lock and then mark it.
 
     Raises InputError when a folder of that name holds something and is not marked: somebody else's is never touched.
-    Raises OSError when it cannot be written.
+    Raises OSError when it cannot be made.
     """
     partial = partial_folder(out)
-    if partial.exists() and not partial.is_dir():
+    if partial.is_file():
         raise InputError(
-            f"The file '{partial}' is where the fit keeps its checkpoint; move it, or choose another --out."
+            f"The fit keeps its checkpoint in '{partial}', which is a file; move it, or choose another --out."
         )
     partial.mkdir(parents=True, exist_ok=True)
-    if not (partial / MARKER).is_file():
-        others = sorted(
-            path.name for path in partial.iterdir() if path.name != LOCK and not path.name.startswith(PREFIX)
+    others = sorted(path.name for path in partial.iterdir() if not _is_temporary(path))
+    if others and MARKER not in others:
+        raise InputError(
+            f"The folder '{partial}' holds '{others[0]}' and was not made by this version of Facestage; the fit "
+            "keeps its checkpoint there: move or delete it, or choose another --out."
         )
-        if others:
-            raise InputError(
-                f"The folder '{partial}' holds '{others[0]}' and was not made by this version of Facestage; the fit "
-                "keeps its checkpoint there: move or delete it, or choose another --out."
-            )
-    write_json(partial / MARKER, SCHEMA)
     return partial
+
+
+def mark_partial(partial: Path) -> None:
+    """Say that the folder is Facestage's."""
+    if not (partial / MARKER).is_file():
+        write_json(partial / MARKER, SCHEMA)
 
 
 def forget_checkpoint(partial: Path) -> None:
@@ -59,15 +61,19 @@ def has_checkpoint(partial: Path) -> bool:
 
 
 def remove_partial(partial: Path) -> None:
-    """Remove a marked folder; it stays, without the mark, where it holds what Facestage did not write."""
+    """Remove a marked folder that the caller has locked; it stays, unmarked, if it holds what is not Facestage's."""
     if not (partial / MARKER).is_file():
         return
     forget_checkpoint(partial)
     with suppress(OSError):
         for path in partial.iterdir():
-            if path.name.startswith(PREFIX):
+            if _is_temporary(path) and path.name != LOCK:
                 path.unlink()
-        # In this order, another run that takes the folder at this moment finds nothing that is not ours.
-        (partial / LOCK).unlink(missing_ok=True)
         (partial / MARKER).unlink()
+        # Last, so that nobody else comes in before.
+        (partial / LOCK).unlink(missing_ok=True)
         partial.rmdir()
+
+
+def _is_temporary(path: Path) -> bool:
+    return path.name == LOCK or path.name.startswith(PREFIX)

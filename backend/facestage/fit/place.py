@@ -10,7 +10,14 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from facestage.contract.errors import InputError
-from facestage.contract.partial import LOCK, has_checkpoint, partial_folder, remove_partial, take_partial
+from facestage.contract.partial import (
+    LOCK,
+    has_checkpoint,
+    make_partial,
+    mark_partial,
+    partial_folder,
+    remove_partial,
+)
 from facestage.contract.result_files import is_result_file
 from facestage.contract.temporaries import sweep
 
@@ -57,24 +64,20 @@ def claimed(out: Path, result_file: str) -> Iterator[Path]:
 def _locked(out: Path) -> tuple[Path, FileLock]:
     """The partial folder of ``out``, and its lock, held. Raises InputError when somebody else holds it."""
     for _ in range(TRIES):
-        partial = take_partial(out)
-        lock = FileLock(partial / LOCK, timeout=0)
-        try:
-            lock.acquire()
-        except Timeout:
-            # Another run that ends may take the folder away at this moment.
-            if not (partial / LOCK).exists():
-                continue
-            raise InputError(
-                f"Another fit is writing into '{out}'; wait until it is done, or choose another --out."
-            ) from None
-        except FileNotFoundError:
-            continue
-        with suppress(OSError):
-            # Marked once more: the run that ended may have removed the mark after it was seen.
-            if take_partial(out).samefile(partial) and (partial / LOCK).exists():
-                return partial, lock
-        lock.release()
+        # Another run that ends may take lock and folder away at any moment before the lock is held.
+        with suppress(FileNotFoundError, FileExistsError):
+            partial = make_partial(out)
+            lock = FileLock(partial / LOCK, timeout=0)
+            try:
+                lock.acquire()
+            except Timeout:
+                if not (partial / LOCK).exists():
+                    continue
+                raise InputError(
+                    f"Another fit is writing into '{out}'; wait until it is done, or choose another --out."
+                ) from None
+            mark_partial(partial)
+            return partial, lock
     raise OSError(f"'{partial_folder(out)}' comes and goes")
 
 
