@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.atomic import read_consistently
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
@@ -99,7 +100,10 @@ class Result:
     @classmethod
     def load(cls, folder: Path) -> Result:
         """Read a result folder. Raises InputError when a file is missing or of another version."""
-        folder = Path(folder)
+        return read_consistently(Path(folder), cls._read)
+
+    @classmethod
+    def _read(cls, folder: Path) -> Result:
         if not folder.is_dir():
             raise InputError(f"The result folder '{folder}' does not exist; run a fit first.")
         data = read_json(folder / "result.json", "result file")

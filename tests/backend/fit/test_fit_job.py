@@ -17,9 +17,10 @@ from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.job import PARAMETERS, Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
+from facestage.contract.partial import partial_folder
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.fit import schedule
-from facestage.fit.run import fit_job, partial_folder
+from facestage.fit.run import fit_job
 from facestage.image_io import read_exr
 from reference.synthetic_case import Case
 

@@ -17,13 +17,14 @@ from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.partial import partial_folder
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.fit.metrics import aligned_distance
 from facestage.fit.person import fit_person
 from facestage.fit.problem import read_problem
 from facestage.fit.relight import render_result
-from facestage.fit.run import fit_job, partial_folder
+from facestage.fit.run import fit_job
 from facestage.image_io import read_exr
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
