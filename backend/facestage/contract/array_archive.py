@@ -6,25 +6,27 @@ when asked to; this one reads plain arrays of numbers and text, stored or deflat
 
 from __future__ import annotations
 
-import io
+import ast
 import math
-import warnings
+import re
 import zipfile
 from collections.abc import Collection
-from typing import BinaryIO
+from typing import IO, BinaryIO, cast
 
 import numpy as np
 
 from facestage.contract.reading import GIB, KIB, MIB
-from facestage.contract.wording import quoted, whole_bytes
+from facestage.contract.wording import quoted, shown, whole_bytes
 
 ARRAYS_MAX = 1 * GIB  # of all arrays of a file together, unpacked
 MEMBERS_MAX = 4096
 HEADER_MAX = 4 * KIB  # of one array; numpy writes 118 bytes
 DIMENSIONS_MAX = 8
-KINDS = "biufU"  # true or false, whole numbers, numbers, text
 # The directory is read at once: it is refused beyond this, and arrays are read in pieces of it.
 _PIECE = 4 * MIB
+# True or false, whole numbers, numbers, text.
+_PLAIN = re.compile(r"[<>|=]?[biufU]\d{1,9}")
+_LONG = re.compile(r"(?<=\d)L")  # as Python 2 wrote whole numbers
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
@@ -36,7 +38,7 @@ def read_archive(stream: BinaryIO, limit: int, names: Collection[str] | None = N
     if stream.read(6) == b"\x93NUMPY":
         raise ValueError("a single array, expected an .npz of named arrays")
     stream.seek(0)
-    with zipfile.ZipFile(_Pieces(stream)) as archive:
+    with zipfile.ZipFile(cast("IO[bytes]", _Pieces(stream))) as archive:
         members = _members(archive, limit, names)
         return {name: _read_array(archive, member) for name, member in members.items()}
 
@@ -101,11 +103,11 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
             filled += len(piece)
     if dtype.kind == "b" and filled and data.max() > 1:
         raise ValueError(f"{what} holds values that are neither true nor false")
-    array = np.ndarray(shape, dtype, data.data, order="F" if fortran else "C")
+    array: np.ndarray = np.ndarray(shape, dtype, data.data, order="F" if fortran else "C")
     return array if dtype.isnative else array.astype(dtype.newbyteorder("="))
 
 
-def _header(stream: zipfile.ZipExtFile, what: str) -> tuple[tuple[int, ...], bool, np.dtype, int]:
+def _header(stream: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype, int]:
     """Shape, order, type and the number of bytes before the values of a .npy file."""
     begin = stream.read(8)
     version = tuple(begin[6:8])
@@ -115,18 +117,22 @@ def _header(stream: zipfile.ZipExtFile, what: str) -> tuple[tuple[int, ...], boo
     length = int.from_bytes(size, "little")
     if length > HEADER_MAX:
         raise ValueError(f"{what} has a header of {whole_bytes(length)}, expected at most {whole_bytes(HEADER_MAX)}")
-    words = stream.read(length)
-    parse = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of headers as Python 2 wrote them
-            shape, fortran, dtype = parse(io.BytesIO(size + words), max_header_size=HEADER_MAX)
-    except (ValueError, TypeError, KeyError, SyntaxError, MemoryError, RecursionError, OverflowError) as error:
+        words = stream.read(length).decode("latin-1")
+        entries = ast.literal_eval(_LONG.sub("", words).strip())
+        descr, fortran, shape = entries["descr"], entries["fortran_order"], entries["shape"]
+    except (ValueError, TypeError, KeyError, SyntaxError, MemoryError, RecursionError) as error:
         raise ValueError(f"{what} has a damaged header") from error
-    if dtype.kind not in KINDS or dtype.fields is not None or dtype.subdtype is not None:
-        raise ValueError(f"{what} holds {quoted(str(dtype))}, expected plain numbers or text")
-    if len(shape) > DIMENSIONS_MAX or not all(0 <= side <= ARRAYS_MAX for side in shape):
+    if not isinstance(descr, str) or not _PLAIN.fullmatch(descr):
+        raise ValueError(f"{what} holds {shown(descr)} values, expected plain arrays of numbers or text")
+    if not isinstance(shape, tuple) or not all(type(side) is int and 0 <= side <= ARRAYS_MAX for side in shape):
         raise ValueError(f"{what} has a damaged shape")
+    if len(shape) > DIMENSIONS_MAX:
+        raise ValueError(f"{what} has {len(shape)} dimensions, expected at most {DIMENSIONS_MAX}")
+    try:
+        dtype = np.dtype(descr)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what} holds {shown(descr)} values, which this machine does not know") from error
     if dtype.itemsize == 0 and math.prod(shape) > 1:
         raise ValueError(f"{what} holds {math.prod(shape)} values of no size")
-    return shape, fortran, dtype, len(begin) + len(size) + length
+    return shape, bool(fortran), dtype, len(begin) + len(size) + length
