@@ -22,18 +22,19 @@ class Array(Checked):
     """An array of a shape, a kind and a range.
 
     ``shape``: numbers, and names of dimensions, which must be the same wherever the name stands in one schema; None:
-    any shape. What is read from lists is float64, int64 or bool; an array keeps its type unless ``dtype`` is given.
+    any shape. What is read from lists is float64, int64 or bool; an array keeps its type.
     """
 
     def __init__(
         self, shape: Sequence[int | str] | None, kind: str = NUMBERS, minimum: float | None = None,
-        maximum: float | None = None, finite: bool = True, nulls: bool = False, dtype: Any = None, **options: Any,
+        maximum: float | None = None, finite: bool = True, nulls: bool = False, words: str = "",
+        **options: Any,
     ) -> None:  # fmt: skip
-        """``finite``: neither NaN nor infinity; ``nulls``: null in a list is NaN."""
-        self.shape, self.kind, self.finite, self.nulls, self.dtype = shape, kind, finite, nulls, dtype
+        """``finite``: neither NaN nor infinity; ``nulls``: null in a list is NaN; ``words``: what it is, for users."""
+        self.shape, self.kind, self.finite, self.nulls, self.words = shape, kind, finite, nulls, words
         self.minimum, self.maximum = minimum, maximum
         place = "" if shape is None else f" in the shape {_shape_words(shape, {})}"
-        super().__init__(f"{kind}{range_words(minimum, maximum)}{place}", **options)
+        super().__init__(words or f"{kind}{range_words(minimum, maximum)}{place}", **options)
 
     def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> np.ndarray:
         array = value if isinstance(value, np.ndarray) else self._of_lists(value)
@@ -42,14 +43,15 @@ class Array(Checked):
         self._check_shape(array.shape)
         if array.size and self.kind != FLAGS:
             self._check_values(array)
-        return array if self.dtype is None else array.astype(self.dtype)
+        return array
 
     def _check_shape(self, shape: tuple[int, ...]) -> None:
         if self.shape is None:
             return
         sizes = getattr(self.root, "sizes", {})
         limits = getattr(self.root, "dimensions", {})
-        bad = ValidationError(f"has shape {shape}, expected {_shape_words(self.shape, sizes)}")
+        meaning = f": {self.words}" if self.words else ""
+        bad = ValidationError(f"has shape {shape}, expected {_shape_words(self.shape, sizes)}{meaning}")
         if len(shape) != len(self.shape):
             raise bad
         for found, wanted in zip(shape, self.shape, strict=True):
@@ -67,8 +69,11 @@ class Array(Checked):
 
     def _check_values(self, array: np.ndarray) -> None:
         low, high = array.min(), array.max()  # NaN where any is
-        if self.finite and not (math.isfinite(low) and math.isfinite(high)):
-            raise ValidationError("holds NaN or infinity")
+        if not (math.isfinite(low) and math.isfinite(high)):
+            if self.finite:
+                raise ValidationError("holds NaN or infinity")
+            known = array[np.isfinite(array)]
+            low, high = known.min(initial=0), known.max(initial=0)
         if self.minimum is not None and low < self.minimum:
             raise ValidationError(f"holds {low:g}, expected {self.kind}{range_words(self.minimum, self.maximum)}")
         if self.maximum is not None and high > self.maximum:

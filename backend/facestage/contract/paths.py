@@ -41,3 +41,19 @@ def user_path(text: str | Path, what: str) -> Path:
         # Characters that the file system's encoding lacks.
         raise InputError(f"The {what} {quoted(text)} cannot be written in {sys.getfilesystemencoding()}.") from error
     return path
+
+
+def is_folder(path: Path) -> bool:
+    """Whether the path is a folder that can be looked at; no path makes this fail."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def is_file(path: Path) -> bool:
+    """Whether the path is a regular file that can be looked at; no path makes this fail."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

@@ -10,7 +10,7 @@ from marshmallow import EXCLUDE, RAISE, Schema, ValidationError
 
 from facestage.contract.errors import InputError
 from facestage.contract.fields import MISSING
-from facestage.contract.wording import escaped, quoted
+from facestage.contract.wording import escaped, quoted, shown
 
 _OWN = "_schema"  # where marshmallow puts what is wrong with a whole
 
@@ -47,7 +47,14 @@ def checked(schema: FileSchema, data: Mapping[str, Any], subject: str, remedy: s
         return dict(schema.load(data))
     except ValidationError as error:
         problem = _problem(error.messages, schema)
-        raise InputError(f"{subject}: {problem}{f'; {remedy}' if remedy else ''}.") from error
+        raise InputError(f"{subject}{problem}{f'; {remedy}' if remedy else ''}.") from error
+
+
+def check_version(data: Mapping[str, Any], version: int, subject: str, remedy: str) -> None:
+    """Raise InputError unless the file is of this ``version`` of its schema."""
+    found = data.get("schema")
+    if type(found) is not int or found != version:
+        raise InputError(f"{subject} has schema {shown(found)}, expected {version}; {remedy}.")
 
 
 def sections(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, Any]:
@@ -71,10 +78,10 @@ def _problem(messages: Any, schema: Schema) -> str:
             path += _step(key, bool(path))
     words = str(messages[0] if isinstance(messages, list) else messages)
     if words == schema.error_messages["unknown"]:
-        return f"{path} is not known, expected {', '.join(schema.fields)}"
+        return f": {path} is not known, expected {', '.join(schema.fields)}"
     if words.startswith(MISSING):
-        return f"it lacks {path}{words.removeprefix(MISSING)}"
-    return f"{path} {words}".strip()
+        return f" lacks {path}{words.removeprefix(MISSING)}"
+    return f": {path} {words}" if path else f" {words}"
 
 
 def _step(key: object, inner: bool) -> str:
