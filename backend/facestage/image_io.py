@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import struct
 import warnings
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +21,7 @@ from facestage.contract.reading import MIB, open_regular
 from facestage.exif import FocalPrior, focal_prior
 from facestage.exr_pixels import check_size, read_exr_pixels
 from facestage.opencv import opencv
+from facestage.quiet import quiet_standard_error
 
 # A picture of as many pixels as are read (contract.camera) and 16 bits has 0.8 GB unpacked.
 PHOTO_LIMIT = 1024 * MIB
@@ -95,7 +96,8 @@ def _read_display(path: Path) -> Photograph:
                         raise ValueError("it has 32 bits per pixel, of unknown scale; save it as an EXR")
                     # Known only until the pixels are decoded.
                     deep = image.mode in ("RGB", "RGBA") and any("16" in str(tile.args) for tile in image.tile)
-                    image.load()
+                    with quiet_standard_error() if image.format == "TIFF" else contextlib.nullcontext():
+                        image.load()
                     exif = image.getexif()
                     focal, turn = focal_prior(exif, *image.size), exif.get(ORIENTATION, 1)
                     color, clipped, alpha, space = _decoded(file, image, deep)
@@ -128,7 +130,7 @@ def _decoded(file: BinaryIO, image: Any, deep: bool) -> tuple[np.ndarray, np.nda
     decoder, name = DEFAULT, DEFAULT.name
     if profile and len(profile) <= PROFILE_LIMIT:
         # A profile that is damaged, or for another kind of image, is ignored, as viewers do.
-        with suppress(ValueError):
+        with contextlib.suppress(ValueError):
             found = decoder_of(profile)
             if found is None:
                 image = through_littlecms(image.convert("RGB") if image.mode in ("P", "RGBA") else image, profile)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import Any
 
 # A published model has some hundred opcodes, a file of landmarks some thousand.
-OPCODE_LIMIT = 1_000_000
+OPCODE_LIMIT = 500_000
 ENCODE = "_codecs.encode"
 _KEY_LETTERS = 1000
 
