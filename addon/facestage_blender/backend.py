@@ -24,7 +24,7 @@ def find_backend(preferred: str = "") -> list[str]:
     beside = Path(sys.executable).parent / ("facestage.exe" if os.name == "nt" else "facestage")
     if beside.is_file():
         return [str(beside)]
-    found = shutil.which("facestage")
+    found = _on_path("facestage")
     if found:
         return [found]
     raise BackendUnavailableError(
@@ -60,8 +60,26 @@ def doctor_command(backend: list[str]) -> list[str]:
 
 def _resolved(text: str, origin: str) -> list[str]:
     """A command line or the path of one program, checked to exist."""
-    whole = Path(text).expanduser()
-    words = [str(whole)] if whole.is_file() else shlex.split(text, posix=os.name != "nt")
-    if not shutil.which(words[0]):
-        raise BackendUnavailableError(f"The backend '{words[0]}' set in {origin} does not exist; correct the path.")
-    return words
+    try:
+        whole = Path(text).expanduser()
+        words = [str(whole)] if whole.is_file() else shlex.split(text, posix=os.name != "nt")
+    except (OSError, RuntimeError, ValueError) as error:
+        # A home that does not exist, a quotation mark that is not closed, a name that is too long.
+        raise BackendUnavailableError(
+            f"The backend '{text[:80]}' set in {origin} is no command ({error}); correct it."
+        ) from error
+    name = words[0] if words else ""
+    program = _on_path(name) if name == Path(name).name else shutil.which(name)
+    if program is None:
+        raise BackendUnavailableError(f"The backend '{name}' set in {origin} does not exist; correct the path.")
+    return [program, *words[1:]]
+
+
+def _on_path(name: str) -> str | None:
+    """The program ``name`` in a folder of $PATH that is named in full: one beside a photo may be anybody's."""
+    for folder in map(Path, os.get_exec_path()):
+        for suffix in ("", ".exe", ".bat", ".cmd") if os.name == "nt" else ("",):
+            program = folder / f"{name}{suffix}"
+            if folder.is_absolute() and program.is_file() and os.access(program, os.X_OK):
+                return str(program)
+    return None

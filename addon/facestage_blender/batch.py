@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.machine import machine_trouble
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 from facestage_blender.backend import find_backend
 from facestage_blender.frames import LIGHT_DIRECTIONS
@@ -100,8 +101,11 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"facestage: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("facestage: Cancelled; the last checkpoint is kept, --resume goes on from it.", file=sys.stderr)
+        print("facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.", file=sys.stderr)
         return 3
+    except OSError as error:
+        print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
+        return InputError.exit_code
     return 0
 
 

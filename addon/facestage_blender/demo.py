@@ -17,6 +17,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.machine import machine_trouble
 from facestage.contract.result import Result
 from facestage.contract.storage import read_json
 
@@ -59,6 +60,9 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("facestage: cancelled.", file=sys.stderr)
         return 3
+    except OSError as error:
+        print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
+        return InputError.exit_code
     for line in (*real, "", *synthetic, "", f"Done in {time.monotonic() - started:.0f} s."):
         print(line)
     return 0

@@ -139,7 +139,7 @@ def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> 
     if code == DONE:
         return Outcome(DONE, "Done.")
     if cancelled or code == CANCELLED:
-        return Outcome(CANCELLED, "Cancelled; the last checkpoint is kept, press Resume to go on from it.")
+        return Outcome(CANCELLED, _cancelled(said))
     if code in (BAD_INPUT, UNAVAILABLE) and said:
         return Outcome(code, said.removeprefix("facestage: ").removeprefix("error: "))
     if code < 0:
@@ -151,3 +151,12 @@ def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> 
         return Outcome(1, f"The backend was killed ({name}{hint}); the scene is unchanged, press Resume to go on.")
     detail = f": {said}" if said else ""
     return Outcome(1, f"The backend stopped unexpectedly (exit code {code}){detail}")
+
+
+def _cancelled(said: str) -> str:
+    """What a cancelled run leaves, by the backend's own words; one that had to be killed left none."""
+    if "--resume" in said:
+        return "Cancelled; the last checkpoint is kept, press Resume to go on from it."
+    if said:
+        return "Cancelled before there was a checkpoint; start again."
+    return "Cancelled; press Resume to go on from the last checkpoint, if there is one."

@@ -1,10 +1,13 @@
 """The command line: parse, call one function, turn errors into one sentence and an exit code.
 
-Importing this package imports nothing else, so that a signal while the rest is imported is already answered.
+Importing this package imports next to nothing, so that a signal while the rest is imported is already answered.
 """
 
 from __future__ import annotations
 
+import sys
+
+CANCELLED = "facestage: cancelled; run it again to start over."
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from facestage.cli.signals import Cancellation
 
     with Cancellation(until_the_end=arguments is None) as cancellation:
-        from facestage.cli.run import run_command
-
+        try:
+            from facestage.cli.run import run_command
+        except KeyboardInterrupt:
+            cancellation.close()
+            print(CANCELLED, file=sys.stderr)
+            return 3
         return run_command(arguments, cancellation)

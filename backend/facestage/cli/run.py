@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import errno
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from facestage.child import trusted_path
 from facestage.cli import streams
 from facestage.cli.signals import Cancellation
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.machine import machine_trouble
 from facestage.folders import shelter_caches
 
 EXIT_BAD_INPUT, EXIT_CANCELLED = InputError.exit_code, CancelledError.exit_code
-FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
-FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> int:
@@ -82,38 +80,12 @@ def _failed(error: BaseException) -> int:
         streams.say(str(error))
         _flush_or_silence()
         return error.exit_code
-    sentence = explain(error)
+    sentence = machine_trouble(error)
     if sentence is None:
         raise error
     streams.say(sentence)
     _flush_or_silence()
     return EXIT_BAD_INPUT
-
-
-def explain(error: BaseException) -> str | None:
-    """One sentence for what the machine, not the program, is to blame for; None for anything else."""
-    if isinstance(error, MemoryError):
-        detail = f" ({error})" if str(error) else ""
-        return f"The memory is not enough for this{detail}; take a smaller photo or face model, or free some memory."
-    # Libraries hide a full disk behind errors of their own, raised while they close the file.
-    cause = next((one for one in _chain(error) if isinstance(one, OSError) and one.errno in FULL), error)
-    if not isinstance(cause, OSError):
-        return None
-    file = f" '{cause.filename}'" if cause.filename else ""
-    if cause.errno in FULL:
-        remedy = "free some space, or choose another disk, and run it again"
-        return f"Cannot write{file or ' the output'}: {cause.strerror or cause}; {remedy}."
-    if cause.errno in FORBIDDEN:
-        return f"Cannot use{file or ' a file'}: {cause.strerror or cause}; check who may read and write there."
-    return f"Cannot use{file or ' a file'}: {cause.strerror or cause}; check the path and the disk, and run it again."
-
-
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    seen: set[int] = set()
-    while error is not None and id(error) not in seen:
-        seen.add(id(error))
-        yield error
-        error = error.__cause__ or error.__context__
 
 
 def _flush_or_silence() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from types import FrameType
 from typing import Any
 
 ASK_AGAIN_SECONDS = 0.05
+CAN_ASK_AGAIN = hasattr(signal, "setitimer")
 
 
 class Cancellation:
@@ -25,6 +27,8 @@ class Cancellation:
             for number in (signal.SIGINT, signal.SIGTERM):
                 if signal.getsignal(number) != signal.SIG_IGN:
                     self._before[number] = signal.signal(number, self._answer)
+        if self._until_the_end:
+            sys.unraisablehook = self._unraisable
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -36,16 +40,32 @@ class Cancellation:
     def close(self) -> None:
         """Answer no more signals: what is left to do is short, and must not be cut off."""
         self._over = True
+        if CAN_ASK_AGAIN:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _unraisable(self, lost: sys.UnraisableHookArgs) -> None:
+        """What was raised where Python cannot raise, as in a destructor."""
+        if self._over:
+            # All is said; objects that cannot close their file on a full disk would say it again, in eight lines.
+            return
+        if CAN_ASK_AGAIN and self.asked and lost.exc_type is KeyboardInterrupt:
+            self._ask_again()
+            return
+        sys.__unraisablehook__(lost)
+
+    def _ask_again(self) -> None:
+        """Have the same signal answered a moment later."""
+        if signal.SIGALRM not in self._before:
+            self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._answer)
+        signal.setitimer(signal.ITIMER_REAL, ASK_AGAIN_SECONDS)
 
     def _answer(self, _number: int, frame: FrameType | None) -> None:
         if self._over:
             return
         self.asked = True
-        if in_foreign_import(frame) and hasattr(signal, "setitimer"):
+        if CAN_ASK_AGAIN and in_foreign_import(frame):
             # A library that is being imported may turn the exception into one of its own, swallow it, or abort.
-            if signal.SIGALRM not in self._before:
-                self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._answer)
-            signal.setitimer(signal.ITIMER_REAL, ASK_AGAIN_SECONDS)
+            self._ask_again()
             return
         raise KeyboardInterrupt
 
@@ -53,7 +73,7 @@ class Cancellation:
 def in_foreign_import(frame: FrameType | None) -> bool:
     """Whether ``frame`` belongs to the import of a module that is not Facestage's own."""
     while frame is not None:
-        if frame.f_globals.get("__name__", "").partition(".")[0] == "facestage":
+        if str(frame.f_globals.get("__name__")).partition(".")[0] == "facestage":
             return False
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True

@@ -94,12 +94,17 @@ def summary_line(rows: Sequence[StressRow]) -> str:
     return f"{len(rows)} cases in {seconds:.0f} s: {', '.join(counts)}; {verdict}."
 
 
-def write_stress_report(folder: Path, rows: Sequence[StressRow]) -> None:
-    """Write stress.txt, stress.html and stress.json into ``folder``, which is made if need be."""
+def make_folder(folder: Path) -> None:
+    """Make the report's folder if need be. Raises InputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"Cannot make the folder '{folder}' ({error.strerror or error}); choose another.") from error
+
+
+def write_stress_report(folder: Path, rows: Sequence[StressRow]) -> None:
+    """Write stress.txt, stress.html and stress.json into ``folder``, which is made if need be."""
+    make_folder(folder)
     lines = [*head_lines(), *(line for row in rows for line in row_lines(row)), summary_line(rows)]
     for name, text in (("stress.txt", "\n".join(lines) + "\n"), ("stress.html", build_stress_page(rows))):
         with atomic_file(folder / name) as temporary:

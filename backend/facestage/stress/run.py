@@ -13,7 +13,7 @@ from typing import TextIO
 
 from facestage.child import python_module
 from facestage.contract.errors import FacestageError, InputError
-from facestage.report.stress import StressRow, head_lines, row_lines, summary_line, write_stress_report
+from facestage.report.stress import StressRow, head_lines, make_folder, row_lines, summary_line, write_stress_report
 from facestage.stress.case import Case
 from facestage.stress.cases import CASES
 from facestage.stress.child import OUTCOME
@@ -32,6 +32,8 @@ def run_stress(names: Sequence[str], out: Path | None, stream: TextIO) -> int:
     cases = select(names)
     if out is not None and out.exists() and not out.is_dir():
         raise InputError(f"The output '{out}' is a file; expected a folder name.")
+    if out is not None:
+        make_folder(out)
     _print(stream, head_lines())
     rows = []
     with tempfile.TemporaryDirectory(prefix="facestage-stress-") as temporary:

@@ -184,7 +184,9 @@ def test_a_photo_without_landmarks_needs_the_landmark_model(
     def offline(*_arguments: object, **_options: object) -> NoReturn:
         raise ConnectionError
 
-    monkeypatch.setattr("facestage.landmarks.model_file.find_model", lambda _chosen: None)
+    monkeypatch.delenv("FACESTAGE_LANDMARK_MODEL", raising=False)
+    for place in ("FACESTAGE_CACHE", "FACESTAGE_DATA"):
+        monkeypatch.setenv(place, str(tmp_path / "none"))
     monkeypatch.setattr("pooch.retrieve", offline)
     for command, out in (("fit", tmp_path / "out"), ("detect", tmp_path / "points.json")):
         sentence = refuse(capsys, command, case.photo, "--out", out)

@@ -99,6 +99,14 @@ def test_a_file_as_output_is_bad_input(capsys: pytest.CaptureFixture[str], tmp_p
     assert "is a file" in capsys.readouterr().err
 
 
+def test_a_folder_that_cannot_be_made_is_said_before_any_case_is_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("x")
+    assert main(["stress", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert "Cannot make the folder" in capsys.readouterr().err
+
+
 def test_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stress", "--list"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(CASES)
