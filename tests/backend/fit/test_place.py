@@ -32,8 +32,9 @@ class StopError(Exception):
 
 
 @pytest.fixture
-def job(case: Case, small_maps: None) -> Job:
-    """All but light is frozen: the quickest fit."""
+def job(case: Case, small_maps: None, monkeypatch: pytest.MonkeyPatch) -> Job:
+    """All but light is frozen, and no report: the quickest fit."""
+    monkeypatch.setattr("facestage.fit.output.write_report", lambda folder, data: None)
     return Job(
         case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
         stage=fibonacci_stage(4), device="cpu", freeze=("albedo", "specular", "roughness", "identity", "expression"),
@@ -149,7 +150,7 @@ def test_many_runs_for_one_place_take_turns(tmp_path: Path):
         "import sys\nfrom pathlib import Path\nfrom facestage.contract.errors import InputError\n"
         "from facestage.fit.place import claimed\n"
         "out, held = Path(sys.argv[1]), 0\n"
-        "for _ in range(300):\n"
+        "for _ in range(100):\n"
         "    try:\n"
         "        with claimed(out, 'result.json') as partial:\n"
         "            (partial / 'preview.png').open('x').close()\n"
