@@ -174,6 +174,19 @@ def test_a_bad_job_leaves_no_folder_behind(job: Job, tmp_path: Path):
     assert names(tmp_path) == []
 
 
+def test_a_full_disk_leaves_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(_path: Path, _data: object) -> None:
+        raise InputError("Cannot write: No space left on device; make room.")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("facestage.contract.partial.write_json", full)
+        with pytest.raises(InputError, match="No space left"), claimed(tmp_path / "deep" / "out", RESULT):
+            pytest.fail("the block must not run")
+    assert names(tmp_path) == []
+    with claimed(tmp_path / "deep" / "out", RESULT) as partial:
+        assert MARKER in names(partial)
+
+
 def test_a_fit_that_starts_anew_forgets_the_checkpoint_of_an_earlier_one(job: Job, tmp_path: Path):
     with pytest.raises(StopError):
         fit_job(job, tmp_path / "out", emit=stop_at("step 1"))
