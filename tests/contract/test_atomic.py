@@ -7,13 +7,16 @@ import os
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from facestage.contract import atomic, durable, temporaries
+from facestage.contract import atomic, durable, storage, temporaries
 from facestage.contract.atomic import atomic_file, atomic_folder, read_consistently
 from facestage.contract.errors import InputError
+from facestage.contract.result import Result
 from facestage.contract.result_files import is_result_file
 from facestage.contract.storage import read_json, write_json
 
@@ -352,6 +355,27 @@ def test_what_is_read_while_the_folder_is_replaced_is_read_again(tmp_path: Path)
         return one, read_json(folder / "job.json", "job")["number"]
 
     assert read_consistently(out, read) == (2, 2) and reads == [1, 2]
+
+
+def test_a_result_is_never_half_of_one_and_half_of_another(
+    tmp_path: Path, result: Result, monkeypatch: pytest.MonkeyPatch
+):
+    out = tmp_path / "out"
+
+    def write(seed: int) -> None:
+        with atomic_folder(out, is_result_file) as folder:
+            replace(result, seed=seed, albedo=np.full_like(result.albedo, seed)).write_into(folder)
+
+    def read(path: Path, *arguments: str) -> dict[str, np.ndarray]:
+        monkeypatch.undo()
+        # Between its result.json and its result.npz.
+        write(2)
+        return storage.read_arrays(path, *arguments)
+
+    write(1)
+    monkeypatch.setattr("facestage.contract.result.read_arrays", read)
+    loaded = Result.load(out)
+    assert loaded.seed == 2 and (loaded.albedo == 2).all()
 
 
 def test_what_is_wrong_with_a_folder_is_said(tmp_path: Path):

@@ -35,6 +35,9 @@ def claimed(out: Path, result_file: str) -> Iterator[Path]:
     missing = [folder for folder in out.parents if not folder.exists()]
     try:
         partial, lock = _locked(out)
+    except InputError:
+        _remove_empty([partial_folder(out), *missing])
+        raise
     except OSError as error:
         _remove_empty(missing)
         raise InputError(
@@ -76,7 +79,12 @@ def _locked(out: Path) -> tuple[Path, FileLock]:
                 raise InputError(
                     f"Another fit is writing into '{out}'; wait until it is done, or choose another --out."
                 ) from None
-            mark_partial(partial)
+            try:
+                mark_partial(partial)
+            except BaseException:
+                (partial / LOCK).unlink(missing_ok=True)
+                lock.release()
+                raise
             return partial, lock
     raise OSError(f"'{partial_folder(out)}' comes and goes")
 
