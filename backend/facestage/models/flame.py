@@ -169,7 +169,7 @@ def _uvs(
         path = folder / name
         if not path.is_file():
             continue
-        data = read_arrays(path, "FLAME texture file")
+        data = read_arrays(path, "FLAME texture file", names=("vt", "ft"))
         points, faces = data.get("vt"), data.get("ft")
         if (
             points is None or faces is None or points.ndim != 2 or points.shape[1] < 2
