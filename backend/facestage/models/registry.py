@@ -45,7 +45,9 @@ def _path(text: str) -> Path:
         return Path(text).expanduser().resolve()
     # An unknown user, a loop of links, a null character, too many letters.
     except (RuntimeError, OSError, ValueError) as error:
-        raise InputError(f"The path '{text[:200]}' of the face model cannot be used: {error}.") from error
+        raise InputError(
+            f"The path '{text[:200]}' of the face model cannot be used: {str(error).rstrip('.')}."
+        ) from error
 
 
 def _converted(load: Callable[[Path], FaceModel], path: Path) -> FaceModel:
