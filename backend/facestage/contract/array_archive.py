@@ -22,6 +22,7 @@ ARRAYS_MAX = 1 * GIB  # of all arrays of a file together, unpacked
 MEMBERS_MAX = 4096
 HEADER_MAX = 4 * KIB  # of one array; numpy writes 118 bytes
 DIMENSIONS_MAX = 8
+CODE_MAX = 0x10FFFF  # of a character
 # The directory is read at once: it is refused beyond this, and arrays are read in pieces of it.
 _PIECE = 4 * MIB
 # True or false, whole numbers, numbers, text.
@@ -103,6 +104,9 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
             filled += len(piece)
     if dtype.kind == "b" and filled and data.max() > 1:
         raise ValueError(f"{what} holds values that are neither true nor false")
+    if dtype.kind == "U" and filled and data.view(">u4" if dtype.byteorder == ">" else "<u4").max() > CODE_MAX:
+        # Python's text would be beyond repair.
+        raise ValueError(f"{what} holds characters that no text has")
     array: np.ndarray = np.ndarray(shape, dtype, data.data, order="F" if fortran else "C")
     return array if dtype.isnative else array.astype(dtype.newbyteorder("="))
 

@@ -10,6 +10,7 @@ from marshmallow import EXCLUDE, RAISE, Schema, ValidationError
 
 from facestage.contract.errors import InputError
 from facestage.contract.fields import MISSING
+from facestage.contract.json_text import decode_json
 from facestage.contract.wording import escaped, quoted, shown
 
 _OWN = "_schema"  # where marshmallow puts what is wrong with a whole
@@ -55,6 +56,17 @@ def check_version(data: Mapping[str, Any], version: int, subject: str, remedy: s
     found = data.get("schema")
     if type(found) is not int or found != version:
         raise InputError(f"{subject} has schema {shown(found)}, expected {version}; {remedy}.")
+
+
+def decoded_meta(text: str, subject: str, remedy: str) -> dict[str, Any]:
+    """The object of JSON that an .npz keeps beside its arrays. Raises InputError where it is none."""
+    try:
+        meta = decode_json(text.encode())
+    except ValueError as error:
+        raise InputError(f"{subject} has damaged meta data ({error}); {remedy}.") from error
+    if not isinstance(meta, dict):
+        raise InputError(f"{subject} has damaged meta data ({shown(meta)}, expected an object); {remedy}.")
+    return meta
 
 
 def sections(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.paths import user_path
 from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
@@ -41,13 +42,12 @@ def load_model(specification: str) -> FaceModel:
 
 def _path(text: str) -> Path:
     """The absolute path that a user gave. Raises InputError for one that cannot be."""
+    path = user_path(text, "face model's path")
     try:
-        return Path(text).expanduser().resolve()
-    # An unknown user, a loop of links, a null character, too many letters.
-    except (RuntimeError, OSError, ValueError) as error:
-        raise InputError(
-            f"The path '{text[:200]}' of the face model cannot be used: {str(error).rstrip('.')}."
-        ) from error
+        return path.resolve()
+    # A loop of links.
+    except (RuntimeError, OSError) as error:
+        raise InputError(f"The face model's path '{path}' cannot be followed: {error}.") from error
 
 
 def _converted(load: Callable[[Path], FaceModel], path: Path) -> FaceModel:
