@@ -68,15 +68,16 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray], compress: bool = 
 
 
 def read_arrays(
-    path: Path, what: str, limit: int = ARRAYS_MAX, names: Collection[str] | None = None
+    path: Path, what: str, limit: int = ARRAYS_MAX, names: Collection[str] | None = None, file_limit: int | None = None
 ) -> dict[str, np.ndarray]:
     """The arrays of an .npz: plain numbers and text, at most ``limit`` bytes of them; nothing in it can execute.
 
-    ``names``: only these, where it has them. Raises InputError for anything else (:mod:`.array_archive`).
+    ``names``: only these, where it has them, out of a file of at most ``file_limit`` bytes. Raises InputError for
+    anything else (:mod:`.array_archive`).
     """
     try:
         # What is packed is no larger than what it unpacks to, but for headers and the directory.
-        with open_regular(path, what, limit + PACKING_MAX) as stream:
+        with open_regular(path, what, file_limit or limit + PACKING_MAX) as stream:
             return read_archive(stream, limit, names)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise InputError(f"The {what} '{path}' is not a readable .npz of plain arrays ({error}).") from error

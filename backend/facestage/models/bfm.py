@@ -34,7 +34,7 @@ from facestage.models.anatomy import face_regions, outward, quads_of
 from facestage.models.embedding import SCHEME, landmark_schemes, table_of_vertices
 from facestage.models.hdf5_file import TOTAL_LIMIT, read_hdf5
 from facestage.models.mat_file import read_mat
-from facestage.models.published_file import find_published
+from facestage.models.published_file import check_head, check_numbers, find_published
 from facestage.models.unwrap import SKIN_TILE, unwrap
 
 SOURCE = "https://faces.dmi.unibas.ch/bfm"
@@ -135,11 +135,7 @@ def _assemble(
     """The model from metres and sRGB in 0..1; the first of ``expressions`` is their mean."""
     if triangles.size == 0 or triangles.min() < 0 or triangles.max() >= len(mean):
         raise InputError(f"'{path}' is damaged: its triangles refer to vertices outside 0..{len(mean) - 1}; {_FETCH}")
-    if not 0.05 < np.ptp(mean[:, 1]) < 1.0:
-        raise InputError(
-            f"'{path}' is no Basel Face Model as published, its face is {np.ptp(mean[:, 1]) * 1e3:.3g} mm high; "
-            f"{_FETCH}"
-        )
+    check_head(path, mean, "Basel Face Model", _FETCH)
     triangles = outward(mean, triangles)
     tables = landmark_schemes(landmarks, mean, triangles, known)
     regions = face_regions(mean, np.ones(len(mean), bool), tables[SCHEME])
@@ -237,8 +233,7 @@ def _check(path: Path, name: str, array: np.ndarray, shape: tuple[int, ...]) -> 
         raise InputError(
             f"'{path}' is no Basel Face Model: {name} is {array.dtype} {array.shape}, not {shape}; {_FETCH}"
         )
-    if not np.isfinite(array).all():
-        raise InputError(f"'{path}' is damaged: {name} holds NaN or infinity; {_FETCH}")
+    check_numbers(path, name, array, _FETCH)
 
 
 def _short(error: Exception) -> str:

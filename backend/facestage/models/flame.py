@@ -22,10 +22,11 @@ from scipy import sparse
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN, FaceModel
+from facestage.contract.reading import GIB, MIB
 from facestage.contract.storage import read_arrays
 from facestage.models.anatomy import eyeball_colors, face_regions, quads_of
 from facestage.models.embedding import SCHEME, landmark_schemes, table_of_triangles
-from facestage.models.published_file import MODEL_LIMIT, find_published
+from facestage.models.published_file import MODEL_LIMIT, check_head, check_numbers, find_published
 from facestage.models.restricted_pickle import read_pickle
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import Skeleton, gaze_shapes
@@ -40,6 +41,8 @@ LICENSE = (
 MODEL_NAMES = ("flame2023_Open.pkl", "flame2023.pkl", "generic_model.pkl", "FLAME_NEUTRAL.pkl", "flame2023.npz")
 LANDMARK_NAMES = ("landmark_embedding.npy", "flame_static_embedding.pkl")
 UV_NAMES = ("FLAME_texture.npz", "flame_texture.npz", "albedoModel2020_FLAME_albedoPart.npz")
+# The textures themselves, which are not read, have up to 2 GB; the layout has 0.3 MB.
+TEXTURE_LIMIT, UV_LIMIT = 8 * GIB, 16 * MIB
 VERTEX_COUNT, TRIANGLE_COUNT, EYES_START = 5023, 9976, 3931
 IDENTITY_COUNT, EXPRESSION_COUNT, JOINT_COUNT = 300, 100, 5
 _JAW, _LEFT_EYE, _RIGHT_EYE = 2, 3, 4
@@ -61,6 +64,7 @@ def load_flame(path: Path) -> FaceModel:
     path = find_published(Path(path), MODEL_NAMES, "FLAME model", _FETCH)
     arrays = _read(path)
     mean = arrays["v_template"].astype(np.float64)
+    check_head(path, mean, "FLAME model", _FETCH)
     triangles = arrays["f"].astype(np.int64)
     if triangles.min() < 0 or triangles.max() >= VERTEX_COUNT:
         raise InputError(f"'{path}' is damaged: f refers to vertices outside 0..{VERTEX_COUNT - 1}; {_FETCH}")
@@ -111,8 +115,7 @@ def _read(path: Path) -> dict[str, Any]:
             raise InputError(
                 f"'{path}' is no FLAME model: {name} is {array.dtype} {array.shape}, not {shape}; {_FETCH}"
             )
-        if not np.isfinite(array).all():
-            raise InputError(f"'{path}' is damaged: {name} holds NaN or infinity; {_FETCH}")
+        check_numbers(path, name, array, _FETCH)
         result[name] = array
     return result
 
@@ -167,7 +170,7 @@ def _uvs(
         path = folder / name
         if not path.is_file():
             continue
-        data = read_arrays(path, "FLAME texture file", MODEL_LIMIT, ("vt", "ft"))
+        data = read_arrays(path, "FLAME texture file", UV_LIMIT, ("vt", "ft"), TEXTURE_LIMIT)
         points, faces = data.get("vt"), data.get("ft")
         if (
             points is None or faces is None or points.ndim != 2 or points.shape[1] < 2

@@ -26,7 +26,7 @@ from facestage.contract.reading import MIB, read_bytes
 from facestage.contract.storage import read_arrays
 from facestage.models.anatomy import IRIS, PART_ALBEDO, PUPIL, face_regions, landmark_points
 from facestage.models.embedding import SCHEME, WEIGHT_MAX, landmark_schemes
-from facestage.models.published_file import MODEL_LIMIT, find_published
+from facestage.models.published_file import MODEL_LIMIT, check_head, check_numbers, find_published
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import Skeleton, gaze_shapes
 
@@ -53,6 +53,7 @@ def load_gnm(path: Path) -> FaceModel:
     path = find_published(Path(path), NAMES, "GNM head", _FETCH)
     data = _read(path)
     mean = data["template_vertex_positions"].astype(np.float64)
+    check_head(path, mean, "GNM head", _FETCH)
     quads = data["quads"].astype(np.int32)
     groups = dict(zip(map(str, data["vertex_group_names"]), data["vertex_groups"] > 0.5, strict=True))
     missing = [name for name in ("skin", "left_eye", "right_eye") if name not in groups]
@@ -116,8 +117,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         array = data[name]
         if array.shape != shape or array.dtype.kind not in "iufb":
             raise InputError(f"'{path}' is no GNM head: {name} is {array.dtype} {array.shape}, not {shape}; {_FETCH}")
-        if not np.isfinite(array).all():
-            raise InputError(f"'{path}' is damaged: {name} holds NaN or infinity; {_FETCH}")
+        check_numbers(path, name, array, _FETCH)
     if q == 0 or data["quads"].min() < 0 or data["quads"].max() >= v:
         raise InputError(f"'{path}' is damaged: quads refer to vertices outside 0..{v - 1}; {_FETCH}")
     return data

@@ -34,7 +34,7 @@ def published_files(path: Path, folder: str, wanted: Wanted, what: str, source: 
     """
     count = total = 0
     try:
-        found = _in_folder(path, folder, wanted, what) if path.is_dir() else _in_archive(path, folder, wanted, what)
+        found = _in_folder(path, folder, wanted) if path.is_dir() else _in_archive(path, folder, wanted, what)
         for name, content in found:
             count, total = count + 1, total + len(content)
             if count > COUNT_LIMIT or total > UNPACKED_LIMIT:
@@ -47,11 +47,11 @@ def published_files(path: Path, folder: str, wanted: Wanted, what: str, source: 
         raise InputError(f"The {what} '{path}' cannot be read ({reason}); fetch it again from {source}.") from error
 
 
-def _in_folder(path: Path, folder: str, wanted: Wanted, what: str) -> Iterator[tuple[str, bytes]]:
+def _in_folder(path: Path, folder: str, wanted: Wanted) -> Iterator[tuple[str, bytes]]:
     root = path / folder if (path / folder).is_dir() else path
     for item in sorted(root.iterdir()):
         if wanted(item.name):
-            yield item.name, read_bytes(item, f"file of {what}", FILE_LIMIT)
+            yield item.name, read_bytes(item, "face model file", FILE_LIMIT)
 
 
 def _in_archive(path: Path, folder: str, wanted: Wanted, what: str) -> Iterator[tuple[str, bytes]]:

@@ -164,7 +164,7 @@ def crashing_mat(path: Path) -> None:
 
 def test_a_mat_file_that_crashes_its_reader_is_a_sentence(tmp_path: Path):
     crashing_mat(tmp_path / "01_MorphableModel.mat")
-    assert "it is damaged so that what reads it crashes (SIGSEGV)" in refusal(tmp_path / "01_MorphableModel.mat")
+    assert "it is damaged so that what reads it crashes (SIG" in refusal(tmp_path / "01_MorphableModel.mat")
 
 
 @pytest.mark.parametrize(
