@@ -12,7 +12,8 @@ from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_ad
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
 from facestage.fit.driver import FitRun
-from facestage.fit.parameters import BLOCKS, Layout
+from facestage.fit.energy import common_energy
+from facestage.fit.parameters import BLOCKS, Layout, State
 from facestage.fit.phases import Phase, Schedule
 from facestage.fit.problem import Problem
 from facestage.fit.shading import ForwardModel
@@ -20,6 +21,10 @@ from facestage.fit.truth import Truth
 from facestage.render.gradient_scene import SceneValues
 from reference.synthetic_scene import Scene
 from reference.tiny_bench import TINY
+
+
+# A run and the state that it starts from.
+Start = tuple[AdamRun, State]
 
 
 def test_first_steps_of_adam():
@@ -55,10 +60,10 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
 
 
 @pytest.fixture(scope="module")
-def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> tuple[AdamRun, object]:
+def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> Start:
     problem = opened[0]
-    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path_factory.mktemp("start"))
-    run.phases = Schedule().until("light and albedo").phases
+    forward, schedule = ForwardModel(problem.geometry, problem.lights), Schedule().until("light and albedo")
+    run = FitRun(problem, forward, tmp_path_factory.mktemp("start"), schedule=schedule)
     fitted = run.run(float("inf"))
     stage = run.view.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
     assert stage is not None
@@ -67,7 +72,7 @@ def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPat
     return AdamRun(stage.energy, state, samples=16), state
 
 
-def test_gradients_are_finite_and_every_block_has_one(start):
+def test_gradients_are_finite_and_every_block_has_one(start: Start):
     adam, state = start
     energy, gradient = adam.loss(state, seed=0)
     assert np.isfinite(energy) and np.isfinite(gradient).all()
@@ -76,11 +81,24 @@ def test_gradients_are_finite_and_every_block_has_one(start):
         assert np.abs(gradient[adam.energy.layout.slices[name]]).max() > 0, name
 
 
-def mean_loss(adam: AdamRun, state) -> float:
+def test_the_photo_costs_what_it_costs_the_fit(start: Start):
+    """Half the light: a misfit that the noise of the paths does not hide."""
+    adam, state = start
+    dark = replace(state, lights=0.5 * state.lights)
+    photo = adam.energy.photo
+    assert photo is not None
+    evaluation = photo.evaluate(dark, adam.stage, 1)
+    wanted, _ = common_energy(evaluation, evaluation, adam.target.weights)
+    found, _ = adam.scene.gradient(adam.map.values(dark), adam.target, 256, 1)
+    print(f"photo: {found:.1f}, the fit's {wanted:.1f}, allowed 3 % apart")
+    assert found == pytest.approx(wanted, rel=0.03)
+
+
+def mean_loss(adam: AdamRun, state: State) -> float:
     return float(np.mean([adam.loss(state, seed=1000 + number)[0] for number in range(4)]))
 
 
-def test_adam_lowers_the_energy(start):
+def test_adam_lowers_the_energy(start: Start):
     adam, state = start
     # The start's lights already explain the photo to what a few paths per pixel can tell: begin in the dark.
     state = replace(state, lights=0.5 * state.lights)
