@@ -22,7 +22,6 @@ from facestage.render.gradient_scene import SceneValues
 from reference.synthetic_scene import Scene
 from reference.tiny_bench import TINY
 
-
 # A run and the state that it starts from.
 Start = tuple[AdamRun, State]
 

@@ -52,10 +52,9 @@ def problem() -> tuple[Energy, State]:
     placed = np.einsum("mi,mix->mx", corner, forward.pose(state)[1][geometry.new_index[vertices]])
     points = state.camera.project(placed) + np.random.default_rng(1).normal(size=(68, 2))
     layout, box = Layout(state), truth.model.expression_box
-    energy = Energy(
-        layout, Priors(layout, state, box, WEIGHTS), LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0),
-        WEIGHTS, lights, silhouette=SilhouetteTerm(forward, photo, 100.0),
-    )  # fmt: skip
+    landmarks = LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0)
+    outline = SilhouetteTerm(forward, photo, 100.0)
+    energy = Energy(layout, Priors(layout, state, box, WEIGHTS), landmarks, WEIGHTS, lights, silhouette=outline)
     uneven = np.random.default_rng(3).uniform(-0.1, 0.1, state.specular.shape)
     shift = np.array([0.01, -0.02, 0.01, 0.002, 0.001, 0.004])
     return energy, moved(state, pose=shift, albedo=np.full(state.albedo.size, 0.1), roughness=0.05, specular=uneven)
