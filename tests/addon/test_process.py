@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.events import Event
 from facestage_blender import process
 from facestage_blender.backend import find_backend
 from facestage_blender.process import BackendProcess, explain
@@ -26,7 +27,7 @@ def wait_for_first_event(child: BackendProcess) -> None:
 
 
 def test_events_arrive_and_the_end_is_seen(stand_in: Callable[[str], list[str]]) -> None:
-    events = []
+    events: list[Event] = []
     outcome = BackendProcess([*stand_in("works"), "doctor"]).wait(events.append)
     assert outcome.ok
     assert [event.kind for event in events] == ["started", "done"]

@@ -85,11 +85,12 @@ def test_versions_agree() -> None:
 def test_manifest_keeps_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import build_extension
+    from setup_error import SetupError
 
     before = 'id = "a"\n\n[permissions]\nfiles = "read"\n'
     after = tomllib.loads(build_extension.with_wheel(before, "facestage.whl"))
     assert after == {**tomllib.loads(before), "wheels": ["./wheels/facestage.whl"]}
-    with pytest.raises(build_extension.SetupError, match="lists wheels already"):
+    with pytest.raises(SetupError, match="lists wheels already"):
         build_extension.with_wheel("wheels = []\n", "facestage.whl")
 
 

@@ -53,7 +53,7 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
         direction = np.zeros(layout.size)
         direction[layout.slices[name]] = random.normal(size=layout.slices[name].stop - layout.slices[name].start)
         expected = (total(1e-3 * direction) - total(-1e-3 * direction)) / 2e-3
-        worst = max(worst, abs(found @ direction - expected) / (abs(expected) + 1e-3))
+        worst = max(worst, abs(float(found @ direction) - expected) / (abs(expected) + 1e-3))
     print(f"chain rule off by {worst:.1e} (allowed 1e-2)")
     assert worst < 1e-2
 

@@ -141,7 +141,7 @@ def test_frozen_parameters_do_not_move(job: Job, tmp_path: Path, memory: dict[st
         memory["free"] = fit_job(job, tmp_path / "free")
     held = FROZEN_VALUES[name](fit_job(replace(job, freeze=(name,)), tmp_path / "held"))
     free = FROZEN_VALUES[name](memory["free"])
-    start = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
+    start: Any = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
     if name == "light_position":
         start = fibonacci_stage(4).position
     np.testing.assert_allclose(held, start, rtol=1e-12, atol=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from facestage.fit.parameters import LightParameters, State
 from facestage.fit.shading import ForwardModel
 from reference.synthetic_scene import RADIANCE, Scene, plain_photo
 
-NEUTRAL = {"identity": np.zeros(4), "expression": np.zeros(3)}
+NEUTRAL: dict[str, Any] = {"identity": np.zeros(4), "expression": np.zeros(3)}
 
 
 def angle_degrees(found: np.ndarray, wanted: np.ndarray) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from facestage.fit.light_position import position_derivatives, turned
 from facestage.fit.parameters import BLOCKS, Layout, State
@@ -18,7 +19,7 @@ from reference.synthetic_scene import Scene
 
 SAMPLES, SEED = 4, 6
 # Steps that move the image by about a tenth of a pixel, or change the color by about a per cent.
-STEPS = {
+STEPS: dict[str, ArrayLike] = {
     "pose": np.array([1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3]), "focal": 2e-3, "identity": 0.05, "expression": 0.02,
     "lights": 0.2, "light_position": 2e-3, "albedo": 0.02, "roughness": 4e-3, "specular": 0.1,
 }  # fmt: skip

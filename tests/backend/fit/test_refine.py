@@ -12,7 +12,7 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.atlas import Atlas
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.refine import Refined, refine, texture_size
 from facestage.fit.uncertainty import Certainty
