@@ -36,8 +36,12 @@ class Outcome:
 class BackendProcess:
     """One run of the backend. Poll it from a timer; every method returns at once."""
 
-    def __init__(self, command: Sequence[str]) -> None:
-        """Start ``command``. Raises BackendUnavailableError when it cannot be started."""
+    def __init__(self, command: Sequence[str], kill_after: float = KILL_AFTER_SECONDS) -> None:
+        """Start ``command``. Raises BackendUnavailableError when it cannot be started.
+
+        ``kill_after``: seconds that a cancelled child has to stop by itself.
+        """
+        self._kill_after = kill_after
         self.command = list(command)
         self.failure = ""
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -73,7 +77,7 @@ class BackendProcess:
 
     def poll(self) -> list[Event]:
         """The events since the last call; also sees to a cancelled child that does not stop."""
-        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > KILL_AFTER_SECONDS
+        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > self._kill_after
         if overdue and self._child.poll() is None:
             self._child.kill()
         events = []

@@ -60,7 +60,7 @@ class JointRun:
         for number, (problem, forward, truth) in enumerate(zip(problems, forwards, truths, strict=True), 1):
             view = View(problem, forward)
             state = view.start_state()
-            phases = (schedule or default_schedule(problem.job)).phases
+            phases = (schedule or default_schedule(problem.job, problem.fineness.steps_max)).phases
             self.members.append(Member(number, view, phases, truth, state, state, state))
         self.phases = self.members[0].phases
         self.folder, self.listen = folder, listen

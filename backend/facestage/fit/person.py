@@ -17,6 +17,7 @@ from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
 from facestage.fit.merged_maps import MergedMaps
@@ -36,7 +37,7 @@ FITTED_FRACTION = 0.9  # of the whole work, without textures and pictures
 
 def fit_person(
     jobs: Sequence[Job], out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None,
+    landmark_model: Path | None = None, fineness: Fineness = USUAL,
 ) -> Person:  # fmt: skip
     """Fit ``jobs``, one photo of the same person each, and write the folder ``out``.
 
@@ -46,7 +47,7 @@ def fit_person(
     began = time.monotonic()
     check_jobs(jobs)
     emit(Event(STARTED, message=f"Reading {len(jobs)} photos of one person"))
-    problems = read_photos(jobs, emit, landmark_model)
+    problems = read_photos(jobs, emit, landmark_model, fineness)
     truths = [Truth(job.truth, problems[0].geometry) if job.truth else None for job in jobs]
     start_renderer(jobs[0].device)
     partial = prepare_partial(out, contract.FILE)
@@ -105,8 +106,8 @@ def _write(
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> Refined:
     """The maps of the photos that share their skin."""
     sizes = [face_px(member) for member in run.members]
-    size = texture_size(max(sizes))
     first = next(member for member in run.members if member.joined)
+    size = texture_size(max(sizes), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"

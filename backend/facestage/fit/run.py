@@ -17,6 +17,7 @@ from facestage.contract.job import Job
 from facestage.contract.result import Result
 from facestage.fit.checkpoint import Checkpoint
 from facestage.fit.driver import FitRun
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.fitted import Progress
 from facestage.fit.output import finish, write_result
 from facestage.fit.problem import Problem, read_problem
@@ -37,7 +38,7 @@ def partial_folder(out: Path) -> Path:
 
 def fit_job(
     job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None,
+    landmark_model: Path | None = None, fineness: Fineness = USUAL,
 ) -> Result:  # fmt: skip
     """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written.
 
@@ -50,7 +51,7 @@ def fit_job(
     def emit_timed(event: Event) -> None:
         emit(replace(event, seconds=time.monotonic() - began))
 
-    problem = read_problem(job, emit_timed, landmark_model)
+    problem = read_problem(job, emit_timed, landmark_model, fineness=fineness)
     job = problem.job
     model = problem.geometry.model
     emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))
