@@ -33,11 +33,11 @@ def model() -> FaceModel:
     return load_model("default")
 
 
-@pytest.fixture(autouse=True)
-def small_textures(monkeypatch: pytest.MonkeyPatch) -> None:
+def person_of(model: FaceModel, chosen: Any, seed: int, same: int | None = None) -> Any:
+    """With small textures."""
     from facestage_blender.cases import person
 
-    monkeypatch.setattr(person, "ALBEDO_SIZE", 192)
+    return person.person_of(model, chosen, seed, same, albedo_size=192)
 
 
 def recipe(name: str):
@@ -85,7 +85,6 @@ def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
     from facestage_blender.cases.__main__ import case_seed
-    from facestage_blender.cases.person import person_of
 
     first, again, other = (person_of(head, recipe("freckles"), case_seed("freckles", seed)) for seed in (0, 0, 1))
     for name in ("identity", "expression", "albedo", "specular", "model_to_camera"):
@@ -98,7 +97,6 @@ def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
 
 def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
     from facestage_blender.cases.__main__ import case_seed, photos
-    from facestage_blender.cases.person import person_of
 
     chosen = photos(2)
     first, second = (person_of(head, each, case_seed(f"7/{name}", 0), 7) for name, each in chosen.items())
@@ -156,7 +154,6 @@ def test_lamps_lie_on_no_lattice() -> None:
 
 
 def test_skin_is_what_the_recipe_says(model: FaceModel) -> None:
-    from facestage_blender.cases.person import person_of
 
     plain = recipe("soft_many")
     usual = person_of(model, plain, 5).albedo
@@ -191,8 +188,6 @@ def test_a_beard_grows_around_the_mouth_only(model: FaceModel) -> None:
 def test_what_is_worn_lies_on_the_skin(model: FaceModel, kind: str, seed: int) -> None:
     from mathutils.bvhtree import BVHTree
 
-    from facestage_blender.cases.person import person_of
-
     person = person_of(model, recipe(kind), seed)
     (item,) = person.worn
     vertices = model.shape(person.identity, person.expression)
@@ -219,8 +214,6 @@ def test_what_is_worn_lies_on_the_skin(model: FaceModel, kind: str, seed: int) -
 @pytest.mark.parametrize("seed", range(2))
 def test_a_hand_leans_on_a_cheek(model: FaceModel, seed: int) -> None:
     from mathutils.bvhtree import BVHTree
-
-    from facestage_blender.cases.person import person_of
 
     person = person_of(model, recipe("hand"), seed)
     (hand,) = person.worn
@@ -273,7 +266,6 @@ def test_a_sensor_counts_electrons() -> None:
 
 
 def test_a_snapshot_has_all_of_it(scene, model: FaceModel, tmp_path: Path) -> None:
-    from facestage_blender.cases.person import person_of
     from facestage_blender.render import read_pixels
     from facestage_blender.sightlines import BACKGROUND, FACE, HEAD, NARROW_FACE, WORN
     from facestage_blender.synthetic import render_person
@@ -355,7 +347,6 @@ def test_command_line_writes_cases_that_load(
 
 @pytest.mark.parametrize("kind", OCCLUDERS)
 def test_what_is_worn_hides_the_face(scene, model: FaceModel, kind: str, tmp_path: Path) -> None:
-    from facestage_blender.cases.person import person_of
     from facestage_blender.render import read_pixels
     from facestage_blender.sightlines import WORN
     from facestage_blender.synthetic import render_person

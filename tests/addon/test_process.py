@@ -71,11 +71,8 @@ def test_cancel_stops_the_child(stand_in: Callable[[str], list[str]]) -> None:
     assert child.wait().code == process.CANCELLED
 
 
-def test_a_child_that_ignores_cancel_is_killed(
-    stand_in: Callable[[str], list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(process, "KILL_AFTER_SECONDS", 0.2)
-    child = BackendProcess([*stand_in("stubborn"), "fit"])
+def test_a_child_that_ignores_cancel_is_killed(stand_in: Callable[[str], list[str]]) -> None:
+    child = BackendProcess([*stand_in("stubborn"), "fit"], kill_after=0.2)
     wait_for_first_event(child)
     child.cancel()
     assert child.wait().code == process.CANCELLED

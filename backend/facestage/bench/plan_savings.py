@@ -134,7 +134,10 @@ def measure(
     name: str, job: Job, scratch: Path, rounds: int = ROUNDS, fineness: Fineness = USUAL
 ) -> tuple[Saving, list[RuleSaving]]:
     """Fit ``job`` under both plans, then time a joint step with each rule off in turn."""
-    runs = {plan: _Timed(replace(job, plan=plan), scratch / f"{job.image.parent.name}-{plan}", fineness) for plan in (LEAN, FULL)}
+    runs = {
+        plan: _Timed(replace(job, plan=plan), scratch / f"{job.image.parent.name}-{plan}", fineness)
+        for plan in (LEAN, FULL)
+    }
     fitted = {plan: run.fit() for plan, run in runs.items()}
     lean, full = runs[LEAN], runs[FULL]
     saving = Saving(

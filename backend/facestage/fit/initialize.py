@@ -66,7 +66,9 @@ LIGHT_RIDGE = 1e-3
 ROBUST_ROUNDS = 5
 
 
-def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters, ridge: float = LIGHT_RIDGE) -> np.ndarray:
+def initial_lights(
+    evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters, ridge: float = LIGHT_RIDGE
+) -> np.ndarray:
     """Radiance (N, 3) of all lights that best explains the photo on the current geometry and albedo.
 
     The image is linear in the lights, so this is a non-negative least-squares problem per channel;

@@ -47,7 +47,9 @@ def check_jobs(jobs: Sequence[Job]) -> None:
             raise InputError(f"Photos {earlier} and {number} are the same file '{job.image}'; give each photo once.")
 
 
-def read_photos(jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None, fineness: Fineness = USUAL) -> list[Problem]:
+def read_photos(
+    jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None, fineness: Fineness = USUAL
+) -> list[Problem]:
     """The problems of all photos at working size, over one face geometry.
 
     Photos of many megapixels are read again, one at a time, for textures and pictures.

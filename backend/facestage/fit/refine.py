@@ -39,7 +39,9 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
 
     ``size`` S of the albedo, by default what the photo holds.
     """
-    atlas = Atlas.build(problem.geometry, texture_size(problem.face_size_px, problem.fineness) if size is None else size)
+    atlas = Atlas.build(
+        problem.geometry, texture_size(problem.face_size_px, problem.fineness) if size is None else size
+    )
     # Specular and roughness are found on half as many texels.
     small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
     logs = atlas.bake(forward.log_albedo(fitted.state))

@@ -21,6 +21,7 @@ from facestage.fit.fitted import Fitted, Progress
 from facestage.fit.parameters import Layout, State
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
@@ -40,7 +41,7 @@ def job_of(case: Case, **changes) -> Job:
 
 
 def run_of(job: Job, folder: Path, listen=lambda progress: None) -> FitRun:
-    problem = read_problem(job)
+    problem = read_problem(job, fineness=SMALL)
     folder.mkdir(exist_ok=True)
     return FitRun(problem, ForwardModel(problem.geometry, problem.lights), folder, listen=listen)
 
@@ -75,9 +76,7 @@ def assert_same(found: Fitted, wanted: Fitted) -> None:
 @pytest.fixture(scope="module")
 def whole(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Fitted:
     """The run that nothing stopped, with the small maps."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-        return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
+    return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
 
 
 def test_the_schedule_runs_every_phase(whole: Fitted):
@@ -89,9 +88,7 @@ def test_the_schedule_runs_every_phase(whole: Fitted):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 0.999])
-def test_stopped_anywhere_it_ends_at_the_same_place(
-    case: Case, whole: Fitted, small_maps: None, tmp_path: Path, share: float
-):
+def test_stopped_anywhere_it_ends_at_the_same_place(case: Case, whole: Fitted, tmp_path: Path, share: float):
     steps = max(1, int(share * len(whole.trace)))
     interrupted(job_of(case), tmp_path, steps)
     checkpoint = Checkpoint.load(tmp_path)
@@ -99,7 +96,7 @@ def test_stopped_anywhere_it_ends_at_the_same_place(
     assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
 
 
-def test_stopped_twice(case: Case, whole: Fitted, small_maps: None, tmp_path: Path):
+def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
     interrupted(job_of(case), tmp_path, 6)
     second = run_of(job_of(case), tmp_path)
     limit = len(whole.trace) - 2
@@ -123,13 +120,13 @@ def test_stopped_twice(case: Case, whole: Fitted, small_maps: None, tmp_path: Pa
     ],
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
-def test_a_checkpoint_of_another_job_is_refused(case: Case, small_maps: None, tmp_path: Path, change: dict):
+def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, change: dict):
     interrupted(job_of(case), tmp_path, 2)
     with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
         run_of(job_of(case, **change), tmp_path).run(FOREVER, Checkpoint.load(tmp_path))
 
 
-def test_the_budget_may_change(case: Case, small_maps: None, tmp_path: Path):
+def test_the_budget_may_change(case: Case, tmp_path: Path):
     interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
     run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, Checkpoint.load(tmp_path))
 
