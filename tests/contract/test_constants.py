@@ -71,8 +71,11 @@ def test_landmarks_narrower_than_a_twenty_fifth_are_a_line(ratio: float):
 
 
 @pytest.mark.parametrize(
-    ("place", "inside"), [([149, 50], True), ([151, 50], False), ([50, 149], True), ([50, 151], False), ([-49, 50], True),
-                          ([-51, 50], False), ([50, -49], True), ([50, -51], False)],
+    ("place", "inside"),
+    [
+        ([149, 50], True), ([151, 50], False), ([50, 149], True), ([50, 151], False),
+        ([-49, 50], True), ([-51, 50], False), ([50, -49], True), ([50, -51], False),
+    ],
 )  # fmt: skip
 def test_a_landmark_may_lie_half_a_picture_outside(place: list[float], inside: bool):
     points = face().points.copy()
