@@ -75,6 +75,10 @@ def test_relit_from_the_cache_equals_traced(
     assert worst(picture, expected) < HALF
     np.testing.assert_allclose(render(folder, 2 * radiance), 2 * picture, rtol=2e-3, atol=1e-6)
     assert not render(folder, 0 * radiance).any()
+    # Where there is no cache, what must not be called is.
+    (folder / RELIGHT_CACHE).unlink()
+    with pytest.raises(pytest.fail.Exception, match="in spite of"):
+        render(folder, radiance)
 
 
 def test_the_first_relit_picture_makes_the_cache(folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]):
