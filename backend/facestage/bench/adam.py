@@ -6,7 +6,8 @@ per kind of parameter and decay, and the linear bases are applied outside of aut
 
 What differs: lamps stay in their places, by which Mitsuba does not differentiate; the specular map is
 interpolated between vertices rather than texels; a pixel is a few paths at random places in it rather than its
-middle; and its weight is estimated anew every WEIGHTS_EVERY iterations rather than at every step.
+middle. A pixel's weight is estimated anew every WEIGHTS_EVERY iterations, and where the photo has the outline every
+OUTLINE_EVERY, rather than at every step: an iteration moves the face by much less.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from facestage.fit.truth import Truth
 from facestage.render.gradient_scene import GradientScene, SceneValues, Target
 
 WEIGHTS_EVERY = 25  # iterations between estimates of the photo's noise
+OUTLINE_EVERY = 5  # iterations between looks for the outline in the photo
 WEIGHT_SAMPLES = 2
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-12
 LAST_RATE = 0.1  # share of the learning rate at the end
@@ -123,7 +125,11 @@ class AdamRun:
         self.scene = GradientScene(
             forward.geometry.triangles, state.camera, self.stage, self.map.values(state)
         )  # fmt: skip
-        self.target = self.weigh(state, 0)
+        self.target, self.outline = self.weigh(state, 0), self.find_outline(state)
+
+    def find_outline(self, state: State) -> Silhouette | None:
+        """Where the photo has the outline of ``state``; None where it shows too little of it."""
+        return None if self.energy.silhouette is None else self.energy.silhouette.find(state)
 
     def weigh(self, state: State, seed: int) -> Target:
         """The photo with the weights that the fit's noise model gives at ``state``."""
@@ -135,7 +141,7 @@ class AdamRun:
         """Energy and its gradient (size,) by the parameters."""
         values = self.map.values(state)
         photo, derivative = self.scene.gradient(values, self.target, self.samples, seed)
-        others = other_terms(self.energy, state, Anchors.at(self.energy, state))
+        others = other_terms(self.energy, state, Anchors(self.energy.landmarks.at(state), self.outline))
         return photo + others.total, self.map.gradient(state, values, derivative) + others.gradient
 
 
@@ -144,13 +150,7 @@ class Anchors:
     """Which points of the face an iteration compares with landmarks and outline: held while it differentiates."""
 
     landmarks: PlacedLandmarks
-    outline: Silhouette | None  # None where the photo shows too little of it
-
-    @classmethod
-    def at(cls, energy: Energy, state: State) -> Anchors:
-        """As a step of the fit takes them at ``state``."""
-        outline = None if energy.silhouette is None else energy.silhouette.find(state)
-        return cls(energy.landmarks.at(state), outline)
+    outline: Silhouette | None
 
 
 @dataclass(frozen=True)
@@ -213,6 +213,8 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
                 break
             if number % WEIGHTS_EVERY == 0 and number:
                 adam.target = adam.weigh(state, number)
+            if number % OUTLINE_EVERY == 0 and number:
+                adam.outline = adam.find_outline(state)
             _, gradient = adam.loss(state, problem.job.seed + 2 * number)
             done = max(elapsed / settings.budget, number / settings.iterations)
             change = descent.step(gradient, LAST_RATE**done)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.bench.adam import Anchors, other_terms
-from facestage.bench.run import run_contender
+from facestage.bench.adam import OUTLINE_EVERY, AdamRun, Anchors, other_terms, run_adam
 from facestage.bench.settings import AdamSettings
 from facestage.bench.trace import Judge
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy import Energy, Photo
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.fit.energy import Energy, Photo, PhotoTerm
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.landmark_term import LandmarkTerm
 from facestage.fit.parameters import Layout, LightParameters, State
@@ -21,7 +21,7 @@ from facestage.fit.priors import Priors
 from facestage.fit.problem import Problem
 from facestage.fit.schedule import System
 from facestage.fit.shading import ForwardModel
-from facestage.fit.silhouette import SilhouetteTerm
+from facestage.fit.silhouette import Silhouette, SilhouetteTerm
 from facestage.fit.truth import Truth
 from facestage.models.registry import load_model
 from facestage.stress.scene import plain_scene
@@ -60,10 +60,16 @@ def problem() -> tuple[Energy, State]:
     return energy, moved(state, pose=shift, albedo=np.full(state.albedo.size, 0.1), roughness=0.05, specular=uneven)
 
 
+def anchors_at(energy: Energy, state: State) -> Anchors:
+    """As a step of the fit takes them."""
+    assert energy.silhouette is not None
+    return Anchors(energy.landmarks.at(state), energy.silhouette.find(state))
+
+
 def test_every_term_and_the_gradient_are_those_of_a_step_of_the_fit(problem: tuple[Energy, State]):
     energy, state = problem
     system = System(energy, state, None, np.ones(energy.layout.size, bool))
-    found = other_terms(energy, state, Anchors.at(energy, state))
+    found = other_terms(energy, state, anchors_at(energy, state))
     assert set(found.energy) == set(system.terms) >= {"landmarks", "silhouette", "identity", "light"}
     np.testing.assert_allclose(found.gradient, system.gradient, rtol=1e-9, atol=1e-9 * np.abs(system.gradient).max())
     # The step's quadratic energies of robust terms are those of its frozen weights: their slope is the same.
@@ -74,7 +80,7 @@ def test_every_term_and_the_gradient_are_those_of_a_step_of_the_fit(problem: tup
 
 def test_the_gradient_agrees_with_finite_differences(problem: tuple[Energy, State]):
     energy, state = problem
-    anchors = Anchors.at(energy, state)
+    anchors = anchors_at(energy, state)
     assert anchors.outline is not None and len(anchors.outline.targets) >= 10
     gradient = other_terms(energy, state, anchors).gradient
     layout, random = energy.layout, np.random.default_rng(2)
@@ -90,16 +96,35 @@ def test_the_gradient_agrees_with_finite_differences(problem: tuple[Energy, Stat
         assert gradient @ direction == pytest.approx(expected, rel=1e-4, abs=1e-4 * np.abs(gradient[where]).max()), name
 
 
-def test_the_outline_pulls_on_adam(opened: tuple[Problem, Truth, Judge], monkeypatch: pytest.MonkeyPatch):
-    """A run asks for the outline at every iteration."""
+def test_adam_looks_for_the_outline_and_its_loss_has_it(problem: tuple[Energy, State]):
+    """The loss and its gradient with the outline, less those without it, are the outline's own."""
+    energy, state = problem
+    assert energy.silhouette is not None
+    forward = energy.silhouette.forward
+    photo = PhotoTerm(forward, energy.silhouette.photo, 1)
+    stage = fibonacci_stage(len(energy.light_parameters.fitted), radius=0.8).transformed(state.model_to_camera)
+    adam = AdamRun(replace(energy, photo=photo, stage=stage), state, samples=1)
+    assert adam.outline is not None
+    with_outline = adam.loss(state, seed=1)
+    outline, adam.outline = adam.outline, None
+    without = adam.loss(state, seed=1)
+    residual = outline.residuals(state)
+    pull = outline.jacobian(state, energy.layout).T @ (WEIGHTS.photo * outline.weights(residual) * residual)
+    assert with_outline[0] - without[0] == pytest.approx(WEIGHTS.photo * outline.robust_energy(residual), rel=1e-3)
+    np.testing.assert_allclose(with_outline[1] - without[1], pull, atol=1e-3 * np.abs(pull).max())
+    assert np.abs(pull).max() > 0
+
+
+def test_a_run_looks_for_the_outline_every_few_iterations(
+    opened: tuple[Problem, Truth, Judge], monkeypatch: pytest.MonkeyPatch
+):
     asked: list[State] = []
     find = SilhouetteTerm.find
 
-    def counted(term: SilhouetteTerm, state: State) -> object:
+    def counted(term: SilhouetteTerm, state: State) -> Silhouette | None:
         asked.append(state)
         return find(term, state)
 
     monkeypatch.setattr(SilhouetteTerm, "find", counted)
-    settings = AdamSettings("Adam", resolution=0.4, iterations=3)
-    run_contender(opened[0], opened[1], settings)
-    assert len(asked) >= settings.iterations
+    run_adam(opened[0], opened[1], AdamSettings("Adam", resolution=0.4, iterations=2 * OUTLINE_EVERY + 1), detail=False)
+    assert len(asked) == 3
