@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,7 +110,7 @@ def test_adam_lowers_the_energy(start: Start):
     assert after < 0.9 * before
 
 
-def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge], tmp_path: Path):
+def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge]):
     problem, truth, judge = opened
     track = run_adam(problem, truth, TINY[1], detail=False)
     seconds = [item.seconds for item in track.snapshots]

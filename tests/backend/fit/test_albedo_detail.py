@@ -71,7 +71,7 @@ def test_the_hidden_half_is_completed_from_the_other(face: PaintedFace, half_mir
     assert np.abs(detail.log_albedo[behind]).max() < 1e-3 and not (detail.seen | detail.mirrored)[behind].any()
 
 
-def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace, monkeypatch: pytest.MonkeyPatch):
+def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
     """A fit that is off by a pixel: what it paints must not look like the edges of the shadow or the highlights."""
     shifted = moved_by_a_pixel(face)
     common = replace(face, surface=face.forward.surface(shifted, face.surface.pixels, only_fitted=True))

@@ -128,7 +128,10 @@ def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, chan
 
 def test_the_budget_may_change(case: Case, tmp_path: Path):
     interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
-    run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, Checkpoint.load(tmp_path))
+    checkpoint = Checkpoint.load(tmp_path)
+    assert checkpoint is not None and len(checkpoint.trace) == 2
+    found = run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, checkpoint)
+    assert found.trace[:2] == checkpoint.trace
 
 
 def test_round_trip(scene: Scene, tmp_path: Path):

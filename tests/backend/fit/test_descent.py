@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from facestage.fit.descent import Descent, asks_lights
+from facestage.fit.descent import CONVERGED_SHARE, Descent, asks_lights
 from facestage.fit.solver import Damping
 
 FOREVER = float("inf")
@@ -146,3 +146,34 @@ def test_past_the_deadline_the_step_that_was_taken_is_the_last():
     assert len(list(toy.run(0.0, 0, time.monotonic() - 1.0))) == 1
     refused = uphill(1.0)
     assert list(refused.run(0.0, 0, time.monotonic() - 1.0)) == [] and len(refused.evaluated) == 2
+
+
+def test_numbers_begin_with_one_and_the_usual_end_is_a_thousandth():
+    assert [told.number for told in shallow(3.0).run(0.0, 0, FOREVER)][:2] == [1, 2]
+    assert CONVERGED_SHARE == 1e-3
+
+
+def test_what_lowers_nothing_is_no_step():
+    flat = Toy(lambda state: 1.0, lambda state: -1.0)
+    assert list(flat.run(0.0, 0, FOREVER)) == [] and len(flat.evaluated) == 4
+
+
+def test_the_damping_follows_what_a_step_gained_of_what_it_promised():
+    toy = shallow(3.0)
+    toy.steps = 1
+    list(toy.run(0.0, 0, FOREVER))
+    # The model promises half of the slope's work: the gain is 2, and the damping falls to a third.
+    assert toy.damping.value == pytest.approx(1e-3 / 3)
+    steep = Toy(lambda state: 0.5 * 1.7 * state**2 + 1, lambda state: 1.7 * state)
+    steep.steps = 1
+    (told,) = steep.run(1.0, 0, FOREVER)
+    step = told.state - 1.0
+    gain = (0.85 - 0.85 * told.state**2) / -(1.7 * step + 0.5 * step**2)
+    assert steep.damping.value == pytest.approx(1e-3 * max(1 / 3, 1 - (2 * gain - 1) ** 3))
+    assert 0.2 < gain < 0.5
+
+
+@pytest.mark.parametrize(("total", "tries"), [(1.0, 3), (100.0, 1)])
+def test_what_is_too_little_is_a_share_of_the_energy(total: float, tries: int):
+    toy = Toy(lambda state: total + abs(state), lambda state: -0.5)
+    assert list(toy.run(0.0, 0, FOREVER)) == [] and len(toy.evaluated) == 1 + tries

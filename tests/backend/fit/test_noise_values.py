@@ -52,12 +52,13 @@ def test_misfits_of_a_quarter_of_the_face_are_one_observation():
     assert estimated(both).area == pytest.approx(wanted, rel=0.15)
 
 
-def test_one_wild_pixel_adds_two_and_a_half_deviations_to_the_correlation():
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_wild_pixel_adds_two_and_a_half_deviations_to_the_correlation(sign: int):
     relative = white(1e-2)
     wild = relative.copy()
-    wild[5:25, 5:25] = 0.5
+    wild[5:25, 5:25] = sign * 0.5
     clipped = relative.copy()
-    clipped[5:25, 5:25] = 2.5 * estimated(wild).sigma
+    clipped[5:25, 5:25] = sign * 2.5 * estimated(wild).sigma
     assert estimated(wild).area == pytest.approx(estimated(clipped).area, rel=0.02)
 
 

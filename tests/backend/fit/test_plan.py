@@ -234,5 +234,5 @@ def test_the_result_says_what_was_left_out_and_what_it_saved(fit: Fits, job: Job
     assert not any("pixels" in entry["what"] for entry in entries)
 
 
-def test_plans_turn_all_rules_on_or_off(tmp_path: Path):
+def test_plans_turn_all_rules_on_or_off():
     assert all(vars(Rules.of(LEAN)).values()) and not any(vars(Rules.of(FULL)).values())
