@@ -5,8 +5,8 @@ is forked from a process that has imported what takes long and has started no re
 
     python tools/mutate.py --modules fit.guard contract.camera --count 20
 
-Libraries were tried first: mutmut forks after it has run the tests once, and cosmic-ray changes the files in place,
-changes numbers by one only, and pays seconds of imports for each mutant.
+Two libraries were tried first. mutmut could not collect these tests, and forks after it has run them, renderer and all;
+cosmic-ray changes the files in place, changes numbers by one only, and pays seconds of imports for each mutant.
 """
 
 from __future__ import annotations
