@@ -11,7 +11,7 @@ VENV := .venv/bin/python
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format types ci doctor extension clean
+.PHONY: help setup demo test mutants lint format types ci doctor extension clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -25,6 +25,9 @@ demo: setup ## Fit a face from a photograph and show it in a Blender scene
 
 test: setup ## Run all tests
 	@$(VENV) -m pytest
+
+mutants: setup ## Say which small errors no test would see (an hour or more; docs/testing.md)
+	@$(VENV) tools/mutate.py
 
 lint: setup ## Check style, and the walls between the rooms
 	@$(VENV) -m ruff check .

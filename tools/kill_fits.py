@@ -194,9 +194,9 @@ def make_fits(folder: Path) -> list[Fit]:
     start_renderer("cpu")
     scene = synthetic_scene()
     cases = []
-    for name, one in (("first", scene), ("second", another_photo(scene))):
+    for name, shown in (("first", scene), ("second", another_photo(scene))):
         (folder / name).mkdir()
-        cases.append(write_case(folder / name, one))
+        cases.append(write_case(folder / name, shown))
     shared = ["--model", cases[0].model_option, "--lights", "4", "--device", "cpu"]
 
     def files(option: str, name: str) -> list[str]:

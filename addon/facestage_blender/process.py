@@ -38,11 +38,13 @@ class Outcome:
 class BackendProcess:
     """One run of the backend. Poll it from a timer; every method returns at once."""
 
-    def __init__(self, command: Sequence[str], online: bool = True) -> None:
+    def __init__(self, command: Sequence[str], online: bool = True, kill_after: float = KILL_AFTER_SECONDS) -> None:
         """Start ``command``, which may fetch what it lacks when ``online``.
 
-        Raises BackendUnavailableError when it cannot be started.
+        ``kill_after``: seconds that a cancelled child has to stop by itself. Raises BackendUnavailableError when it
+        cannot be started.
         """
+        self._kill_after = kill_after
         self.command = list(command)
         self.failure = ""
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -78,7 +80,7 @@ class BackendProcess:
 
     def poll(self) -> list[Event]:
         """The events since the last call; also sees to a cancelled child that does not stop."""
-        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > KILL_AFTER_SECONDS
+        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > self._kill_after
         if overdue and self._child.poll() is None:
             self._child.kill()
         events = []

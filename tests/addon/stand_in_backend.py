@@ -25,6 +25,7 @@ from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.storage import write_json
@@ -121,13 +122,14 @@ def made_up(job: Job, model: FaceModel) -> Result:
     if job.camera_to_stage is not None:
         camera_to_stage = job.camera_to_stage
     identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
+    stage = job.stage or fibonacci_stage()
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
         status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.",
         model=job.model, camera=camera,
         camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
         albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
-        stage=job.stage.with_radiance(rng.uniform(0, 9, (len(job.stage), 3))), vertices=vertices.astype(np.float32),
+        stage=stage.with_radiance(rng.uniform(0, 9, (len(stage), 3))), vertices=vertices.astype(np.float32),
         triangles=model.triangles, identity_names=model.identity_names, expression_names=model.expression_names,
     )  # fmt: skip
 

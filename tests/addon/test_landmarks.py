@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
+from reference.known import known
 
+Numbers = tuple[float, float, float]
 # Sensor fit, lens, shift, location, rotation and scale of a camera, and the photo's size.
-VIEWS = {
+VIEWS: dict[str, tuple[str, float, tuple[float, float], Numbers, Numbers, Numbers, tuple[int, int]]] = {
     "plain": ("AUTO", 50.0, (0.0, 0.0), (0, -1, 0), (1.57, 0, 0), (1, 1, 1), (640, 480)),
     "portrait": ("AUTO", 85.0, (0.02, -0.03), (1, -2, 0.5), (1.2, 0.1, 0.4), (1, 1, 1), (480, 640)),
     "shifted": ("HORIZONTAL", 30.0, (0.3, 0.2), (1, -2, 0.5), (1.2, 0.1, 0.4), (1, 1, 1), (480, 640)),
@@ -28,7 +30,7 @@ def made_up(width: int, height: int, scheme: str = "ibug68") -> Landmarks:
     return Landmarks(scheme, points, rng.uniform(size=count) > 0.1)
 
 
-def set_view(scene, name: str):
+def set_view(scene, name: str) -> tuple[int, int]:
     import bpy
 
     fit, lens, shift, location, rotation, scale, size = VIEWS[name]
@@ -172,10 +174,10 @@ def test_weights_of_a_file_are_kept(scene) -> None:
     empties[7].facestage_landmark.state = "IGNORED"
     expected = np.arange(68) / 10
     expected[[0, 7]] = 1, 0
-    np.testing.assert_array_equal(edited_landmarks(scene).weights, expected)
+    np.testing.assert_array_equal(known(edited_landmarks(scene).weights), expected)
     empties[7].facestage_landmark.state = "HIDDEN"
     now = edited_landmarks(scene)
-    assert now.weights[7] == 0.7 and not now.visible[7]
+    assert known(now.weights)[7] == 0.7 and not now.visible[7]
 
 
 def test_a_landmark_without_position_waits_on_the_photo(scene) -> None:
@@ -218,7 +220,7 @@ def test_detect_edit_done(ready, tmp_path: Path) -> None:
     ready.facestage.face_number = 3
     assert bpy.ops.facestage.detect_landmarks() == {"FINISHED"}
     detected = Landmarks.read(tmp_path / "work" / "landmarks_detected.json")
-    np.testing.assert_array_equal(read_landmarks(ready, 96, 80).points, detected.points)
+    np.testing.assert_array_equal(known(read_landmarks(ready, 96, 80)).points, detected.points)
     assert bpy.ops.facestage.done_landmarks() == {"FINISHED"}
     assert ready.facestage.landmarks_from == "DETECTED"  # nothing was changed
     assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}
@@ -248,7 +250,7 @@ def test_fit_takes_the_points_as_they_are(ready, landmark_file: Path, tmp_path: 
         assert answer == {"FINISHED"}
     landmark_empties(ready)[30].location = (0, 0, 0)
     assert bpy.ops.facestage.fit() == {"FINISHED"}
-    given, taken = Landmarks.read(landmark_file), Job.load(tmp_path / "work" / "job").landmarks
+    given, taken = Landmarks.read(landmark_file), known(Job.load(tmp_path / "work" / "job").landmarks)
     np.testing.assert_allclose(taken.points[30], [48, 40], atol=1e-3)
     np.testing.assert_allclose(np.delete(taken.points, 30, 0), np.delete(given.points, 30, 0), atol=1e-9)
     # The result has another lens and another place of the camera; the points are still where they were.

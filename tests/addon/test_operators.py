@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.known import known
+
 
 def describe(scene) -> dict[str, object]:
     """Everything of the scene that Facestage may change, as plain values."""
@@ -189,7 +191,7 @@ def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: 
     def kill() -> None:
         while not partial.exists():
             time.sleep(0.02)
-        os.kill(Running.process.pid, signal.SIGKILL)
+        os.kill(known(Running.process).pid, signal.SIGKILL)
 
     killer = threading.Thread(target=kill)
     killer.start()
@@ -219,7 +221,7 @@ def test_check_backend_shows_the_report(scene, stand_in) -> None:
 
     stand_in("works")
     assert bpy.ops.facestage.check_backend() == {"FINISHED"}
-    assert addon_preferences(bpy.context).report == "everything works"
+    assert known(addon_preferences(bpy.context)).report == "everything works"
 
 
 def test_relight_and_light_states(ready) -> None:

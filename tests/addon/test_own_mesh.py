@@ -10,6 +10,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.result import CONVERGED, Result
+from reference.known import known
 
 
 @pytest.fixture
@@ -109,8 +110,8 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
     keys = alice.data.shape_keys.key_blocks
     assert (keys["jawOpen"].value, keys["browUp"].value) == pytest.approx((0.5, -0.5))
     assert (keys["jawOpen"].slider_max, keys["browUp"].slider_min) == (2.0, -1.0)
-    tied = OwnMesh.of(alice)
-    rest = borrowed_shape(alice, tied, result)
+    tied = known(OwnMesh.of(alice))
+    rest = known(borrowed_shape(alice, tied, result))
     write_shape(alice, tied, dict(zip(result.identity_names, result.identity.tolist(), strict=True)), rest)
     assert keys[SHAPE_KEY].value == 1.0
     empty = build_stage(scene, result.stage)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,12 @@ def test_nothing_is_made_when_nothing_changed(live, monkeypatch: pytest.MonkeyPa
 
     made = []
     show = preview._show
-    monkeypatch.setattr(preview, "_show", lambda *arguments: (made.append(1), show(*arguments)))
+
+    def counted(*arguments: Any) -> None:
+        made.append(1)
+        show(*arguments)
+
+    monkeypatch.setattr(preview, "_show", counted)
     live.facestage.rig.hide_render = True
     update(live)
     live.facestage.budget = 3.0

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.events import Event
 from facestage_blender import process
 from facestage_blender.backend import find_backend
 from facestage_blender.process import BackendProcess, explain
@@ -26,7 +27,7 @@ def wait_for_first_event(child: BackendProcess) -> None:
 
 
 def test_events_arrive_and_the_end_is_seen(stand_in: Callable[[str], list[str]]) -> None:
-    events = []
+    events: list[Event] = []
     outcome = BackendProcess([*stand_in("works"), "doctor"]).wait(events.append)
     assert outcome.ok
     assert [event.kind for event in events] == ["started", "done"]
@@ -70,11 +71,8 @@ def test_cancel_stops_the_child(stand_in: Callable[[str], list[str]]) -> None:
     assert child.wait().code == process.CANCELLED
 
 
-def test_a_child_that_ignores_cancel_is_killed(
-    stand_in: Callable[[str], list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(process, "KILL_AFTER_SECONDS", 0.2)
-    child = BackendProcess([*stand_in("stubborn"), "fit"])
+def test_a_child_that_ignores_cancel_is_killed(stand_in: Callable[[str], list[str]]) -> None:
+    child = BackendProcess([*stand_in("stubborn"), "fit"], kill_after=0.2)
     wait_for_first_event(child)
     child.cancel()
     assert child.wait().code == process.CANCELLED

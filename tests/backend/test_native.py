@@ -102,7 +102,12 @@ def test_changed_library_is_tried_again(cache: Path, tmp_path: Path, monkeypatch
     library.write_text("stands for a library\n")
     tried = []
     monkeypatch.setattr(native, "llvm_candidates", lambda: [library])
-    monkeypatch.setattr(native, "probe_llvm", lambda path: tried.append(path) or native.Probe(str(path), ""))
+
+    def probe(path: Path) -> native.Probe:
+        tried.append(path)
+        return native.Probe(str(path), "")
+
+    monkeypatch.setattr(native, "probe_llvm", probe)
     monkeypatch.setenv(native.LLVM_VARIABLE, "")
     native.ensure_llvm()
     native.ensure_llvm()

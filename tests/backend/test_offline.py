@@ -9,6 +9,7 @@ import pytest
 
 from facestage import doctor, folders
 from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
 from facestage.contract.online import is_offline, with_online_access
 from facestage.landmarks import model_file
 from facestage.models import registry
@@ -66,7 +67,7 @@ def test_no_home_is_one_sentence_that_names_the_variable(monkeypatch: pytest.Mon
     assert not doctor.folder_finding("cache folder", folders.cache_folder).works
     assert model_file.VARIABLE in doctor.landmark_finding().remedy
     assert model_file.find_model() is None
-    built: list[object] = []
+    built: list[FaceModel] = []
     with pytest.raises(StopIteration):
         registry._cached("any", "key", lambda: next(iter(built)))  # it is built, not refused
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,13 +55,14 @@ def job(photo: Path, landmarks: Landmarks) -> Job:
 @pytest.fixture
 def result() -> Result:
     random = np.random.default_rng(2)
+    half: Any = np.float64(0.5)  # a number as numpy computes it
     return Result(
         status=CONVERGED, advice="Converged.", model="default", camera=Camera(96, 80, 123.25, (47.5, 41.0)),
         camera_to_stage=rigid(4), model_to_camera=rigid(5), identity=random.normal(size=3),
         expression=random.random(2), albedo=random.normal(size=4), specular=random.random((8, 8)), roughness=0.37,
         stage=fibonacci_stage(3, radiance=0.1), vertices=random.normal(size=(9, 3)).astype(np.float32),
         triangles=random.integers(0, 9, (5, 3)).astype(np.int32), identity_names=("wide", "tall", "long"),
-        expression_names=("jawOpen", "smile"), energy={"photo": 1.5, "landmarks": np.float64(0.5)},
+        expression_names=("jawOpen", "smile"), energy={"photo": 1.5, "landmarks": half},
         errors={"psnr": 31.0}, timings={"render": 0.25}, left_out=[{"what": "2 lights", "why": "off", "saved": "time"}],
-        versions={"numpy": "1"}, seed=3, arrays={"condition": np.float64(17.0)},
+        versions={"numpy": "1"}, seed=3, arrays={"condition": 17.0 * (half + half)},
     )  # fmt: skip

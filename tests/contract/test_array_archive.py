@@ -7,6 +7,7 @@ import os
 import struct
 import zipfile
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -98,7 +99,7 @@ def test_only_the_wanted_arrays_are_read(tmp_path: Path):
 
 @pytest.mark.parametrize("dtype", ["<f4", ">f8", ">i2", "|u1", "|b1", "<U5", "<f2"])
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_what_numpy_writes_is_read(tmp_path: Path, dtype: str, order: str):
+def test_what_numpy_writes_is_read(tmp_path: Path, dtype: str, order: Literal["C", "F"]):
     array = np.asarray(np.arange(12).reshape(3, 4) % 2, order=order).astype(dtype)
     np.savez_compressed(tmp_path / "x.npz", a=array, none=np.zeros((0, 3)), one=np.array(3))
     found = read_arrays(tmp_path / "x.npz", "file")

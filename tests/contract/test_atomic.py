@@ -9,6 +9,7 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -366,7 +367,7 @@ def test_a_result_is_never_half_of_one_and_half_of_another(
         with atomic_folder(out, is_result_file) as folder:
             replace(result, seed=seed, albedo=np.full_like(result.albedo, seed)).write_into(folder)
 
-    def read(path: Path, *arguments: str) -> dict[str, np.ndarray]:
+    def read(path: Path, *arguments: Any) -> dict[str, np.ndarray]:
         monkeypatch.undo()
         # Between its result.json and its result.npz.
         write(2)

@@ -13,6 +13,7 @@ from facestage.contract.light_stage import OFF
 from facestage.contract.relight_cache import RELIGHT_CACHE, TEXTURES, RelightCache, relight_fingerprint
 from facestage.contract.result import Result
 from facestage.contract.storage import read_arrays, write_arrays
+from reference.known import known
 
 PIXELS = np.array([3, 4, 97, 200, 96 * 80 - 1])
 # The second light is a thousand times weaker than half floats reach; the third does not reach the face.
@@ -38,7 +39,7 @@ def images() -> np.ndarray:
 def cache(saved: Result, images: np.ndarray) -> RelightCache:
     coverage = np.array([1, 0.5, 0.25, 1, 1])
     made = RelightCache.of_images(96, 80, PIXELS, coverage, images, 4, relight_fingerprint(saved))
-    made.save(saved.folder)
+    made.save(known(saved.folder))
     return made
 
 
@@ -64,13 +65,13 @@ def test_the_file_holds_what_was_made(saved: Result, cache: RelightCache):
     assert (loaded.width, loaded.height, loaded.samples, len(loaded)) == (96, 80, 4, 3)
     for name in ("pixels", "coverage", "images", "scale"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(cache, name), err_msg=name)
-    assert read_arrays(saved.folder / RELIGHT_CACHE, "cache")["images"].dtype == np.float16
+    assert read_arrays(known(saved.folder) / RELIGHT_CACHE, "cache")["images"].dtype == np.float16
 
 
 def test_a_head_outside_the_picture_is_an_empty_cache(saved: Result):
     nothing = np.zeros(0)
     RelightCache.of_images(96, 80, nothing, nothing, np.zeros((3, 3, 0)), 4, relight_fingerprint(saved)).save(
-        saved.folder
+        known(saved.folder)
     )
     assert not RelightCache.load(saved).relight(np.ones((3, 3))).any()
 
@@ -95,7 +96,7 @@ def test_the_lights_radiance_and_state_leave_the_cache_valid(saved: Result, cach
 )  # fmt: skip
 def test_a_cache_of_another_state_is_refused(saved: Result, cache: RelightCache, name: str):
     if name in TEXTURES:
-        (saved.folder / name).write_bytes(b"painted over")
+        (known(saved.folder) / name).write_bytes(b"painted over")
         changed = saved
     elif name in ("position", "direction", "axis_x", "side"):
         changed = replace(saved, stage=replace(saved.stage, **{name: getattr(saved.stage, name) + 0.25}))
@@ -116,7 +117,7 @@ def test_a_missing_cache_says_how_to_make_it(saved: Result):
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
 def test_half_a_file_is_refused(saved: Result, cache: RelightCache, share: float):
-    path = saved.folder / RELIGHT_CACHE
+    path = known(saved.folder) / RELIGHT_CACHE
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(InputError, match="relight cache"):
         RelightCache.load(saved)
@@ -137,7 +138,7 @@ def test_half_a_file_is_refused(saved: Result, cache: RelightCache, share: float
     ids=str,
 )
 def test_arrays_that_do_not_belong_together_are_refused(saved: Result, cache: RelightCache, name: str, value):
-    path = saved.folder / RELIGHT_CACHE
+    path = known(saved.folder) / RELIGHT_CACHE
     write_arrays(path, {**read_arrays(path, "cache"), name: value}, compress=False)
     with pytest.raises(InputError, match="damaged"):
         RelightCache.load(saved)

@@ -81,7 +81,7 @@ def test_right_values_pass_as_they_are():
     )
     found = checked(schema(), {"a": 96.0, "b": [1, 2.5], "c": [[1, None], [3, 4]], "d": {"x": [None, 1.5]}}, "The file")
     assert (found["a"], found["b"], found["d"]) == (96, (1.0, 2.5), {"x": [None, 1.5]})
-    np.testing.assert_array_equal(found["c"], [[1, np.nan], [3, 4]])
+    np.testing.assert_array_equal(found["c"], np.array([[1, np.nan], [3, 4]]))
 
 
 class Shape(FileSchema):

@@ -53,7 +53,7 @@ def data_rows(stage: Stage, state: State, seed: int) -> Rows:
     evaluation = photo.evaluate(state, energy.stage, seed, everything=True)
     y, x = photo.index(evaluation.image.surface)
     weights = photo.weights(evaluation, photo.noise(evaluation), energy.weights.photo)[y, x]
-    jacobian = Jacobian(stage.energy.photo.forward, state, evaluation.image, layout, stage.active)
+    jacobian = Jacobian(photo.forward, state, evaluation.image, layout, stage.active)
     pixels = Rows(
         written_out(jacobian, layout, len(weights)), evaluation.residual[y, x].ravel(), np.repeat(weights, 3)
     )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from facestage.contract.light_stage import ON, LightStage
 from reference.cook_torrance import normalize
@@ -60,7 +61,7 @@ def random_triangles(count: int, seed: int) -> Mesh:
     return Mesh(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
 
 
-def stage_at(position: np.ndarray, side: float, radiance: float = 1.0) -> LightStage:
+def stage_at(position: ArrayLike, side: float, radiance: float = 1.0) -> LightStage:
     """Square lights at ``position`` (N, 3) that face the origin."""
     position = np.asarray(position, float)
     direction = -normalize(position)

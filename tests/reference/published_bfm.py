@@ -51,7 +51,7 @@ def write_2009(path: Path, face: Head, modes: int = 3) -> dict[str, np.ndarray]:
     """01_MorphableModel.mat, with fewer modes; its arrays. Its triangles face inwards."""
     shape_pc, shape_ev = unit_columns(smooth_modes(face.vertices, modes, 2e-3, 1) * 1e6)
     tex_pc, tex_ev = unit_columns(color_modes(face.vertices, modes) * 255)
-    arrays = {
+    arrays: dict[str, np.ndarray] = {
         "shapeMU": (face.vertices * 1e6).reshape(-1, 1).astype(np.float32), "shapePC": shape_pc.astype(np.float32),
         "shapeEV": shape_ev[:, None].astype(np.float32),
         "texMU": (skin_srgb(face.vertices) * 255).reshape(-1, 1).astype(np.float32), "texPC": tex_pc.astype(np.float32),

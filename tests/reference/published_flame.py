@@ -84,11 +84,11 @@ def write_flame(path: Path, arrays: dict[str, object]) -> Path:
             else:
                 sys.modules[name] = old
     content = stream.getvalue()
-    for new, old in (
+    for new, former in (
         (b"numpy._core.multiarray", b"numpy.core.multiarray"),
         (b"scipy.sparse._csc", b"scipy.sparse.csc"),
     ):
-        content = content.replace(b"c" + new + b"\n", b"c" + old + b"\n")
+        content = content.replace(b"c" + new + b"\n", b"c" + former + b"\n")
     path.write_bytes(content)
     return path
 

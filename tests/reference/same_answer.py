@@ -39,9 +39,15 @@ def _difference(one: Path, other: Path) -> str:
     if one.suffix == ".json":
         return _values(_untimed(json.loads(one.read_text())), _untimed(json.loads(other.read_text())))
     if one.suffix == ".jsonl":
-        rows = [[_untimed(json.loads(line)) for line in path.read_text().splitlines()] for path in (one, other)]
-        return _values(*rows)
+        first, second = (
+            [_untimed(json.loads(line)) for line in path.read_text().splitlines()] for path in (one, other)
+        )
+        return _values(first, second)
     return "its bytes differ"
+
+
+def _rows(path: Path) -> list[Any]:
+    return [_untimed(json.loads(line)) for line in path.read_text().splitlines()]
 
 
 def _arrays(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> str:

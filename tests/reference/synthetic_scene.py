@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
@@ -110,15 +111,10 @@ def synthetic_scene(uniform: bool = False, side: int = SIDE, specular_size: int 
     return Scene(model, geometry, lights, stage, ForwardModel(geometry, lights), state)
 
 
-def moved(state: State, **change: np.ndarray | float) -> State:
+def moved(state: State, **change: ArrayLike) -> State:
     """The state with blocks shifted: pose (6,), focal (log), and the rest by their own names."""
     layout = Layout(state)
     step = np.zeros(layout.size)
     for name, value in change.items():
         step[layout.slices[name]] = np.ravel(value)
     return layout.apply(state, step)
-
-
-def with_values(state: State, **values: np.ndarray | float) -> State:
-    """The state with fields replaced."""
-    return replace(state, **values)

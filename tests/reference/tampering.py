@@ -7,6 +7,7 @@ import os
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,18 +54,22 @@ def tamperings(folder: Path) -> Iterator[Tampering]:
     """Name and deed of each, for results like the sound one in ``folder``."""
     for name in read_arrays(folder / "result.npz", "arrays"):
         for words, change in ARRAY_CHANGES.items():
-            yield f"{name}: {words}", lambda where, n=name, c=change: _change_array(where, n, c)
+            yield f"{name}: {words}", partial(_change_array, name=name, change=change)
     data = json.loads((folder / "result.json").read_text())
     for path in _paths(data):
         for words, value in VALUES.items():
-            yield f"{'.'.join(path)}: {words}", lambda where, p=path, v=value: _change_value(where, p, v)
+            yield f"{'.'.join(path)}: {words}", partial(_change_value, path=path, value=value)
     for words, content in TEXTS.items():
-        yield f"result.json: {words}", lambda where, c=content: _replace(where / "result.json", c)
+        yield f"result.json: {words}", partial(_at, "result.json", partial(_replace, content=content))
     for words, deed in ARCHIVES.items():
-        yield f"result.npz: {words}", lambda where, d=deed: d(where / "result.npz")
+        yield f"result.npz: {words}", partial(_at, "result.npz", deed)
     for file in ("result.json", "result.npz", *PICTURES):
         for words, deed in FILES.items():
-            yield f"{file}: {words}", lambda where, f=file, d=deed: d(where / f)
+            yield f"{file}: {words}", partial(_at, file, deed)
+
+
+def _at(name: str, deed: Callable[[Path], object], folder: Path) -> None:
+    deed(folder / name)
 
 
 def copy_of(folder: Path, target: Path) -> Path:

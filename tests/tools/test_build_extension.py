@@ -87,22 +87,24 @@ def test_versions_agree() -> None:
 def test_manifest_keeps_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import build_extension
+    from setup_error import SetupError
 
     before = 'id = "a"\n\n[permissions]\nfiles = "read"\n'
     after = tomllib.loads(build_extension.with_wheels(before, ["a.whl", "b.whl"]))
     assert after == {**tomllib.loads(before), "wheels": ["./wheels/a.whl", "./wheels/b.whl"]}
-    with pytest.raises(build_extension.SetupError, match="lists wheels already"):
+    with pytest.raises(SetupError, match="lists wheels already"):
         build_extension.with_wheels("wheels = []\n", ["facestage.whl"])
 
 
 def test_a_library_is_fetched_with_its_digests_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import build_extension
+    from setup_error import SetupError
 
     lock = "a==1 \\\n    --hash=sha256:1\nb==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\nbc==4\n"
     assert build_extension.locked(lock, "b") == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
     for name in ("bc", "c"):
-        with pytest.raises(build_extension.SetupError, match=f"does not pin {name} with its digests"):
+        with pytest.raises(SetupError, match=f"does not pin {name} with its digests"):
             build_extension.locked(lock, name)
     for name in build_extension.LIBRARIES:
         other = (REPOSITORY / "requirements" / "python3.13.txt").read_text(encoding="utf-8")

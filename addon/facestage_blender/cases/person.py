@@ -25,11 +25,11 @@ PLACE_SPREAD = 0.008  # metres
 TONE_SPREAD = 0.15
 
 
-def random_person(model: FaceModel, seed: int) -> Person:
+def random_person(model: FaceModel, seed: int, albedo_size: int = ALBEDO_SIZE) -> Person:
     """A smiling person under five lights of the default stage: shape, skin and tints drawn from ``seed``."""
     rng = np.random.default_rng(seed)
     identity, delta = _identity(model, rng), _skin_tone(model, rng)
-    albedo = skin.mottled(_painted(model, delta), TEXTURE_MISMATCH, rng)
+    albedo = skin.mottled(_painted(model, delta, albedo_size), TEXTURE_MISMATCH, rng)
     specular = _specular(rng)
     pose = _pose((14.0, 4.0, -3.0), (0.012, -0.006, -DISTANCE))
     stage = fibonacci_stage()
@@ -42,7 +42,9 @@ def random_person(model: FaceModel, seed: int) -> Person:
     )  # fmt: skip
 
 
-def person_of(model: FaceModel, recipe: Recipe, seed: int, same: int | None = None) -> Person:
+def person_of(
+    model: FaceModel, recipe: Recipe, seed: int, same: int | None = None, albedo_size: int = ALBEDO_SIZE
+) -> Person:
     """The person and the light of a recipe; whatever the recipe leaves open is drawn from ``seed``.
 
     ``same``: the seed of who it is, so that photos of other seeds show one person: shape and skin are drawn from it.
@@ -53,7 +55,7 @@ def person_of(model: FaceModel, recipe: Recipe, seed: int, same: int | None = No
     if recipe.melanin is not None and len(delta):
         delta[0] = recipe.melanin + TONE_SPREAD * own.uniform(-1, 1)
     expression = expression_weights(model, _everyday_expression(rng) | dict(recipe.expression))
-    albedo = skin.mottled(recipe.shade * _painted(model, delta), recipe.mottle, own)
+    albedo = skin.mottled(recipe.shade * _painted(model, delta, albedo_size), recipe.mottle, own)
     if recipe.freckles:
         albedo = skin.freckled(albedo, model, own)
     if recipe.beard:
@@ -108,8 +110,8 @@ def _skin_tone(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
     return np.clip(0.6 * rng.normal(size=len(model.albedo_basis)), -1.5, 1.5)
 
 
-def _painted(model: FaceModel, delta: np.ndarray) -> np.ndarray:
-    return paint_vertices(model.albedo(delta), model.triangles, model.uvs, model.triangle_uvs, ALBEDO_SIZE)
+def _painted(model: FaceModel, delta: np.ndarray, size: int) -> np.ndarray:
+    return paint_vertices(model.albedo(delta), model.triangles, model.uvs, model.triangle_uvs, size)
 
 
 def _specular(rng: np.random.Generator) -> np.ndarray:

@@ -1,15 +1,20 @@
-"""The obvious alternative: the same energy over the same parameters, by Mitsuba's gradients and Adam.
+"""The obvious alternative: the fit's energy, by Mitsuba's gradients and Adam.
 
-Fairly: it starts where the fit's photo phases start (pose and shape from landmarks, lights by non-negative
-least squares), its photo weights come from the same noise model, its learning rates are per kind of parameter
-and decay, and the linear bases are applied outside of automatic differentiation, which is faster.
+Photo, landmarks, outline and priors are the fit's own terms, robust and weighted alike. Fairly: it starts where the
+fit's photo phases start (pose and shape from landmarks, lights by non-negative least squares), its learning rates are
+per kind of parameter and decay, and the linear bases are applied outside of automatic differentiation, which is faster.
+
+What differs: lamps stay in their places, by which Mitsuba does not differentiate; the specular map is
+interpolated between vertices rather than texels; a pixel is a few paths at random places in it rather than its
+middle. A pixel's weight is estimated anew every WEIGHTS_EVERY iterations, and where the photo has the outline every
+OUTLINE_EVERY, rather than at every step: an iteration moves the face by much less.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +28,17 @@ from facestage.contract.errors import InputError
 from facestage.fit.driver import FitRun
 from facestage.fit.energy import Energy
 from facestage.fit.geometry import FaceGeometry
+from facestage.fit.landmark_term import PlacedLandmarks
 from facestage.fit.parameters import BLOCKS, Layout, State
 from facestage.fit.phases import Phase, Schedule
 from facestage.fit.problem import FINE_FACE_PX, Problem
 from facestage.fit.shading import ForwardModel, bilinear_weights
+from facestage.fit.silhouette import Silhouette
 from facestage.fit.truth import Truth
 from facestage.render.gradient_scene import GradientScene, SceneValues, Target
 
 WEIGHTS_EVERY = 25  # iterations between estimates of the photo's noise
+OUTLINE_EVERY = 5  # iterations between looks for the outline in the photo
 WEIGHT_SAMPLES = 2
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-12
 LAST_RATE = 0.1  # share of the learning rate at the end
@@ -117,7 +125,11 @@ class AdamRun:
         self.scene = GradientScene(
             forward.geometry.triangles, state.camera, self.stage, self.map.values(state)
         )  # fmt: skip
-        self.target = self.weigh(state, 0)
+        self.target, self.outline = self.weigh(state, 0), self.find_outline(state)
+
+    def find_outline(self, state: State) -> Silhouette | None:
+        """Where the photo has the outline of ``state``; None where it shows too little of it."""
+        return None if self.energy.silhouette is None else self.energy.silhouette.find(state)
 
     def weigh(self, state: State, seed: int) -> Target:
         """The photo with the weights that the fit's noise model gives at ``state``."""
@@ -128,14 +140,47 @@ class AdamRun:
     def loss(self, state: State, seed: int) -> tuple[float, np.ndarray]:
         """Energy and its gradient (size,) by the parameters."""
         values = self.map.values(state)
-        photo_loss, derivative = self.scene.gradient(values, self.target, self.samples, seed)
-        prior = self.energy.priors.quadratic(state, self.energy.light_parameters)
-        landmarks = self.energy.landmarks.at(state)
-        residual = landmarks.residuals(state)
-        weights = self.energy.weights.landmarks * landmarks.robust_weights(residual)
-        by_landmarks = landmarks.jacobian(state, self.energy.layout).T @ (weights * residual)
-        total = photo_loss + sum(prior.energy.values()) + 0.5 * float(weights @ residual**2)
-        return total, self.map.gradient(state, values, derivative) + prior.gradient + by_landmarks
+        photo, derivative = self.scene.gradient(values, self.target, self.samples, seed)
+        others = other_terms(self.energy, state, Anchors(self.energy.landmarks.at(state), self.outline))
+        return photo + others.total, self.map.gradient(state, values, derivative) + others.gradient
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Which points of the face an iteration compares with landmarks and outline: held while it differentiates."""
+
+    landmarks: PlacedLandmarks
+    outline: Silhouette | None
+
+
+@dataclass(frozen=True)
+class OtherTerms:
+    """What the energy has beside the photo, by name, and the gradient (size,) of it all."""
+
+    energy: dict[str, float]
+    gradient: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """Their sum."""
+        return sum(self.energy.values())
+
+
+def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
+    """Priors, and the robust energies of landmarks and outline; exact derivatives while the anchors are held."""
+    prior = energy.priors.quadratic(state, energy.light_parameters)
+    found, gradient = dict(prior.energy), prior.gradient
+    landmarks = anchors.landmarks
+    residual = landmarks.residuals(state)
+    weights = energy.weights.landmarks * landmarks.robust_weights(residual)
+    gradient = gradient + landmarks.jacobian(state, energy.layout).T @ (weights * residual)
+    found["landmarks"] = energy.weights.landmarks * landmarks.robust_energy(state)
+    if anchors.outline is not None:
+        residual = anchors.outline.residuals(state)
+        weights = energy.weights.photo * anchors.outline.weights(residual)
+        gradient = gradient + anchors.outline.jacobian(state, energy.layout).T @ (weights * residual)
+        found["silhouette"] = energy.weights.photo * anchors.outline.robust_energy(residual)
+    return OtherTerms(found, gradient)
 
 
 def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: bool = True) -> Track:
@@ -168,6 +213,8 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
                 break
             if number % WEIGHTS_EVERY == 0 and number:
                 adam.target = adam.weigh(state, number)
+            if number % OUTLINE_EVERY == 0 and number:
+                adam.outline = adam.find_outline(state)
             _, gradient = adam.loss(state, problem.job.seed + 2 * number)
             done = max(elapsed / settings.budget, number / settings.iterations)
             change = descent.step(gradient, LAST_RATE**done)

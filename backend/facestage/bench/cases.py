@@ -43,11 +43,13 @@ class Case:
         )  # fmt: skip
 
 
-def find_cases(folders: Sequence[Path], model: str | None, scratch: Path) -> tuple[list[Case], str]:
+def find_cases(
+    folders: Sequence[Path], model: str | None, scratch: Path, side_px: int = SYNTHETIC_SIDE_PX
+) -> tuple[list[Case], str]:
     """The cases of a bench, and a sentence that says which they are.
 
     The given ``folders``; without any, those beside ICT-FaceKit in the data folder; without that, a synthetic
-    photo that is written into ``scratch``.
+    photo of ``side_px`` pixels along a side that is written into ``scratch``.
     """
     if folders:
         cases = [Case(folder.resolve().name, folder, model or DEFAULT_MODEL) for folder in folders]
@@ -59,7 +61,7 @@ def find_cases(folders: Sequence[Path], model: str | None, scratch: Path) -> tup
         chosen = model or f"ict:{archive}"
         words = "ICT-FaceKit" if model is None else f"the model {model}"
         return [Case(path.name, path, chosen) for path in shared], f"Cases of the data folder, fitted with {words}."
-    return [synthetic_case(scratch / SYNTHETIC, model)], (
+    return [synthetic_case(scratch / SYNTHETIC, model, side_px)], (
         "No cases were given or found, so the photo is synthetic, rendered by Facestage's own forward model: "
         "it shows speed, not how well a fit stands what the model does not explain. Give real ones with --case."
     )

@@ -74,7 +74,7 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
     """The default schedule, without its specular phase and parameters, over the harmonic image."""
     problem = harmonic_problem(problem)
     forward = HarmonicForward(problem.geometry, problem.lights)
-    schedule = Schedule().scaled(settings.resolution, settings.samples)
+    schedule = Schedule().scaled(settings.resolution, settings.samples).limited(problem.fineness.steps_max)
     snapshots: list[Snapshot] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), schedule=schedule.until(LIGHT_PHASE))

@@ -17,6 +17,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
 from facestage.fit.driver import FitRun
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.fitted import Fitted
 from facestage.fit.light_position import AXES
 from facestage.fit.parameters import Layout, State
@@ -96,19 +97,21 @@ def run_plan_savings(
     return EXIT_DONE
 
 
-def scenes(folder: Path, model: str, side_px: int, device: str = "cpu", seed: int = 0) -> Iterator[tuple[str, Job]]:
+def scenes(
+    folder: Path, model: str, side_px: int, device: str = "cpu", seed: int = 0, specular_size: int = SPECULAR_SIZE
+) -> Iterator[tuple[str, Job]]:
     """Synthetic photos and their jobs: little to fit, the default, and many lights."""
-    yield "one light, matte, known identity", _little(folder / "one", model, side_px, device, seed)
+    yield "one light, matte, known identity", _little(folder / "one", model, side_px, device, seed, specular_size)
     for name, lights in (("20 lights", 20), ("100 lights", 100)):
         scene = exposed(plain_scene(load_model(model), seed=5, lights=lights, side_px=side_px))
         job = _job(folder / f"lights-{lights}", scene, device, seed)
         # The lights are to be found: their radiance is not told.
         stage = replace(scene.stage, radiance=np.ones_like(scene.stage.radiance))
-        initial = {"specular": np.full((SPECULAR_SIZE, SPECULAR_SIZE), 0.8)}
+        initial = {"specular": np.full((specular_size, specular_size), 0.8)}
         yield name, replace(job, stage=stage, initial=initial)
 
 
-def _little(folder: Path, model: str, side_px: int, device: str, seed: int) -> Job:
+def _little(folder: Path, model: str, side_px: int, device: str, seed: int, specular_size: int) -> Job:
     """One light on of twenty, no highlights, an identity that is known."""
     scene = plain_scene(load_model(model), seed=5, lights=20, side_px=side_px)
     key = int(scene.stage.radiance.max(axis=1).argmax())
@@ -116,7 +119,7 @@ def _little(folder: Path, model: str, side_px: int, device: str, seed: int) -> J
     state[key] = ON
     radiance = np.where((state == ON)[:, None], scene.stage.radiance, 0.0)
     scene = exposed(with_stage(replace(scene, c_spec=0.0), radiance=radiance, state=state))
-    initial = {"specular": np.zeros((SPECULAR_SIZE, SPECULAR_SIZE)), "identity": scene.identity}
+    initial = {"specular": np.zeros((specular_size, specular_size)), "identity": scene.identity}
     job = _job(folder, scene, device, seed)
     return replace(job, initial=initial, freeze=("specular", "roughness", "identity"))
 
@@ -127,9 +130,14 @@ def _job(folder: Path, scene: Scene, device: str, seed: int) -> Job:
     return replace(job_of(folder, scene, folder / "photo.png"), device=device, seed=seed)
 
 
-def measure(name: str, job: Job, scratch: Path) -> tuple[Saving, list[RuleSaving]]:
+def measure(
+    name: str, job: Job, scratch: Path, rounds: int = ROUNDS, fineness: Fineness = USUAL
+) -> tuple[Saving, list[RuleSaving]]:
     """Fit ``job`` under both plans, then time a joint step with each rule off in turn."""
-    runs = {plan: _Timed(replace(job, plan=plan), scratch / f"{job.image.parent.name}-{plan}") for plan in (LEAN, FULL)}
+    runs = {
+        plan: _Timed(replace(job, plan=plan), scratch / f"{job.image.parent.name}-{plan}", fineness)
+        for plan in (LEAN, FULL)
+    }
     fitted = {plan: run.fit() for plan, run in runs.items()}
     lean, full = runs[LEAN], runs[FULL]
     saving = Saving(
@@ -140,7 +148,7 @@ def measure(name: str, job: Job, scratch: Path) -> tuple[Saving, list[RuleSaving
     names = [rule.name for rule in fields(Rules)]
     variants = {"": Rules()} | {rule: replace(Rules(), **{rule: False}) for rule in names}
     best = dict.fromkeys(variants, np.inf)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for variant, rules in variants.items():
             seconds = lean.step(rules, fitted[LEAN])
             best[variant] = min(best[variant], seconds)
@@ -150,8 +158,8 @@ def measure(name: str, job: Job, scratch: Path) -> tuple[Saving, list[RuleSaving
 class _Timed:
     """A fit, and how long its steps on the photo take."""
 
-    def __init__(self, job: Job, folder: Path) -> None:
-        self.job, self.folder, self.problem = job, folder, read_problem(job)
+    def __init__(self, job: Job, folder: Path, fineness: Fineness) -> None:
+        self.job, self.folder, self.problem = job, folder, read_problem(job, fineness=fineness)
         assert job.truth is not None
         self.truth = Truth(job.truth, self.problem.geometry)
         self.forward = ForwardModel(self.problem.geometry, self.problem.lights)

@@ -50,9 +50,9 @@ class Relighting:
         )
 
 
-def bench_relighting(out: Path, track: Track) -> list[str]:
+def bench_relighting(out: Path, track: Track, sides_px: Sequence[int] = SIDES_PX) -> list[str]:
     """Measure the fit of ``track``, write relighting.csv into ``out``, and return the rows in words."""
-    rows = measure_relighting(track.forward, track.snapshots[-1].state, track.stage)
+    rows = measure_relighting(track.forward, track.snapshots[-1].state, track.stage, sides_px)
     with atomic_file(out / RELIGHTING_CSV) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow([*(field.name for field in fields(Relighting)), "ratio"])

@@ -17,21 +17,21 @@ from facestage.bench.harmonics import run_harmonics
 from facestage.bench.relighting import bench_relighting
 from facestage.bench.report import PAGE, Bench, text_lines, write_bench
 from facestage.bench.settings import (
-    DEFAULT,
+    ALONE_LINEUP,
     HARMONICS,
-    MAIN,
-    QUALITY,
-    QUICK,
-    SWEEP,
+    QUICK_LINEUP,
+    WHOLE_LINEUP,
     AdamSettings,
     Contender,
+    Lineup,
     SolverSettings,
-)  # fmt: skip
+)
 from facestage.bench.solver import run_solver
 from facestage.bench.summary import summary_lines, write_qualities
 from facestage.bench.table import Final, final, reach_table
 from facestage.bench.trace import Judge, Row, Track
 from facestage.contract.errors import InputError
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.truth import Truth
 from facestage.render.variant import start_renderer
@@ -42,16 +42,17 @@ WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every 
 
 def run_bench(
     folders: Sequence[Path], model: str | None, out: Path, quick: bool, stream: TextIO, device: str = "auto",
-    seed: int = 0, alone: bool = False,
+    seed: int = 0, alone: bool = False, lineup: Lineup | None = None, fineness: Fineness = USUAL,
 ) -> int:  # fmt: skip
     """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything is measured.
 
-    ``alone``: the fit by itself, nothing to compare it with.
+    ``alone``: the fit by itself, nothing to compare it with. ``lineup``: who runs, instead of what these two say.
     """
     _make_folder(out)
     variant = start_renderer(device)
-    contenders, sweep = (QUICK, ()) if quick else ((DEFAULT,), ()) if alone else (MAIN, SWEEP)
-    qualities = () if quick or alone else QUALITY
+    if lineup is None:
+        lineup = QUICK_LINEUP if quick else ALONE_LINEUP if alone else WHOLE_LINEUP
+    contenders, qualities, sweep = lineup.main, lineup.qualities, lineup.sweep
     main = tuple(contender.name for contender in contenders)
     rows: list[Row] = []
     finals: list[Final] = []
@@ -60,9 +61,10 @@ def run_bench(
         _say(stream, sentence)
         for number, case in enumerate(cases[:1] if quick else cases):
             read = time.monotonic()
-            problem, truth, judge = open_case(case, device, seed)
+            problem, truth, judge = open_case(case, device, seed, fineness)
             if number == 0:
-                warm_up(problem, truth, contenders)
+                if lineup.warm_up:
+                    warm_up(problem, truth, contenders)
                 cold = f"Model, photo and kernels were ready after {time.monotonic() - read:.1f} s, not counted below."
             for contender in (*contenders, *qualities, *(sweep if number == 0 else ())):
                 if isinstance(contender, AdamSettings) and contender.name in main:
@@ -89,10 +91,12 @@ def run_bench(
     return EXIT_DONE
 
 
-def open_case(case: Case, device: str = "auto", seed: int = 0) -> tuple[Problem, Truth, Judge]:
+def open_case(
+    case: Case, device: str = "auto", seed: int = 0, fineness: Fineness = USUAL
+) -> tuple[Problem, Truth, Judge]:
     """A case read and checked, its truth, and what judges it."""
     job = case.job(device, seed)
-    problem = read_problem(job)
+    problem = read_problem(job, fineness=fineness)
     assert job.truth is not None
     truth = Truth(job.truth, problem.geometry)
     return problem, truth, Judge(problem, truth)

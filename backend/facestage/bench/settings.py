@@ -75,4 +75,20 @@ SWEEP: tuple[Contender, ...] = (
     AdamSettings("Adam, 16 paths a pixel", samples=16),
     AdamSettings("Adam, 0.4 times the resolution", resolution=0.4, samples=16, budget=45.0),
 )
+
+
+@dataclass(frozen=True)
+class Lineup:
+    """What a bench runs: the main contenders and qualities on every case, the sweep on the first."""
+
+    main: tuple[Contender, ...] = MAIN
+    qualities: tuple[Contender, ...] = QUALITY
+    sweep: tuple[Contender, ...] = SWEEP
+    warm_up: bool = True  # compile each contender's kernels first, so that nobody's clock counts it
+
+
 QUICK: tuple[Contender, ...] = (DEFAULT, AdamSettings("Adam", budget=30.0), HARMONIC)
+
+WHOLE_LINEUP = Lineup()
+QUICK_LINEUP = Lineup(QUICK, (), ())
+ALONE_LINEUP = Lineup((DEFAULT,), (), ())

@@ -29,7 +29,7 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
     forward = ForwardModel(problem.geometry, problem.lights)
-    schedule = default_schedule(replace(problem.job, quality=settings.quality))
+    schedule = default_schedule(replace(problem.job, quality=settings.quality), problem.fineness.steps_max)
     schedule = schedule.scaled(settings.resolution, settings.samples)
     if settings.shadow_edges is not None:
         schedule = schedule.with_shadow_edges(settings.shadow_edges)

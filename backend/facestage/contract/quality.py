@@ -30,11 +30,11 @@ class Expectation:
 
 
 @cache
-def expectations() -> dict[str, Expectation]:
+def expectations(measured: Path = MEASURED) -> dict[str, Expectation]:
     """By quality name; empty where nothing was measured."""
-    if not MEASURED.is_file():
+    if not measured.is_file():
         return {}
-    data = json.loads(MEASURED.read_text(encoding="utf-8"))
+    data = json.loads(measured.read_text(encoding="utf-8"))
     return {name: Expectation(**data["qualities"][name]) for name in QUALITIES if name in data["qualities"]}
 
 

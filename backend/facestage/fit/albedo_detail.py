@@ -26,12 +26,22 @@ SMOOTHNESS, SHRINKAGE = 0.08, 0.003
 # How much skin differs from the albedo basis, and beyond how many times the doubt of its shading it surely does.
 # Beside a highlight what is too bright is more likely more of it.
 PIGMENT_SIGMA, PLAIN_FACTOR, HIGHLIGHT_PLAIN_FACTOR = 0.06, 1.0, 3.0
-# Which share of its change over a shift by a landmark's error doubts a shading, and a highlight; and which share of
-# the highlight itself is in doubt.
-SHADING_SHIFT, HIGHLIGHT_SHIFT, HIGHLIGHT_SHARE = 0.3, 0.4, 0.2
 # Tie of a texel that the photo does not show to its mirror image, in units of its tie to the basis.
 SYMMETRY = 20.0
 KNOWN = 0.5  # share of the answer that is not the basis', from which on a texel counts as known
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """What of shading and highlights may be wrong."""
+
+    # Shares of the change over a shift by a landmark's error.
+    shading_shift: float = 0.3
+    highlight_shift: float = 0.4
+    highlight: float = 0.2  # share of the highlight itself
+
+
+DOUBTS = Doubts()
 
 
 @dataclass(frozen=True)
@@ -43,13 +53,13 @@ class AlbedoDetail:
     mirrored: np.ndarray  # (S, S) bool: the photo shows its mirror image only
 
 
-def albedo_detail(atlas: Atlas, shown: Shown, half_mirror: np.ndarray | None) -> AlbedoDetail:
+def albedo_detail(atlas: Atlas, shown: Shown, half_mirror: np.ndarray | None, doubts: Doubts = DOUBTS) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's other side.
 
     ``half_mirror`` (S / 2, S / 2) int as of :func:`symmetry.mirrored_texels`; None: no symmetry. Where neither side is
     seen, the detail decays to zero.
     """
-    weight, target = albedo_observations(shown)
+    weight, target = albedo_observations(shown, doubts)
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)  # texels per pixel: the tie is per pixel
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
     found, known = solve_field(field)
@@ -75,7 +85,7 @@ def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return completed - found, known_too
 
 
-def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
+def albedo_observations(shown: Shown, doubts: Doubts = DOUBTS) -> tuple[np.ndarray, np.ndarray]:
     """(P,) confidence and (P, 3) what each pixel says of log albedo minus the basis'.
 
     Of what a pixel lacks, only the share that is more likely pigment than wrong shading is passed on: shading errors
@@ -98,8 +108,9 @@ def albedo_observations(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
 
     body = np.maximum(skin.mean(axis=1), 1e-9)
     gloss = specular.mean(axis=1)
-    shading = SHADING_SHIFT * shown.change_over_shift(diffuse.mean(axis=1)) / np.maximum(diffuse.mean(axis=1), 1e-9)
-    highlight = np.hypot(HIGHLIGHT_SHARE * gloss, HIGHLIGHT_SHIFT * shown.change_over_shift(gloss)) / body
+    matte = diffuse.mean(axis=1)
+    shading = doubts.shading_shift * shown.change_over_shift(matte) / np.maximum(matte, 1e-9)
+    highlight = np.hypot(doubts.highlight * gloss, doubts.highlight_shift * shown.change_over_shift(gloss)) / body
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
     confidence *= pigment_share(brightness, np.hypot(shading, shown.doubt), highlight, sigma)
     return confidence, target * pigment_share(brightness, shading, highlight, sigma)[:, None]

@@ -24,8 +24,6 @@ from facestage.fit.view import View
 
 CHANNEL_NAMES = ("red", "green", "blue")
 LENS_STEPS = 6
-# A phase that ends at its last step has settled when this step lowered the photo's residual by less than this share.
-SETTLED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ def _settled(view: View, phase: Phase, trace: Sequence[dict[str, Any]]) -> bool:
         return bool(errors)
     if len(errors) < phase.steps or None in errors[-2:]:
         return True
-    return bool(errors[-1] > (1 - SETTLED_SHARE) * errors[-2])
+    return bool(errors[-1] > (1 - view.problem.fineness.settled_share) * errors[-2])
 
 
 def _lens(view: View, start: State) -> LensCheck | None:

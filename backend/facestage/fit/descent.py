@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -47,9 +47,7 @@ class Descent(ABC, Generic[S, E, Q, T]):
     tolerance: float
     damping: Damping
 
-    def run(
-        self, state: S, seed: int, deadline: float, first: int = 1, clock: Callable[[], float] = time.monotonic
-    ) -> Iterator[T]:
+    def run(self, state: S, seed: int, deadline: float, first: int = 1) -> Iterator[T]:
         """Accepted steps, numbered from ``first``, until converged, out of steps, or past the ``deadline``."""
         evaluation = self.evaluate(state, seed, everything=asks_lights(first))
         for number in range(first, self.steps + 1):
@@ -72,14 +70,14 @@ class Descent(ABC, Generic[S, E, Q, T]):
                     break
                 self.damping.reject()
                 # What is left to gain is less than what visibility jumps by from step to step.
-                if clock() > deadline or proposal.predicted < HOPELESS_SHARE * system.total:
+                if time.monotonic() > deadline or proposal.predicted < HOPELESS_SHARE * system.total:
                     return
             if not accepted:
                 return
             state, evaluation = candidate, trial
             finished = number == self.steps or decrease < self.tolerance * max(system.total, 1e-12)
             yield self.accepted(number, state, evaluation, system, proposal.condition, finished)
-            if finished or clock() > deadline:
+            if finished or time.monotonic() > deadline:
                 return
 
     @abstractmethod

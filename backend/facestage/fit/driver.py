@@ -35,7 +35,7 @@ class FitRun:
     ) -> None:
         self.problem, self.folder = problem, folder
         self.view = View(problem, forward)
-        self.phases = (schedule or default_schedule(problem.job)).phases
+        self.phases = (schedule or default_schedule(problem.job, problem.fineness.steps_max)).phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self._last: Iteration | None = None

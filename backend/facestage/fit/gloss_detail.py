@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from facestage.fit.albedo_detail import PIGMENT_SIGMA, SHADING_SHIFT
+from facestage.fit.albedo_detail import DOUBTS, PIGMENT_SIGMA
 from facestage.fit.shown import Shown
 from facestage.fit.texel_field import conjugate_gradients, neighbour_laplacian, texel_rows
 
@@ -87,7 +87,7 @@ def _residual(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     residual = shown.photo - model
     residual = np.where(shown.clipped, np.maximum(residual, 0), residual)
     body, diffuse = shown.diffuse * shown.albedo, shown.diffuse.mean(axis=1)
-    shading = SHADING_SHIFT * shown.change_over_shift(diffuse) / np.maximum(diffuse, 1e-9)
+    shading = DOUBTS.shading_shift * shown.change_over_shift(diffuse) / np.maximum(diffuse, 1e-9)
     relative = np.sqrt(PIGMENT_SIGMA**2 + shown.feature**2 + shown.doubt**2 + shading**2)
     displaced = HIGHLIGHT_MOVED * shown.change_over_shift(shown.specular.mean(axis=1))
     level = NOISE * (model + 0.5 * model.mean())

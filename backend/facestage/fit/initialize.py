@@ -66,7 +66,9 @@ LIGHT_RIDGE = 1e-3
 ROBUST_ROUNDS = 5
 
 
-def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters) -> np.ndarray:
+def initial_lights(
+    evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters, ridge: float = LIGHT_RIDGE
+) -> np.ndarray:
     """Radiance (N, 3) of all lights that best explains the photo on the current geometry and albedo.
 
     The image is linear in the lights, so this is a non-negative least-squares problem per channel;
@@ -82,14 +84,18 @@ def initial_lights(evaluation: Evaluation, photo: PhotoTerm, lights: LightParame
         columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
         columns = columns + brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular
         wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
-        result[lights.fitted, channel] = _robust_nnls(columns[:, lights.fitted], wanted, weights, clipped[:, channel])
+        result[lights.fitted, channel] = _robust_nnls(
+            columns[:, lights.fitted], wanted, weights, clipped[:, channel], ridge
+        )
     # A fit that starts in the dark has no gradient to leave it.
     level = max(float(result[lights.fitted].mean()), 1e-6)
     result[lights.fitted] = np.maximum(result[lights.fitted], 1e-3 * level)
     return result
 
 
-def _robust_nnls(columns: np.ndarray, target: np.ndarray, weights: np.ndarray, clipped: np.ndarray) -> np.ndarray:
+def _robust_nnls(
+    columns: np.ndarray, target: np.ndarray, weights: np.ndarray, clipped: np.ndarray, ridge: float
+) -> np.ndarray:
     robust = np.ones_like(weights)
     radiance = np.zeros(columns.shape[1])
     for _ in range(ROBUST_ROUNDS):
@@ -98,8 +104,8 @@ def _robust_nnls(columns: np.ndarray, target: np.ndarray, weights: np.ndarray, c
             break
         weighted = columns * (usable * robust)[:, None]
         normal = weighted.T @ columns
-        ridge = LIGHT_RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
-        factor = np.linalg.cholesky(normal + ridge * np.eye(len(normal)))
+        added = ridge * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
+        factor = np.linalg.cholesky(normal + added * np.eye(len(normal)))
         radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
         residual = np.abs(columns @ radiance - target)
         scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)

@@ -76,7 +76,7 @@ class JointRun:
         for number, (problem, forward, truth) in enumerate(self._given, 1):
             view = View(problem, forward)
             state = view.start_state()
-            phases = (self._schedule or default_schedule(problem.job)).phases
+            phases = (self._schedule or default_schedule(problem.job, problem.fineness.steps_max)).phases
             members.append(Member(number, view, phases, truth, state, state, state))
         return members
 

@@ -47,6 +47,6 @@ class OneLightImages:
         )
 
 
-def relight_scale(pixels: int, lights: int) -> float:
+def relight_scale(pixels: int, lights: int, numbers_max: float = NUMBERS_MAX) -> float:
     """The factor, at most 1, on the photo's size at which ``pixels`` of the head's box fit the memory."""
-    return min(1.0, float(np.sqrt(NUMBERS_MAX / max(3 * pixels * lights, 1))))
+    return min(1.0, float(np.sqrt(numbers_max / max(3 * pixels * lights, 1))))

@@ -17,6 +17,7 @@ from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
 from facestage.contract.result_files import is_result_file
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.joint_progress import JointProgress
 from facestage.fit.joint_run import JointFitted, JointRun
@@ -25,6 +26,7 @@ from facestage.fit.output import finish, write_result
 from facestage.fit.person_advice import company, person_verdict
 from facestage.fit.person_photos import at_own_size, check_jobs, face_px, read_photos
 from facestage.fit.place import claimed
+from facestage.fit.problem import Problem
 from facestage.fit.refine import Refined, refine, texture_size
 from facestage.fit.run import PREVIEW_INTERVAL, kept_unless_refused, seconds_to_fit
 from facestage.fit.shading import ForwardModel
@@ -38,7 +40,7 @@ FITTED_FRACTION = 0.9  # of the whole work, without textures and pictures
 
 def fit_person(
     jobs: Sequence[Job], out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None,
+    landmark_model: Path | None = None, fineness: Fineness = USUAL,
 ) -> Person:  # fmt: skip
     """Fit ``jobs``, one photo of the same person each, and write the folder ``out``.
 
@@ -53,18 +55,17 @@ def fit_person(
         emit(replace(event, seconds=time.monotonic() - began))
 
     with claimed(out, contract.FILE) as partial:
-        person = _fit(jobs, out, partial, resume, emit_timed, landmark_model)
+        problems = read_photos(jobs, emit_timed, landmark_model, fineness)
+        person = _fit(problems, out, partial, resume, emit_timed, began)
     emit_timed(Event(DONE, "done", 0, None, 0.0, 0.0, 1.0, message=person.advice))
     return person
 
 
 def _fit(
-    jobs: Sequence[Job], out: Path, partial: Path, resume: bool, emit: Callable[[Event], None],
-    landmark_model: Path | None,
-) -> Person:  # fmt: skip
-    """All of the fit in a place that no other run writes to."""
-    began = time.monotonic()
-    problems = read_photos(jobs, emit, landmark_model)
+    problems: Sequence[Problem], out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], began: float
+) -> Person:
+    """All of the fit that writes, in a place that no other run writes to."""
+    jobs = [problem.job for problem in problems]
     truths = [Truth(job.truth, problems[0].geometry) if job.truth else None for job in jobs]
     start_renderer(jobs[0].device)
     forwards = [ForwardModel(problem.geometry, problem.lights) for problem in problems]
@@ -114,8 +115,8 @@ def _write(
 def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -> Refined:
     """The maps of the photos that share their skin."""
     sizes = [face_px(member) for member in run.members]
-    size = texture_size(max(sizes))
     first = next(member for member in run.members if member.joined)
+    size = texture_size(max(sizes), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"

@@ -12,9 +12,10 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.job import Job
 from facestage.contract.person import PHOTOS_MAX
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.fitted import Fitted
 from facestage.fit.member import Member
-from facestage.fit.problem import FINE_FACE_PX, Problem, read_problem
+from facestage.fit.problem import Problem, read_problem
 from facestage.fit.skin_mask import face_size_px
 from facestage.image_io import resize
 
@@ -23,9 +24,6 @@ COMMON = {
     "model": "the face model", "freeze": "what is frozen", "weights": "the weights", "quality": "the quality",
     "plan": "the plan", "seed": "the seed", "device": "the device",
 }  # fmt: skip
-# The fit keeps each photo with a face of so many pixels at most, twice what its last phase looks at; photos of many
-# megapixels are read again, one at a time, for textures and pictures.
-WORKING_FACE_PX = 2.0 * FINE_FACE_PX
 
 
 def check_jobs(jobs: Sequence[Job]) -> None:
@@ -49,26 +47,31 @@ def check_jobs(jobs: Sequence[Job]) -> None:
             raise InputError(f"Photos {earlier} and {number} are the same file '{job.image}'; give each photo once.")
 
 
-def read_photos(jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None) -> list[Problem]:
-    """The problems of all photos at working size, over one face geometry."""
+def read_photos(
+    jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None, fineness: Fineness = USUAL
+) -> list[Problem]:
+    """The problems of all photos at working size, over one face geometry.
+
+    Photos of many megapixels are read again, one at a time, for textures and pictures.
+    """
     problems: list[Problem] = []
     for number, job in enumerate(jobs, 1):
         try:
-            whole = read_problem(job, emit, landmark_model, problems[0].geometry if problems else None)
+            whole = read_problem(job, emit, landmark_model, problems[0].geometry if problems else None, fineness)
         except InputError as error:
             raise InputError(f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}") from error
         # Its job has the landmarks that were found, for when the photo is read again.
-        problems.append(whole.reduced(WORKING_FACE_PX))
+        problems.append(whole.reduced(fineness.joint_face_px))
     return problems
 
 
 def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
     """A member's problem and fit at the photo's own size."""
     small = member.problem
-    problem = read_problem(small.job, geometry=small.geometry)
+    problem = read_problem(small.job, geometry=small.geometry, fineness=small.fineness)
     if problem.camera.width == small.camera.width:
         return problem, fitted
-    focal_px = fitted.state.camera.focal_px / problem.scale(WORKING_FACE_PX)
+    focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
     state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
     hidden = resize(fitted.hidden.astype(np.float32), *problem.photograph.size) > 0
     return problem, replace(fitted, state=state, hidden=hidden)

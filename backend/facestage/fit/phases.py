@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from facestage.contract.job import Job
@@ -45,7 +45,7 @@ BEST_JOINT: dict[str, Any] = {"face_px": 1.35 * FINE_FACE_PX, "steps": 20, "samp
 class Schedule:
     """The phases of a run: what trades time for accuracy."""
 
-    phases: tuple[Phase, ...] = field(default_factory=lambda: PHASES)
+    phases: tuple[Phase, ...] = PHASES
 
     def scaled(self, resolution: float = 1.0, samples: float = 1.0) -> Schedule:
         """Every photo phase at ``resolution`` times the pixels along a side and ``samples`` times the light samples."""
@@ -79,12 +79,26 @@ class Schedule:
             )
         )
 
+    def limited(self, steps: int | None) -> Schedule:
+        """With at most so many steps in each phase with a photo; None: as many as there are."""
+        if steps is None:
+            return self
+        return Schedule(
+            tuple(
+                phase if phase.face_px is None else replace(phase, steps=min(phase.steps, steps))
+                for phase in self.phases
+            )
+        )
+
     def until(self, name: str) -> Schedule:
         """The phases before the one called ``name``."""
         names = [phase.name for phase in self.phases]
         return Schedule(self.phases[: names.index(name)])
 
 
-def default_schedule(job: Job) -> Schedule:
-    """The schedule of a job's quality: cast shadows move in its derivatives where the lamps' places are known."""
-    return Schedule.of(job.quality).with_shadow_edges(lamps_known(job))
+def default_schedule(job: Job, steps_max: int | None = None) -> Schedule:
+    """The schedule of a job's quality: cast shadows move in its derivatives where the lamps' places are known.
+
+    ``steps_max``: see :class:`Fineness`.
+    """
+    return Schedule.of(job.quality).with_shadow_edges(lamps_known(job)).limited(steps_max)

@@ -108,10 +108,10 @@ class Jacobian:
             basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][:, :, modes]
             self._edge_basis = basis.reshape(3 * len(basis), len(modes))  # (3 vertices that cast shadows, modes)
 
-    def blocks(self) -> Iterator[JacobianBlock]:
-        """All pixels, BLOCK_PIXELS at a time."""
-        for start in range(0, len(self.image.color), BLOCK_PIXELS):
-            yield self.block(start, min(start + BLOCK_PIXELS, len(self.image.color)))
+    def blocks(self, size: int = BLOCK_PIXELS) -> Iterator[JacobianBlock]:
+        """All pixels, ``size`` at a time."""
+        for start in range(0, len(self.image.color), size):
+            yield self.block(start, min(start + size, len(self.image.color)))
 
     def block(self, start: int, end: int) -> JacobianBlock:
         """The rows of the pixels from ``start`` to ``end``."""

@@ -21,6 +21,7 @@ from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightS
 from facestage.contract.storage import finite
 from facestage.fit.detection import known_to, with_landmarks
 from facestage.fit.energy import Photo
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import white_level
 from facestage.fit.parameters import LightParameters
@@ -32,7 +33,6 @@ from facestage.models.registry import load_model
 
 # Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer adds cost, not shape.
 FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
-SPECULAR_SIZE = 32
 # A doll's head and a statue's, in metres.
 MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
 # Share of the UV square that the face's skin must cover, about: less is not a texel of most textures.
@@ -52,6 +52,7 @@ class Problem:
     fit_focal: bool
     focal_sigma: float  # standard deviation of log focal before the fit
     window: Window
+    fineness: Fineness = USUAL
 
     @property
     def lit(self) -> np.ndarray:
@@ -158,16 +159,16 @@ class Problem:
             "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
             "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
             "model": self.job.model, "fit_focal": self.fit_focal, "focal_sigma": self.focal_sigma,
-            "plan": self.job.plan, "quality": self.job.quality,
+            "plan": self.job.plan, "quality": self.job.quality, "fineness": vars(self.fineness),
         }  # fmt: skip
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 
 
-def _check_initial(initial: dict[str, np.ndarray], model: FaceModel) -> None:
+def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: Fineness) -> None:
     """Raise InputError for a starting value of a wrong name, shape or kind."""
     specular = initial.get("specular")
-    side = SPECULAR_SIZE if specular is None or specular.ndim != 2 else len(specular)
+    side = fineness.specular_size if specular is None or specular.ndim != 2 else len(specular)
     shapes = {
         "identity": (len(model.identity_names),), "expression": (len(model.expression_names),),
         "albedo": (len(model.albedo_basis),), "specular": (side, side), "roughness": (), "model_to_camera": (4, 4),
@@ -226,7 +227,7 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
 
 def read_problem(
     job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
-    geometry: FaceGeometry | None = None,
+    geometry: FaceGeometry | None = None, fineness: Fineness = USUAL,
 ) -> Problem:  # fmt: skip
     """Read and check everything a job names. Raises InputError with what is wrong.
 
@@ -254,13 +255,13 @@ def read_problem(
     landmarks = known_to(model, job.landmarks)
     model.landmark_vertices(landmarks.scheme)
     _check_size(model)
-    _check_initial(job.initial, model)
+    _check_initial(job.initial, model, fineness)
     geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, landmarks.scheme)
     fit_focal = job.camera is None and "focal" not in job.freeze
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
-    window = Window.of(width, height, landmarks)
+    window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
     return Problem(
         job, window.photograph(photograph), window.camera(camera), window.landmarks(landmarks), geometry, stage,
-        fit_focal, focal_sigma, window,
+        fit_focal, focal_sigma, window, fineness,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.atlas import Atlas
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.fitted import Fitted
 from facestage.fit.gloss_detail import GlossStep, gloss_step
 from facestage.fit.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors
@@ -22,8 +23,7 @@ from facestage.fit.symmetry import mirrored_texels
 from facestage.fit.texel_field import halved, resampled
 
 # Texels along the atlas per pixel of the face: the face fills about half of it.
-TEXELS_PER_FACE_PX, TEXTURE_MIN, TEXTURE_MAX = 3.0, 512, 2048
-SPECULAR_TEXTURE = 256  # the roughness map too; both are found on half as many texels
+TEXELS_PER_FACE_PX = 3.0
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,11 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
 
     ``size`` S of the albedo, by default what the photo holds.
     """
-    atlas = Atlas.build(problem.geometry, texture_size(problem.face_size_px) if size is None else size)
-    small = Atlas.build(problem.geometry, SPECULAR_TEXTURE)
+    atlas = Atlas.build(
+        problem.geometry, texture_size(problem.face_size_px, problem.fineness) if size is None else size
+    )
+    # Specular and roughness are found on half as many texels.
+    small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
     logs = atlas.bake(forward.log_albedo(fitted.state))
     freeze = set(problem.job.freeze)
     shown = None if freeze >= {"albedo", "specular", "roughness"} else what_is_shown(problem, forward, fitted)
@@ -59,13 +62,13 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
         logs = logs + detail.log_albedo + atlas.bake(parts)
     textures = Textures(painted(logs), *_gloss_textures(small, problem, fitted, gloss))
-    return Refined(textures, _coverage(atlas, detail, gloss))
+    return Refined(textures, _coverage(atlas, small.size, detail, gloss))
 
 
-def texture_size(face_px: float) -> int:
-    """Texels along the atlas for a face of this many pixels: a power of two times TEXTURE_MIN."""
-    size = TEXTURE_MIN
-    while size < min(TEXELS_PER_FACE_PX * face_px, TEXTURE_MAX):
+def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:
+    """Texels along the atlas for a face of this many pixels: a power of two times the smallest."""
+    size = fineness.texture_min
+    while size < min(TEXELS_PER_FACE_PX * face_px, fineness.texture_max):
         size *= 2
     return size
 
@@ -84,7 +87,7 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
 def _gloss_textures(
     small: Atlas, problem: Problem, fitted: Fitted, gloss: GlossStep | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Specular and roughness (SPECULAR_TEXTURE, SPECULAR_TEXTURE): skin as found, eyes and teeth a clear layer."""
+    """Specular and roughness (S, S) of the ``small`` atlas: skin as found, eyes and teeth a clear layer."""
     size, state = small.size, fitted.state
     specular = resampled(state.specular, size)
     roughness = np.full((size, size), state.roughness)
@@ -102,14 +105,14 @@ def _rough(values: np.ndarray) -> np.ndarray:
     return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
 
 
-def _coverage(atlas: Atlas, detail: AlbedoDetail | None, gloss: GlossStep | None) -> np.ndarray:
+def _coverage(atlas: Atlas, gloss_size: int, detail: AlbedoDetail | None, gloss: GlossStep | None) -> np.ndarray:
     """(S, S, 3) uint8: where the albedo is from, and how much the photo says of c_spec and roughness."""
     result = np.zeros((atlas.size, atlas.size, 3), np.uint8)
     if detail is not None:
         result[..., 0] = np.where(detail.seen, SEEN, np.where(detail.mirrored, BY_SYMMETRY, 0))
     if gloss is not None:
         for channel, known in ((1, gloss.specular_known), (2, gloss.roughness_known)):
-            wide = np.round(255 * resampled(known, SPECULAR_TEXTURE)).astype(np.uint8)
-            row = np.arange(atlas.size) * SPECULAR_TEXTURE // atlas.size
+            wide = np.round(255 * resampled(known, gloss_size)).astype(np.uint8)
+            row = np.arange(atlas.size) * gloss_size // atlas.size
             result[..., channel] = np.where(atlas.skin, wide[row[:, None], row], 0)
     return result

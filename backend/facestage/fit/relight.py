@@ -23,7 +23,7 @@ from facestage.contract.schema import HandWritten, checked
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
 from facestage.fit.memory import check_picture, machine_memory
-from facestage.fit.one_light import relight_scale
+from facestage.fit.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
 from facestage.fit.rendering import Textures, face_pixels, render_picture
@@ -75,7 +75,7 @@ def render_result(
             Image.fromarray(pixels).save(temporary)
 
 
-def relit(result: Result, samples: int | None, make: bool) -> np.ndarray:
+def relit(result: Result, samples: int | None, make: bool, numbers_max: float = NUMBERS_MAX) -> np.ndarray:
     """(h, w, 3) the result under its stage's radiance, from the relight cache where that has the photo's size.
 
     A cache that is missing, damaged, stale, or of fewer than ``samples`` is not used; ``make`` writes one then.
@@ -89,7 +89,7 @@ def relit(result: Result, samples: int | None, make: bool) -> np.ndarray:
     except InputError:
         pass  # it is only a cache: what is wrong with the result itself, tracing says
     if make:
-        traced = trace_lights(result, samples or SAMPLES)
+        traced = trace_lights(result, samples or SAMPLES, numbers_max=numbers_max)
         if traced is not None:
             # Without the right to write into the folder, the picture is none the worse.
             with suppress(InputError, OSError):
@@ -98,19 +98,24 @@ def relit(result: Result, samples: int | None, make: bool) -> np.ndarray:
     return render(result, samples or SAMPLES)
 
 
-def make_cache(folder: Path, samples: int | None) -> None:
-    """Write the relight cache of the result in ``folder``, smaller than the photo where that is large."""
+def make_cache(folder: Path, samples: int | None, numbers_max: float = NUMBERS_MAX) -> None:
+    """Write the relight cache of the result in ``folder``, smaller than the photo where that is large.
+
+    ``numbers_max`` that its images may hold.
+    """
     _check_samples(samples)
     result = Result.load(folder)
-    traced = trace_lights(result, samples or SAMPLES, shrink=True)
+    traced = trace_lights(result, samples or SAMPLES, shrink=True, numbers_max=numbers_max)
     assert traced is not None
     traced.save(folder)
 
 
-def trace_lights(result: Result, samples: int, shrink: bool = False) -> RelightCache | None:
+def trace_lights(
+    result: Result, samples: int, shrink: bool = False, numbers_max: float = NUMBERS_MAX
+) -> RelightCache | None:
     """The result under each of its lights alone; None where that is too large and must not ``shrink``."""
     forward, state, stage, textures = _prepared(result, np.ones(len(result.stage), bool))
-    factor = relight_scale(len(face_pixels(forward, state)), len(stage))
+    factor = relight_scale(len(face_pixels(forward, state)), len(stage), numbers_max)
     if factor < 1:
         if not shrink:
             return None

@@ -19,10 +19,11 @@ from facestage.contract.result import Result
 from facestage.contract.result_files import RESULT, is_result_file
 from facestage.fit.checkpoint import Checkpoint
 from facestage.fit.driver import FitRun
+from facestage.fit.fineness import USUAL, Fineness
 from facestage.fit.fitted import Progress
 from facestage.fit.output import finish, write_result
 from facestage.fit.place import claimed
-from facestage.fit.problem import read_problem
+from facestage.fit.problem import Problem, read_problem
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
 from facestage.render.variant import start_renderer
@@ -35,7 +36,7 @@ PREVIEW_INTERVAL = 2.0
 
 def fit_job(
     job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None,
+    landmark_model: Path | None = None, fineness: Fineness = USUAL,
 ) -> Result:  # fmt: skip
     """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written.
 
@@ -49,17 +50,16 @@ def fit_job(
         emit(replace(event, seconds=time.monotonic() - began))
 
     with claimed(out, RESULT) as partial:
-        result = _fit(job, out, partial, resume, emit_timed, landmark_model)
+        problem = read_problem(job, emit_timed, landmark_model, fineness=fineness)
+        result = _fit(problem, out, partial, resume, emit_timed, began)
     emit_timed(Event(DONE, "done", 0, None, 0.0, 0.0, 1.0, message=result.advice))
     return result
 
 
 def _fit(
-    job: Job, out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], landmark_model: Path | None
+    problem: Problem, out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], began: float
 ) -> Result:
-    """All of the fit in a place that no other run writes to."""
-    began = time.monotonic()
-    problem = read_problem(job, emit, landmark_model)
+    """All of the fit that writes, in a place that no other run writes to."""
     job = problem.job
     model = problem.geometry.model
     emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))

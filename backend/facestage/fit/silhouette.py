@@ -51,6 +51,10 @@ class Silhouette:
         """(m,) robust, and for points that say the same as their neighbours."""
         return self.share / (1.0 + (residuals / CAUCHY_SCALE) ** 2)
 
+    def robust_energy(self, residuals: np.ndarray) -> float:
+        """The Cauchy energy that :meth:`weights` belong to."""
+        return 0.5 * CAUCHY_SCALE**2 * self.share * float(np.log1p((residuals / CAUCHY_SCALE) ** 2).sum())
+
     def jacobian(self, state: State, layout: Layout) -> np.ndarray:
         """(m, size) derivative of :meth:`residuals`."""
         return np.einsum("mc,mck->mk", self.normals, self.points.jacobian(state, layout)) / self.sigma

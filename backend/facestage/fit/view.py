@@ -16,7 +16,7 @@ from facestage.fit.parameters import Layout, State
 from facestage.fit.phases import SHAPE, Phase
 from facestage.fit.plan import Plan, Rules
 from facestage.fit.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
-from facestage.fit.problem import SPECULAR_SIZE, Problem
+from facestage.fit.problem import Problem
 from facestage.fit.schedule import Stage
 from facestage.fit.shading import ForwardModel
 from facestage.fit.shadow_edges import PENUMBRA_MIN, lamps_known
@@ -47,7 +47,9 @@ class View:
     States are at the photo's full size; a stage works on them scaled by the phase's factor.
     """
 
-    def __init__(self, problem: Problem, forward: ForwardModel) -> None:
+    def __init__(self, problem: Problem, forward: ForwardModel, penumbra_min: float = PENUMBRA_MIN) -> None:
+        """``penumbra_min``: share of the light in penumbra from which on shadows are followed as they move."""
+        self._penumbra_min = penumbra_min
         self.problem, self.forward = problem, forward
         self.visible = VisiblePhoto(problem)
         self.light_scale = 1.0
@@ -75,7 +77,7 @@ class View:
         rotation, translation = initial_pose(problem.geometry, problem.landmarks, problem.camera)
         if "model_to_camera" in initial:
             rotation, translation = initial["model_to_camera"][:3, :3], initial["model_to_camera"][:3, 3]
-        size = SPECULAR_SIZE
+        size = problem.fineness.specular_size
         return State(
             rotation=rotation, translation=translation, camera=problem.camera,
             identity=initial.get("identity", np.zeros(len(model.identity_names))).astype(float),
@@ -220,4 +222,4 @@ class View:
         known = lamps_known(self.problem.job)
         casting = np.ones_like(self.strong) if known else self.strong
         self.penumbra = photo.penumbra_share(scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed)
-        return casting if self.penumbra >= PENUMBRA_MIN else None
+        return casting if self.penumbra >= self._penumbra_min else None

@@ -1,6 +1,6 @@
 """The part of a large photo that is worked on, and at which size: a face of more pixels adds cost, not detail.
 
-The textures hold no more than TEXTURE_MAX texels along a side, so a face that is larger than WORKING_FACE_PX is made
+The textures hold only so many texels along a side (see Fineness), so a face that is larger than they can show is made
 smaller at once, and what is far from the face is cut off. Results are in coordinates of the whole photo.
 """
 
@@ -12,12 +12,9 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.fineness import USUAL
 from facestage.image_io import Photograph, resize
 
-# Pixels of a photo that is worked on as it is.
-PIXELS_MAX = 2_000_000
-# Longer side of the landmarks' bounding box in pixels, at three texels of the largest texture for each.
-WORKING_FACE_PX = 600.0
 # How far around the landmarks' box the head may reach, neck and all, in longer sides of it.
 MARGIN = 1.6
 
@@ -31,16 +28,19 @@ class Window:
     factor: float = 1.0
 
     @classmethod
-    def of(cls, width: int, height: int, landmarks: Landmarks) -> Window:
-        """The window for a face; all of a photo that is not large."""
+    def of(
+        cls, width: int, height: int, landmarks: Landmarks, pixels_max: int = USUAL.photo_pixels,
+        face_px: float = USUAL.face_px,
+    ) -> Window:  # fmt: skip
+        """The window for a face; all of a photo of at most ``pixels_max``. ``face_px``: of the face's longer side."""
         points = landmarks.points[landmarks.visible & np.isfinite(landmarks.points).all(axis=1)]
-        if width * height <= PIXELS_MAX or len(points) < 2:
+        if width * height <= pixels_max or len(points) < 2:
             return cls((width, height), (0, 0, width, height))
         low, high = points.min(axis=0), points.max(axis=0)
         side = float((high - low).max())
         left, top = (int(value) for value in np.clip(low - MARGIN * side, 0, [width - 1, height - 1]))
         right, bottom = (int(value) for value in np.clip(np.ceil(high + MARGIN * side), 1, [width, height]))
-        return cls((width, height), (left, top, right, bottom), min(1.0, WORKING_FACE_PX / max(side, 1.0)))
+        return cls((width, height), (left, top, right, bottom), min(1.0, face_px / max(side, 1.0)))
 
     @property
     def whole(self) -> bool:

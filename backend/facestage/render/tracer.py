@@ -70,8 +70,9 @@ PLAIN = Asked()
 class RayTracer:
     """A triangle mesh that rays can hit. The frame is the caller's; keep its origin near the face."""
 
-    def __init__(self, triangles: np.ndarray, vertex_count: int) -> None:
-        """``triangles`` (t, 3) int; positions come with :meth:`update`."""
+    def __init__(self, triangles: np.ndarray, vertex_count: int, lanes: int = LANES) -> None:
+        """``triangles`` (t, 3) int; positions come with :meth:`update`. ``lanes``: at least so many work at a time."""
+        self._lanes = lanes
         self._mesh = mi.Mesh("face", vertex_count=vertex_count, face_count=len(triangles))
         self._parameters = mi.traverse(self._mesh)
         self._parameters["faces"] = mi.UInt32(np.ascontiguousarray(triangles, np.uint32).ravel())
@@ -147,7 +148,7 @@ class RayTracer:
             return _empty(count, lights, asked)
         # A lane walks over some of the lights for one point: neighbouring lanes send near-parallel rays, and sums
         # over lights stay in registers. Few points are split further, so that every core has lanes to work on.
-        groups = 1 if pairs is not None else int(np.clip(LANES // count, 1, len(index)))
+        groups = 1 if pairs is not None else int(np.clip(self._lanes // count, 1, len(index)))
         each = 1 if pairs is not None else -(-len(index) // groups)
         lane = dr.arange(mi.UInt32, count * groups)
         width = dr.opaque(mi.UInt32, count)

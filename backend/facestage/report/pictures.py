@@ -47,7 +47,7 @@ class View:
         rendered = self.coverage | (self.render.max(axis=-1) > 0)
         return np.where(rendered[..., None], self.render, dim * self.photo)
 
-    def difference(self) -> np.ndarray:
+    def difference(self) -> np.ma.MaskedArray:
         """(h, w) masked: luminance of the fit minus the photo's, both clipped to what a screen shows."""
         signed = luminance(np.clip(self.render, 0, 1)) - luminance(np.clip(self.photo, 0, 1))
         return np.ma.masked_array(signed, mask=~self.coverage)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,8 @@ from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_ad
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
 from facestage.fit.driver import FitRun
-from facestage.fit.parameters import BLOCKS, Layout
+from facestage.fit.energy import common_energy
+from facestage.fit.parameters import BLOCKS, Layout, State
 from facestage.fit.phases import Phase, Schedule
 from facestage.fit.problem import Problem
 from facestage.fit.shading import ForwardModel
@@ -20,6 +20,9 @@ from facestage.fit.truth import Truth
 from facestage.render.gradient_scene import SceneValues
 from reference.synthetic_scene import Scene
 from reference.tiny_bench import TINY
+
+# A run and the state that it starts from.
+Start = tuple[AdamRun, State]
 
 
 def test_first_steps_of_adam():
@@ -49,16 +52,16 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
         direction = np.zeros(layout.size)
         direction[layout.slices[name]] = random.normal(size=layout.slices[name].stop - layout.slices[name].start)
         expected = (total(1e-3 * direction) - total(-1e-3 * direction)) / 2e-3
-        worst = max(worst, abs(found @ direction - expected) / (abs(expected) + 1e-3))
+        worst = max(worst, abs(float(found @ direction) - expected) / (abs(expected) + 1e-3))
     print(f"chain rule off by {worst:.1e} (allowed 1e-2)")
     assert worst < 1e-2
 
 
 @pytest.fixture(scope="module")
-def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> tuple[AdamRun, object]:
+def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> Start:
     problem = opened[0]
-    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path_factory.mktemp("start"))
-    run.phases = Schedule().until("light and albedo").phases
+    forward, schedule = ForwardModel(problem.geometry, problem.lights), Schedule().until("light and albedo")
+    run = FitRun(problem, forward, tmp_path_factory.mktemp("start"), schedule=schedule)
     fitted = run.run(float("inf"))
     stage = run.view.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
     assert stage is not None
@@ -67,7 +70,7 @@ def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPat
     return AdamRun(stage.energy, state, samples=16), state
 
 
-def test_gradients_are_finite_and_every_block_has_one(start):
+def test_gradients_are_finite_and_every_block_has_one(start: Start):
     adam, state = start
     energy, gradient = adam.loss(state, seed=0)
     assert np.isfinite(energy) and np.isfinite(gradient).all()
@@ -76,11 +79,24 @@ def test_gradients_are_finite_and_every_block_has_one(start):
         assert np.abs(gradient[adam.energy.layout.slices[name]]).max() > 0, name
 
 
-def mean_loss(adam: AdamRun, state) -> float:
+def test_the_photo_costs_what_it_costs_the_fit(start: Start):
+    """Half the light: a misfit that the noise of the paths does not hide."""
+    adam, state = start
+    dark = replace(state, lights=0.5 * state.lights)
+    photo = adam.energy.photo
+    assert photo is not None
+    evaluation = photo.evaluate(dark, adam.stage, 1)
+    wanted, _ = common_energy(evaluation, evaluation, adam.target.weights)
+    found, _ = adam.scene.gradient(adam.map.values(dark), adam.target, 256, 1)
+    print(f"photo: {found:.1f}, the fit's {wanted:.1f}, allowed 3 % apart")
+    assert found == pytest.approx(wanted, rel=0.03)
+
+
+def mean_loss(adam: AdamRun, state: State) -> float:
     return float(np.mean([adam.loss(state, seed=1000 + number)[0] for number in range(4)]))
 
 
-def test_adam_lowers_the_energy(start):
+def test_adam_lowers_the_energy(start: Start):
     adam, state = start
     # The start's lights already explain the photo to what a few paths per pixel can tell: begin in the dark.
     state = replace(state, lights=0.5 * state.lights)
@@ -94,7 +110,7 @@ def test_adam_lowers_the_energy(start):
     assert after < 0.9 * before
 
 
-def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge], tmp_path: Path):
+def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judge]):
     problem, truth, judge = opened
     track = run_adam(problem, truth, TINY[1], detail=False)
     seconds = [item.seconds for item in track.snapshots]

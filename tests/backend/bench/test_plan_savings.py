@@ -7,33 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.bench import plan_savings
 from facestage.bench.cases import Case
 from facestage.bench.plan_savings import RuleSaving, Saving, measure, rule_lines, scenes, table_lines
 from facestage.contract.light_stage import OFF, ON
 from facestage.fit.plan import Rules
-
-
-@pytest.fixture(autouse=True)
-def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_savings, "SPECULAR_SIZE", 6)
-    monkeypatch.setattr(plan_savings, "ROUNDS", 1)
+from reference.known import known
+from reference.tiny_bench import SHORT
 
 
 def test_the_scenes_are_what_they_are_called(case: Case, tmp_path: Path):
-    jobs = dict(scenes(tmp_path, case.model, 64))
+    jobs = dict(scenes(tmp_path, case.model, 64, specular_size=6))
     little, usual, many = jobs.values()
-    assert [len(job.stage) for job in jobs.values()] == [20, 20, 100]
-    assert (little.stage.state == ON).sum() == 1 and (little.stage.state == OFF).sum() == 19
+    stages = [known(job.stage) for job in jobs.values()]
+    assert [len(stage) for stage in stages] == [20, 20, 100]
+    assert (stages[0].state == ON).sum() == 1 and (stages[0].state == OFF).sum() == 19
     assert set(little.freeze) == {"specular", "roughness", "identity"} and not little.initial["specular"].any()
-    assert not usual.freeze and np.ptp(usual.stage.radiance) == 0 == np.ptp(many.stage.radiance), (
+    assert not usual.freeze and not many.freeze and np.ptp(stages[1].radiance) == 0 == np.ptp(stages[2].radiance), (
         "the light is not told"
     )
 
 
 def test_both_plans_end_alike_and_every_rule_is_timed(case: Case, tmp_path: Path):
-    name, job = next(scenes(tmp_path, case.model, 64))
-    saving, rules = measure(name, job, tmp_path)
+    name, job = next(scenes(tmp_path, case.model, 64, specular_size=6))
+    saving, rules = measure(name, job, tmp_path, rounds=1, fineness=SHORT)
     print(*table_lines([saving]), *rule_lines(rules), sep="\n")
     assert saving.deviation < 0.05
     assert saving.lean_mm == pytest.approx(saving.full_mm, abs=0.01)

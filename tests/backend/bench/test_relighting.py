@@ -22,10 +22,9 @@ def test_cached_and_traced_pictures_agree_at_every_size(scene: Scene):
     assert large.face_pixels == pytest.approx(4 * small.face_pixels, rel=0.15)
 
 
-def test_the_rows_are_written_and_told(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("facestage.bench.relighting.measure_relighting.__defaults__", ((32,),))
+def test_the_rows_are_written_and_told(scene: Scene, tmp_path: Path):
     track = Track([Snapshot(1.0, "joint", scene.state, True)], scene.forward, scene.stage)
-    sentences = bench_relighting(tmp_path, track)
+    sentences = bench_relighting(tmp_path, track, (32,))
     with (tmp_path / RELIGHTING_CSV).open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(sentences) == len(rows) == 1

@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 
 from facestage import cli
-from facestage.bench import run as bench_run
 from facestage.bench.cases import Case, find_cases, synthetic_case
+from facestage.bench.run import run_bench
+from facestage.bench.settings import Lineup, SolverSettings
 from facestage.contract.errors import InputError
 from facestage.contract.storage import read_arrays
-from reference.tiny_bench import TINY
+from reference.tiny_bench import SHORT, TINY
 
 TRACE_COLUMNS = ["case", "family", "contender", "seconds", "stage", "psnr", "similarity_mm", "rigid_mm"]
 
@@ -25,14 +26,12 @@ def read(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.slow
-def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(bench_run, "MAIN", TINY)
-    monkeypatch.setattr(bench_run, "QUALITY", ())
-    monkeypatch.setattr(bench_run, "SWEEP", (type(TINY[0])("budget 0.1 s", resolution=0.4, budget=0.1),))
-    monkeypatch.setattr(bench_run, "warm_up", lambda *_: None)
+def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path):
+    sweep = (SolverSettings("budget 0.1 s", resolution=0.4, budget=0.1),)
+    lineup = Lineup(TINY, (), sweep, warm_up=False)
     stream = io.StringIO()
     out = tmp_path / "out"
-    assert bench_run.run_bench([case.folder], case.model, out, quick=False, stream=stream, device="cpu") == 0
+    assert run_bench([case.folder], case.model, out, False, stream, "cpu", lineup=lineup, fineness=SHORT) == 0
     rows = read(out / "trace.csv")
     assert list(rows[0]) == TRACE_COLUMNS
     assert {row["contender"] for row in rows} == {"Facestage", "Adam", "Harmonics", "budget 0.1 s"}
@@ -78,8 +77,7 @@ def test_without_any_case_the_photo_is_synthetic_and_the_bench_says_so(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("FACESTAGE_DATA", str(tmp_path / "nowhere"))
-    monkeypatch.setattr("facestage.bench.cases.SYNTHETIC_SIDE_PX", 64)
-    cases, sentence = find_cases([], case.model, tmp_path)
+    cases, sentence = find_cases([], case.model, tmp_path, side_px=64)
     assert [item.name for item in cases] == ["synthetic"]
     assert "synthetic" in sentence and "own forward model" in sentence
     assert cases[0].job().truth == tmp_path / "synthetic" / "truth.npz"

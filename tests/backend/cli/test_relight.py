@@ -75,6 +75,10 @@ def test_relit_from_the_cache_equals_traced(
     assert worst(picture, expected) < HALF
     np.testing.assert_allclose(render(folder, 2 * radiance), 2 * picture, rtol=2e-3, atol=1e-6)
     assert not render(folder, 0 * radiance).any()
+    # Where there is no cache, what must not be called is.
+    (folder / RELIGHT_CACHE).unlink()
+    with pytest.raises(pytest.fail.Exception, match="in spite of"):
+        render(folder, radiance)
 
 
 def test_the_first_relit_picture_makes_the_cache(folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]):
@@ -156,14 +160,13 @@ def test_other_weights_are_traced_and_leave_the_cache(
 
 
 def test_large_photos_get_a_smaller_cache_and_full_size_pictures(
-    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray], monkeypatch: pytest.MonkeyPatch
+    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]
 ):
-    monkeypatch.setattr("facestage.fit.one_light.NUMBERS_MAX", 2e4)
     before = (folder / RELIGHT_CACHE).read_bytes()
     (folder / RELIGHT_CACHE).unlink()
-    assert render(folder, radiance, "--spp", "2").shape == (96, 96, 3)
+    assert relight.relit(Result.load(folder), 2, make=True, numbers_max=2e4).shape == (96, 96, 3)
     assert not (folder / RELIGHT_CACHE).exists()
-    assert cli.main(["render", str(folder), "--cache", "--spp", "2"]) == 0
+    relight.make_cache(folder, 2, numbers_max=2e4)
     cache = RelightCache.load(Result.load(folder))
     assert 10 < cache.width < 80 and len((folder / RELIGHT_CACHE).read_bytes()) < len(before)
     picture = render(folder, radiance, "--spp", "2")

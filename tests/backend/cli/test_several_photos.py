@@ -11,6 +11,7 @@ from facestage import cli
 from facestage.cli.jobs import read_jobs
 from facestage.cli.parser import build_parser
 from facestage.contract.errors import InputError
+from reference.known import known
 from reference.synthetic_case import Case
 
 
@@ -42,15 +43,15 @@ def test_each_photo_has_its_own_landmarks_and_truth(case: Case, photos: list[Pat
         options += ["--landmarks", file, "--truth", f"/truth{number}.npz"]
     jobs = read_jobs(parsed(*options, "--same-person", "--camera", case.camera, "--seed", 4))
     assert [job.image for job in jobs] == photos
-    assert [job.landmarks.points[0, 0] for job in jobs] == [10.0, 11.0, 12.0]
+    assert [known(job.landmarks).points[0, 0] for job in jobs] == [10.0, 11.0, 12.0]
     assert [job.truth for job in jobs] == [Path(f"/truth{number}.npz") for number in range(3)]
     assert all(job.camera == jobs[0].camera and job.camera is not None and job.seed == 4 for job in jobs)
 
 
 def test_focal_lengths_are_for_each_photo_or_for_all(photos: list[Path]):
     each = read_jobs(parsed(*photos[:2], "--focal-px", 100, "--focal-px", 200))
-    assert [job.camera.focal_px for job in each] == [100, 200]
-    assert [job.camera.focal_px for job in read_jobs(parsed(*photos, "--focal-px", 100))] == [100, 100, 100]
+    assert [known(job.camera).focal_px for job in each] == [100, 200]
+    assert [known(job.camera).focal_px for job in read_jobs(parsed(*photos, "--focal-px", 100))] == [100, 100, 100]
     assert [job.camera for job in read_jobs(parsed(*photos))] == [None, None, None]
 
 

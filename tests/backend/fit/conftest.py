@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from facestage.fit.fineness import Fineness
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene, synthetic_scene
 
@@ -35,9 +37,6 @@ def case(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Case:
 
 
 @pytest.fixture
-def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Textures of a size that fits a photo of 96 pixels."""
-    monkeypatch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MIN", 64)
-    monkeypatch.setattr("facestage.fit.refine.TEXTURE_MAX", 64)
-    monkeypatch.setattr("facestage.fit.refine.SPECULAR_TEXTURE", 32)
+def small_maps() -> Fineness:
+    """For ``fit_job`` and ``read_problem``: textures of a size that fits a photo of 96 pixels."""
+    return SMALL

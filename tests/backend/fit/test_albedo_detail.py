@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.fit import albedo_detail as module
-from facestage.fit.albedo_detail import albedo_detail, pigment_share
+from facestage.fit.albedo_detail import Doubts, albedo_detail, pigment_share
 from facestage.fit.atlas import Atlas
 from facestage.fit.shading import sample_bilinear
 from facestage.fit.symmetry import mirrored_texels
@@ -72,7 +71,7 @@ def test_the_hidden_half_is_completed_from_the_other(face: PaintedFace, half_mir
     assert np.abs(detail.log_albedo[behind]).max() < 1e-3 and not (detail.seen | detail.mirrored)[behind].any()
 
 
-def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace, monkeypatch: pytest.MonkeyPatch):
+def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
     """A fit that is off by a pixel: what it paints must not look like the edges of the shadow or the highlights."""
     shifted = moved_by_a_pixel(face)
     common = replace(face, surface=face.forward.surface(shifted, face.surface.pixels, only_fitted=True))
@@ -88,19 +87,15 @@ def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace, mon
     strong = gloss > 0.3 * (shown.diffuse * shown.albedo).mean(axis=1)
     edge = shown.change_over_shift(shown.diffuse.mean(axis=1)) > 0.5 * np.median(shown.diffuse)
 
-    def painted() -> tuple[float, float, float]:
-        detail = albedo_detail(face.atlas, shown, None).log_albedo.mean(axis=2)
+    def painted(doubts: Doubts) -> tuple[float, float, float]:
+        detail = albedo_detail(face.atlas, shown, None, doubts).log_albedo.mean(axis=2)
         amount = sample_bilinear(detail, shown.uvs)
         return (
             float(np.abs(amount).mean()), float(np.corrcoef(np.abs(amount), edge)[0, 1]),
             float(np.corrcoef(amount, strong)[0, 1]),
         )  # fmt: skip
 
-    found = painted()
-    monkeypatch.setattr(module, "SHADING_SHIFT", 0.0)
-    monkeypatch.setattr(module, "HIGHLIGHT_SHIFT", 0.0)
-    monkeypatch.setattr(module, "HIGHLIGHT_SHARE", 0.0)
-    naive = painted()
+    found, naive = painted(Doubts()), painted(Doubts(0.0, 0.0, 0.0))
     print(
         f"painted {found[0]:.4f} (without doubt {naive[0]:.4f}); correlation with the shadow's edge {found[1]:.2f} "
         f"({naive[1]:.2f}), with the highlights {found[2]:.2f} ({naive[2]:.2f})"

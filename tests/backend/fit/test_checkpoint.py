@@ -24,6 +24,7 @@ from facestage.fit.plan import Ledger, Work
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
 from facestage.fit.view import Memory
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
@@ -43,7 +44,7 @@ def job_of(case: Case, **changes) -> Job:
 
 
 def run_of(job: Job, folder: Path, listen=lambda progress: None) -> FitRun:
-    problem = read_problem(job)
+    problem = read_problem(job, fineness=SMALL)
     folder.mkdir(exist_ok=True)
     return FitRun(problem, ForwardModel(problem.geometry, problem.lights), folder, listen=listen)
 
@@ -80,9 +81,7 @@ def assert_same(found: Fitted, wanted: Fitted) -> None:
 @pytest.fixture(scope="module")
 def whole(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Fitted:
     """The run that nothing stopped, with the small maps."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-        return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
+    return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
 
 
 def test_the_schedule_runs_every_phase(whole: Fitted):
@@ -94,9 +93,7 @@ def test_the_schedule_runs_every_phase(whole: Fitted):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 1.0])
-def test_stopped_anywhere_it_ends_at_the_same_place(
-    case: Case, whole: Fitted, small_maps: None, tmp_path: Path, share: float
-):
+def test_stopped_anywhere_it_ends_at_the_same_place(case: Case, whole: Fitted, tmp_path: Path, share: float):
     steps = max(1, int(share * len(whole.trace)))
     interrupted(job_of(case), tmp_path, steps)
     checkpoint = Checkpoint.load(tmp_path)
@@ -104,7 +101,7 @@ def test_stopped_anywhere_it_ends_at_the_same_place(
     assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
 
 
-def test_stopped_twice(case: Case, whole: Fitted, small_maps: None, tmp_path: Path):
+def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
     interrupted(job_of(case), tmp_path, 6)
     second = run_of(job_of(case), tmp_path)
     limit = len(whole.trace) - 2
@@ -128,20 +125,23 @@ def test_stopped_twice(case: Case, whole: Fitted, small_maps: None, tmp_path: Pa
     ],
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
-def test_a_checkpoint_of_another_job_is_refused(case: Case, small_maps: None, tmp_path: Path, change: dict):
+def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, change: dict):
     interrupted(job_of(case), tmp_path, 2)
     with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
         run_of(job_of(case, **change), tmp_path).run(FOREVER, Checkpoint.load(tmp_path))
 
 
-def test_the_budget_may_change(case: Case, small_maps: None, tmp_path: Path):
+def test_the_budget_may_change(case: Case, tmp_path: Path):
     interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
-    run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, Checkpoint.load(tmp_path))
+    checkpoint = Checkpoint.load(tmp_path)
+    assert checkpoint is not None and len(checkpoint.trace) == 2
+    found = run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, checkpoint)
+    assert found.trace[:2] == checkpoint.trace
 
 
 @pytest.mark.parametrize("budget", [0.0, FOREVER])
 def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
-    case: Case, whole: Fitted, small_maps: None, tmp_path: Path, budget: float
+    case: Case, whole: Fitted, tmp_path: Path, budget: float
 ):
     interrupted(job_of(case), tmp_path, len(whole.trace))
     fitted = run_of(job_of(case), tmp_path).run(budget, Checkpoint.load(tmp_path))
@@ -198,7 +198,8 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     write_arrays(tmp_path / CHECKPOINT, {name: array for name, array in arrays.items() if name != "began/rotation"})
     with pytest.raises(InputError, match=r"damaged.*rotation"):
         Checkpoint.load(tmp_path)
-    for other in ({"schema": 1}, {}, []):
+    others: list[object] = [{"schema": 1}, {}, []]
+    for other in others:
         write_arrays(tmp_path / CHECKPOINT, arrays | {"meta": np.array(json.dumps(other))})
         with pytest.raises(InputError, match=r"another version.*without --resume"):
             Checkpoint.load(tmp_path)

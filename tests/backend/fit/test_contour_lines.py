@@ -186,8 +186,8 @@ def recovered_mm(head: FaceGeometry, truth: State, landmarks: Landmarks, slides:
     for item in Stage("landmarks", SHAPE, energy, 15, freeze, low, high).run(start, 0, np.inf):
         start = item.state
     region = head.new_index[head.model.regions["narrow_face"]]
-    shapes = [head.vertices(state.identity, state.expression)[region] for state in (start, truth)]
-    return float(aligned_distance(*shapes, scale=True).mean()) / MM
+    found, wanted = (head.vertices(state.identity, state.expression)[region] for state in (start, truth))
+    return float(aligned_distance(found, wanted, scale=True).mean()) / MM
 
 
 def test_478_points_recover_a_face_as_well_as_68(head: FaceGeometry):

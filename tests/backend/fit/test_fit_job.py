@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -20,25 +21,12 @@ from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
 from facestage.contract.partial import partial_folder
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
-from facestage.fit import schedule
-from facestage.fit.run import fit_job
+from facestage.fit import run
 from facestage.image_io import read_exr
+from reference.small_fit import QUICK
 from reference.synthetic_case import Case
 
-pytestmark = pytest.mark.usefixtures("small_maps")
-
-
-@pytest.fixture(autouse=True)
-def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At most two steps in each phase with a photo."""
-    from facestage.fit import checks, phases
-
-    short = tuple(
-        replace(phase, steps=min(phase.steps, 2)) if phase.face_px is not None else phase for phase in phases.PHASES
-    )
-    monkeypatch.setattr(phases, "PHASES", short)
-    # Two steps never settle; that is not what these tests are about.
-    monkeypatch.setattr(checks, "SETTLED_SHARE", 1.0)
+fit_job = partial(run.fit_job, fineness=QUICK)
 
 
 @pytest.fixture(autouse=True)
@@ -143,7 +131,7 @@ def test_frozen_parameters_do_not_move(job: Job, tmp_path: Path, memory: dict[st
         memory["free"] = fit_job(job, tmp_path / "free")
     held = FROZEN_VALUES[name](fit_job(replace(job, freeze=(name,)), tmp_path / "held"))
     free = FROZEN_VALUES[name](memory["free"])
-    start = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
+    start: Any = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
     if name == "light_position":
         start = fibonacci_stage(4).position
     np.testing.assert_allclose(held, start, rtol=1e-12, atol=1e-12)
@@ -195,9 +183,7 @@ def test_a_spent_budget_ends_early_with_a_result(
 ):
     import time
 
-    clock = Clock()
-    monkeypatch.setattr(time, "monotonic", clock)
-    monkeypatch.setattr(schedule.Stage.run, "__defaults__", (1, clock))
+    monkeypatch.setattr(time, "monotonic", Clock())
     result = fit_job(replace(job, budget_seconds=budget), tmp_path / "out")
     assert result.status == BUDGET_SPENT and "--budget" in result.advice and "--resume" in result.advice
     assert (partial_folder(tmp_path / "out") / "checkpoint.npz").is_file(), "so that --resume can go on"
@@ -342,16 +328,13 @@ def test_a_given_camera_is_held_whatever_the_exif_says(job: Job, tmp_path: Path)
     assert "guess" in read_problem(replace(job, camera=None)).read_from_photo()["focal"]
 
 
-def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path):
     """The same photo, and the same enlarged beyond what is worked on at full size, end at the same face."""
     from PIL import Image
 
-    from facestage.fit import window
-
     # What is large begins between the two; the face is made as small as it was.
     factor = 3
-    monkeypatch.setattr(window, "PIXELS_MAX", 30_000)
-    monkeypatch.setattr(window, "WORKING_FACE_PX", 60.0)
+    fineness = replace(QUICK, photo_pixels=30_000, face_px=60.0)
     with Image.open(job.image) as photo:
         large = photo.convert("RGB").resize((factor * photo.width, factor * photo.height), Image.Resampling.BICUBIC)
     large.save(tmp_path / "large.png")
@@ -362,9 +345,11 @@ def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path, mo
         (factor * camera.principal_px[0], factor * camera.principal_px[1]),
     )  # fmt: skip
     landmarks = replace(job.landmarks, points=factor * job.landmarks.points)
-    small = fit_job(job, tmp_path / "small")
-    result = fit_job(
-        replace(job, image=tmp_path / "large.png", landmarks=landmarks, camera=enlarged), tmp_path / "large"
+    small = run.fit_job(job, tmp_path / "small", fineness=fineness)
+    result = run.fit_job(
+        replace(job, image=tmp_path / "large.png", landmarks=landmarks, camera=enlarged),
+        tmp_path / "large",
+        fineness=fineness,
     )
     assert (result.camera.width, result.camera.height) == (enlarged.width, enlarged.height)
     assert result.camera.focal_px == pytest.approx(enlarged.focal_px)

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
@@ -21,6 +22,7 @@ from facestage.fit.parameters import Layout, State
 from facestage.fit.phases import SHAPE
 from facestage.fit.run import fit_job
 from facestage.fit.schedule import Stage
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene, moved
 
@@ -85,23 +87,23 @@ def job(case: Case) -> Job:
     )  # fmt: skip
 
 
-@pytest.mark.usefixtures("renderer", "small_maps")
+@pytest.mark.usefixtures("renderer")
 def test_what_no_face_explains_keeps_the_landmarks_shape(job: Job, tmp_path: Path):
     noise = np.random.default_rng(5).integers(0, 255, (96, 96, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
-    result = fit_job(replace(job, image=tmp_path / "noise.png"), tmp_path / "out")
+    result = fit_job(replace(job, image=tmp_path / "noise.png"), tmp_path / "out", fineness=SMALL)
     assert result.status == STOPPED and "landmarks' own" in result.advice
     assert result.errors["similarity_mm"] == pytest.approx(result.errors["landmark_stage_similarity_mm"], abs=1e-9)
-    plain = fit_job(job, tmp_path / "plain")
+    plain = fit_job(job, tmp_path / "plain", fineness=SMALL)
     assert plain.status == CONVERGED and plain.advice.startswith("Converged:")
     assert plain.errors["similarity_mm"] < plain.errors["landmark_stage_similarity_mm"]
 
 
-@pytest.mark.usefixtures("renderer", "small_maps")
+@pytest.mark.usefixtures("renderer")
 def test_a_refusal_leaves_nothing_behind(job: Job, tmp_path: Path):
     alpha = np.zeros((96, 96), np.uint8)
     alpha[:4, :4] = 255
     Image.fromarray(np.dstack([np.asarray(Image.open(job.image)), alpha])).save(tmp_path / "masked.png")
-    with pytest.raises(Exception, match="shows the face"):
-        fit_job(replace(job, image=tmp_path / "masked.png"), tmp_path / "out")
+    with pytest.raises(InputError, match="shows the face"):
+        fit_job(replace(job, image=tmp_path / "masked.png"), tmp_path / "out", fineness=SMALL)
     assert not partial_folder(tmp_path / "out").exists() and not (tmp_path / "out").exists()

@@ -19,9 +19,9 @@ from facestage.contract.person import Person
 from facestage.contract.result import STOPPED, Result
 from facestage.fit.member import Member
 from facestage.fit.person import fit_person
-from facestage.fit.phases import PHASES
 from facestage.fit.run import fit_job
 from reference.same_answer import differences
+from reference.small_fit import QUICK
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
 from reference.two_photos import another_photo
@@ -35,19 +35,9 @@ class StopError(Exception):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small(renderer: str):
-    """Small maps, few steps, and no report: what is asked here is in the arrays."""
-    # Two steps, so that a phase is left in the middle too; one where nothing else is asked.
-    steps = {"geometry": 3, "joint": 2}
-    short = tuple(
-        phase if phase.face_px is None else replace(phase, steps=steps.get(phase.name, 1)) for phase in PHASES
-    )
+def no_report(renderer: str):
+    """No report: what is asked here is in the arrays."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.phases.PHASES", short)
-        patch.setattr("facestage.fit.checks.SETTLED_SHARE", 1.0)
-        patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-        for name, size in (("TEXTURE_MIN", 64), ("TEXTURE_MAX", 64), ("SPECULAR_TEXTURE", 32)):
-            patch.setattr(f"facestage.fit.refine.{name}", size)
         patch.setattr("facestage.fit.output.write_report", lambda folder, data: None)
         patch.setattr("facestage.fit.person.write_person_report", lambda folder, person: None)
         yield
@@ -77,11 +67,11 @@ def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def one(job: Job) -> Fit:
-    return lambda out, resume, emit: fit_job(job, out, resume, emit)
+    return lambda out, resume, emit: fit_job(job, out, resume, emit, fineness=QUICK)
 
 
 def together(jobs: Sequence[Job]) -> Fit:
-    return lambda out, resume, emit: fit_person(jobs, out, resume, emit)
+    return lambda out, resume, emit: fit_person(jobs, out, resume, emit, fineness=QUICK)
 
 
 def undisturbed(fit: Fit, out: Path) -> list[str]:

@@ -18,10 +18,7 @@ BOUND = 2e-6
 
 @pytest.mark.parametrize("blocks", [BLOCKS, ("lights",), ("specular",), ("pose", "lights"), ("albedo", "specular")])
 @pytest.mark.parametrize("uniform", [False, True])
-def test_hessian_and_gradient(
-    scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPatch, uniform: bool, blocks: tuple[str, ...]
-):
-    monkeypatch.setattr("facestage.fit.photometric.BLOCK_PIXELS", 777)
+def test_hessian_and_gradient(scene: Scene, uniform_scene: Scene, uniform: bool, blocks: tuple[str, ...]):
     scene = uniform_scene if uniform else scene
     state, layout = scene.state, Layout(scene.state)
     y, x = np.mgrid[: state.camera.height, : state.camera.width]
@@ -35,7 +32,7 @@ def test_hessian_and_gradient(
     jacobian = Jacobian(scene.forward, state, image, layout, layout.mask(blocks))
     system = NormalEquations(jacobian, layout)
     dense = written_out(jacobian, layout, pixels)
-    for block in jacobian.blocks():
+    for block in jacobian.blocks(777):
         system.add(block, residual[block.pixels], weights[block.pixels])
     hessian, gradient = system.assembled()
     weighted = dense * np.repeat(weights, 3)[:, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,17 +22,22 @@ from facestage.contract.partial import partial_folder
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.contract.result_files import is_result_file
+from facestage.fit import person as person_fit
+from facestage.fit import run
 from facestage.fit.metrics import aligned_distance
-from facestage.fit.person import fit_person
 from facestage.fit.problem import read_problem
 from facestage.fit.relight import render_result
-from facestage.fit.run import fit_job
 from facestage.image_io import read_exr
+from reference.small_fit import QUICK, SMALL
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
 from reference.two_photos import another_photo
 
-pytestmark = pytest.mark.usefixtures("renderer", "small_maps")
+pytestmark = pytest.mark.usefixtures("renderer")
+
+fit_job = partial(run.fit_job, fineness=SMALL)
+fit_person = partial(person_fit.fit_person, fineness=SMALL)
+quick_fit = partial(person_fit.fit_person, fineness=QUICK)
 
 
 class StopError(Exception):
@@ -59,12 +65,8 @@ def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The two photos fitted together, with all that is written."""
     out = tmp_path_factory.mktemp("person") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.view.SPECULAR_SIZE", 6)
-        for name, size in (("TEXTURE_MIN", 64), ("TEXTURE_MAX", 64), ("SPECULAR_TEXTURE", 32)):
-            patch.setattr(f"facestage.fit.refine.{name}", size)
-        events: list[Event] = []
-        fit_person(jobs[:2], out, emit=events.append)
+    events: list[Event] = []
+    fit_person(jobs[:2], out, emit=events.append)
     assert [events[0].kind, events[-1].kind] == [STARTED, DONE]
     fractions = [event.fraction for event in events]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
@@ -74,16 +76,8 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One step in each photo phase, two where the shape starts to move, and no pictures."""
-    from facestage.fit import checks, phases
-
-    steps = {"geometry": 2}
-    short = tuple(
-        phase if phase.face_px is None else replace(phase, steps=steps.get(phase.name, 1)) for phase in phases.PHASES
-    )
-    monkeypatch.setattr(phases, "PHASES", short)
-    monkeypatch.setattr(checks, "SETTLED_SHARE", 1.0)
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reports have tests of their own."""
     monkeypatch.setattr("facestage.fit.output.write_report", lambda folder, data: None)
     monkeypatch.setattr("facestage.fit.person.write_person_report", lambda folder, person: None)
 
@@ -131,46 +125,44 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(folder: Path, job
     assert [str(path) for path in files if not is_result_file(path)] == []
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_stopped_in_the_middle_it_ends_at_the_same_place(jobs: list[Job], tmp_path: Path):
-    whole = fit_person(jobs[:2], tmp_path / "whole")
+    whole = quick_fit(jobs[:2], tmp_path / "whole")
 
     def stop(event: Event) -> None:
         if "together: geometry, step 1" in event.message:
             raise StopError
 
     with pytest.raises(StopError):
-        fit_person(jobs[:2], tmp_path / "out", emit=stop)
-    again = fit_person(jobs[:2], tmp_path / "out", resume=True)
+        quick_fit(jobs[:2], tmp_path / "out", emit=stop)
+    again = quick_fit(jobs[:2], tmp_path / "out", resume=True)
     np.testing.assert_allclose(again.identity, whole.identity, rtol=1e-6, atol=1e-9)
     for photo in whole.photos:
         one, other = (Result.load(tmp_path / name / photo.folder) for name in ("whole", "out"))
         np.testing.assert_allclose(one.vertices, other.vertices, atol=1e-7)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_a_checkpoint_of_other_photos_is_refused(jobs: list[Job], tmp_path: Path):
     def stop(event: Event) -> None:
         if "together: light" in event.message:
             raise StopError
 
     with pytest.raises(StopError):
-        fit_person(jobs[:2], tmp_path / "out", emit=stop)
+        quick_fit(jobs[:2], tmp_path / "out", emit=stop)
     with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
-        fit_person(jobs[1::-1], tmp_path / "out", resume=True)
+        quick_fit(jobs[1::-1], tmp_path / "out", resume=True)
     with pytest.raises(InputError, match="of 2 photos, and 3"):
-        fit_person(jobs, tmp_path / "out", resume=True)
+        quick_fit(jobs, tmp_path / "out", resume=True)
 
 
-@pytest.mark.usefixtures("quick")
-def test_large_photos_are_fitted_small_and_shown_whole(
-    jobs: list[Job], scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+@pytest.mark.usefixtures("no_pictures")
+def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], tmp_path: Path):
     small = [read_problem(job).face_size_px for job in jobs[:2]]
-    plain = fit_person(jobs[:2], tmp_path / "plain")
+    plain = quick_fit(jobs[:2], tmp_path / "plain")
     # As if the faces were larger than what the phases look at.
-    monkeypatch.setattr("facestage.fit.person_photos.WORKING_FACE_PX", 0.8 * max(small))
-    person = fit_person(jobs[:2], tmp_path / "out")
+    fineness = replace(QUICK, joint_face_px=0.8 * max(small))
+    person = person_fit.fit_person(jobs[:2], tmp_path / "out", fineness=fineness)
     results = [Result.load(tmp_path / "out" / photo.folder) for photo in person.photos]
     assert [result.camera.width for result in results] == [96, 80]
     for result, photo, job in zip(results, plain.photos, jobs, strict=False):
@@ -181,26 +173,26 @@ def test_large_photos_are_fitted_small_and_shown_whole(
         assert result.errors["landmark_px"] == pytest.approx(photo.errors["landmark_px"], abs=0.3)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_another_person_is_named(jobs: list[Job], tmp_path: Path):
-    person = fit_person([jobs[0], jobs[2]], tmp_path / "two")
+    person = quick_fit([jobs[0], jobs[2]], tmp_path / "two")
     assert person.status == STOPPED and "Photos 1 and 2 may show different people" in person.advice
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_another_person_among_three_is_left_out(jobs: list[Job], scene: Scene, tmp_path: Path):
-    person = fit_person(jobs, tmp_path / "three")
+    person = quick_fit(jobs, tmp_path / "three")
     assert person.status == STOPPED and person.advice.startswith("Photo 3 (photo.png): This photo may show another")
     assert [photo.shares_shape for photo in person.photos] == [True, True, False]
-    two = fit_person(jobs[:2], tmp_path / "two")
+    two = quick_fit(jobs[:2], tmp_path / "two")
     np.testing.assert_allclose(person.identity, two.identity, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     noise = np.random.default_rng(5).integers(0, 255, (80, 80, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
-    person = fit_person([jobs[0], replace(jobs[1], image=tmp_path / "noise.png")], tmp_path / "out")
+    person = quick_fit([jobs[0], replace(jobs[1], image=tmp_path / "noise.png")], tmp_path / "out")
     assert person.status == STOPPED and "left out of the shape" in person.advice and "noise.png" in person.advice
     assert [photo.shares_shape for photo in person.photos] == [True, False]
     first, second = (Result.load(tmp_path / "out" / photo.folder) for photo in person.photos)
@@ -208,14 +200,14 @@ def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     assert np.isfinite(second.vertices).all() and second.status == STOPPED
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("no_pictures")
 def test_where_no_photo_is_believed_the_shape_is_the_landmarks(jobs: list[Job], tmp_path: Path):
     for number in (0, 1):
         size = (96, 80)[number]
         noise = np.random.default_rng(number).integers(0, 255, (size, size, 3), np.uint8)
         Image.fromarray(noise).save(tmp_path / f"noise{number}.png")
     changed = [replace(job, image=tmp_path / f"noise{number}.png") for number, job in enumerate(jobs[:2])]
-    person = fit_person(changed, tmp_path / "out")
+    person = quick_fit(changed, tmp_path / "out")
     assert person.status == STOPPED and "landmarks' own" in person.advice
     assert not any(photo.shares_shape for photo in person.photos)
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,15 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.partial import CHECKPOINT, LOCK, MARKER, partial_folder
 from facestage.contract.result import Result
-from facestage.fit.person import fit_person
+from facestage.fit import person, run
 from facestage.fit.place import claimed
-from facestage.fit.run import fit_job
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 
 RESULT = "result.json"
+
+fit_job = partial(run.fit_job, fineness=SMALL)
+fit_person = partial(person.fit_person, fineness=SMALL)
 
 
 class StopError(Exception):
@@ -32,7 +36,7 @@ class StopError(Exception):
 
 
 @pytest.fixture
-def job(case: Case, small_maps: None, monkeypatch: pytest.MonkeyPatch) -> Job:
+def job(case: Case, monkeypatch: pytest.MonkeyPatch) -> Job:
     """All but light is frozen, and no report: the quickest fit."""
     monkeypatch.setattr("facestage.fit.output.write_report", lambda folder, data: None)
     return Job(

@@ -12,10 +12,11 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.atlas import Atlas
-from facestage.fit.driver import Fitted
+from facestage.fit.fitted import Fitted
 from facestage.fit.problem import Problem, read_problem
 from facestage.fit.refine import Refined, refine, texture_size
 from facestage.fit.uncertainty import Certainty
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
@@ -23,7 +24,7 @@ from reference.synthetic_scene import Scene
 @pytest.fixture(scope="module")
 def problem(case: Case) -> Problem:
     return read_problem(
-        Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera))
+        Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera)), fineness=SMALL
     )  # fmt: skip
 
 
@@ -39,7 +40,6 @@ def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
     return refine(replace(problem, job=replace(problem.job, freeze=freeze)), scene.forward, fitted)
 
 
-@pytest.mark.usefixtures("small_maps")
 def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
     held = refined(scene, problem, "albedo", "specular", "roughness")
     assert not held.coverage.any()
@@ -56,7 +56,6 @@ def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
         assert np.abs(getattr(free.textures, name) - getattr(held.textures, name)).max() > 1e-5
 
 
-@pytest.mark.usefixtures("small_maps")
 def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
     found = refined(scene, problem)
     atlas = Atlas.build(scene.geometry, 64)

@@ -111,3 +111,18 @@ def test_a_point_far_off_counts_less_than_a_close_one(scene: Scene, photo: Photo
     found = find(scene, photo, scene.state)
     near, far = found.weights(np.array([0.1, 9.0]))
     assert far < 0.2 * near <= found.share
+
+
+def test_deviation_and_share_follow_the_face_s_size(scene: Scene, photo: Photo):
+    found = find(scene, photo, scene.state)
+    np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1.0)
+    assert found.sigma == pytest.approx(0.6) and found.share == pytest.approx(0.25)
+    small = SilhouetteTerm(scene.forward, photo, 20.0).find(scene.state)
+    assert small is not None and (small.sigma, small.share) == (0.5, 1.0)
+
+
+def test_normals_point_out_of_the_face(scene: Scene, photo: Photo):
+    found = find(scene, photo, scene.state)
+    place = found.points.project(scene.state)
+    inside, outside = (scene.forward.hits(scene.state, place + sign * 2.0 * found.normals).triangle for sign in (-1, 1))
+    assert (inside >= 0).all() and (outside < 0).all()

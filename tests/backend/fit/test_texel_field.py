@@ -17,7 +17,10 @@ def direct(field: Field) -> np.ndarray:
     chosen = np.flatnonzero(field.texels)
     numbers = np.full(size * size, -1)
     numbers[chosen] = np.arange(len(chosen))
-    rows, columns, data, right = [], [], [], []
+    rows: list[int] = []
+    columns: list[int] = []
+    data: list[float] = []
+    right: list[np.ndarray] = []
     index, share = bilinear_weights(field.uvs, size)
     for pixel in range(len(index)):
         for texel, part in zip(index[pixel], share[pixel], strict=True):

@@ -17,6 +17,7 @@ from facestage.contract.result import Result
 from facestage.fit.parameters import Layout
 from facestage.fit.run import fit_job
 from facestage.fit.uncertainty import NAMED_MAX, describe, deviations
+from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
@@ -70,7 +71,7 @@ def test_unobserved_entries_are_named_by_block(scene: Scene) -> None:
     np.testing.assert_allclose(certainty.deviations["identity"], [0.1, 1.0, 0.1, 0.1], rtol=1e-5)
 
 
-@pytest.mark.usefixtures("renderer", "small_maps")
+@pytest.mark.usefixtures("renderer")
 def test_a_fit_names_the_mode_that_moves_nothing(case: Case, tmp_path: Path) -> None:
     model = FaceModel.load(case.model)
     basis = model.expression_basis.copy()
@@ -80,7 +81,7 @@ def test_a_fit_names_the_mode_that_moves_nothing(case: Case, tmp_path: Path) -> 
         image=case.photo, landmarks=Landmarks.read(case.landmarks), camera=Camera.read(case.camera),
         model=f"npz:{tmp_path / 'model.npz'}", stage=fibonacci_stage(6), freeze=("identity",), device="cpu",
     )  # fmt: skip
-    fit_job(job, tmp_path / "result")
+    fit_job(job, tmp_path / "result", fineness=SMALL)
     result = Result.load(tmp_path / "result")
     assert result.unobserved["expression"] == [model.expression_names[1]]
     assert "identity" not in result.unobserved and "pose" not in result.unobserved

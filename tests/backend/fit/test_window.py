@@ -7,7 +7,8 @@ import pytest
 
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.window import PIXELS_MAX, WORKING_FACE_PX, Window
+from facestage.fit.fineness import USUAL
+from facestage.fit.window import Window
 from facestage.image_io import Photograph
 
 
@@ -33,16 +34,16 @@ def test_a_small_photo_is_left_alone():
 def test_camera_and_points_agree_in_both_frames(center: tuple[float, float], side: float):
     window, marks = Window.of(4000, 3000, landmarks(center, side)), landmarks(center, side)
     camera = Camera(4000, 3000, 3600.0, (2010.0, 1480.0))
-    assert not window.whole and np.prod(window.size) < 3 * PIXELS_MAX
+    assert not window.whole and np.prod(window.size) < 3 * USUAL.photo_pixels
     points = np.random.default_rng(1).normal(size=(20, 3)) * 0.05 + [0, 0, -0.7]
     own, moved = window.camera(camera), window.landmarks(marks)
     corner = np.array(window.box[:2])
     np.testing.assert_allclose(own.project(points), (camera.project(points) - corner) * window.factor)
     np.testing.assert_allclose(moved.points / window.factor + corner, marks.points)
     back = window.full_camera(own)
-    assert (back.width, back.height, back.focal_px) == (4000, 3000, pytest.approx(3600))
+    assert (back.width, back.height) == (4000, 3000) and back.focal_px == pytest.approx(3600)
     np.testing.assert_allclose(back.principal_px, camera.principal_px)
-    assert np.ptp(moved.points, axis=0).max() <= WORKING_FACE_PX + 1e-6
+    assert np.ptp(moved.points, axis=0).max() <= USUAL.face_px + 1e-6
     assert (own.width, own.height) == window.size
 
 

@@ -66,7 +66,7 @@ def test_the_mean_color_is_linear_and_modes_are_log_albedo():
     color, modes = skin_srgb(vertices), color_modes(vertices, 6)
     mean, basis = log_albedo(color, modes)
     np.testing.assert_allclose(mean, srgb_to_linear(color), rtol=1e-5)
-    worst = {}
+    worst: dict[float, float] = {}
     for sigma in (1.0, 2.0):
         for sign in (-1, 1):
             for k in range(6):

@@ -304,7 +304,7 @@ def test_identity_modes_change_their_measurement_by_the_published_deviation():
 
     def change(name: str, a: int, b: int) -> float:
         moved = points + model().identity_basis[model().identity_names.index(name)][index]
-        return (np.linalg.norm(moved[a] - moved[b]) - np.linalg.norm(points[a] - points[b])) / MM
+        return float(np.linalg.norm(moved[a] - moved[b]) - np.linalg.norm(points[a] - points[b])) / MM
 
     assert change("face_height", 27, 8) == pytest.approx(MEASUREMENTS["menton_sellion_length"].sd, rel=0.15)
     assert change("mouth_width", 48, 54) == pytest.approx(MEASUREMENTS["lip_length"].sd, rel=0.25)

@@ -61,7 +61,7 @@ def skinned(arrays: dict, joint: int, rotation: tuple[float, float, float]) -> n
     turns[joint] = Rotation.from_rotvec(rotation).as_matrix()
     feature = np.concatenate([(turn - np.eye(3)).ravel() for turn in turns[1:]])
     posed = vertices + arrays["posedirs"] @ feature
-    world = []
+    world: list[np.ndarray] = []
     for k, parent in enumerate((None, 0, 1, 1, 1)):
         local = np.eye(4)
         local[:3, :3] = turns[k]

@@ -6,6 +6,7 @@ import io
 import tarfile
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,7 +62,8 @@ def archive(path: Path, files: dict[str, bytes]) -> Path:
             for name, data in files.items():
                 file.writestr(name, data)
     else:
-        with tarfile.open(path, f"w:{path.suffix[1:]}") as tar:
+        mode: Any = f"w:{path.suffix[1:]}"
+        with tarfile.open(path, mode) as tar:
             for name, data in files.items():
                 info = tarfile.TarInfo(name)
                 info.size = len(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -126,7 +127,8 @@ def test_damaged_textures_beside_flame_are_a_sentence(
 ):
     write_flame(tmp_path / "generic_model.pkl", flame)
     write_embedding(tmp_path / "landmark_embedding.npy", embedding())
-    np.savez(tmp_path / "FLAME_texture.npz", **({"vt": np.zeros((5, 2)), "ft": np.zeros((9976, 3), np.int32)} | change))
+    texture: dict[str, np.ndarray] = {"vt": np.zeros((5, 2)), "ft": np.zeros((9976, 3), np.int32)}
+    np.savez(tmp_path / "FLAME_texture.npz", **(texture | change))
     with pytest.raises(InputError, match=r"FLAME_texture\.npz' has no UV layout"):
         load_flame(tmp_path)
 
@@ -154,7 +156,7 @@ def test_a_cache_that_cannot_be_entered_costs_only_time(
 ):
     monkeypatch.setattr(registry, "_build_default", lambda: synthetic_face(12, 14))
     (cache / "models").mkdir(parents=True)
-    key = registry.hashlib.sha256(registry._source_fingerprint().encode()).hexdigest()[:16]
+    key = hashlib.sha256(registry._source_fingerprint().encode()).hexdigest()[:16]
     # A folder where the file should be can neither be read nor replaced.
     (cache / "models" / f"default-{key}.npz" / "x").mkdir(parents=True)
     assert load_model("default").name == "synthetic"

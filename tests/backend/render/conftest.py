@@ -19,12 +19,12 @@ def renderer() -> str:
 
 
 @pytest.fixture(scope="session")
-def tracer_of(renderer: str) -> Callable[[Mesh], Any]:
+def tracer_of(renderer: str) -> Callable[..., Any]:
     """A function from a mesh to its ray tracer."""
     from facestage.render.tracer import RayTracer
 
-    def build(mesh: Mesh) -> RayTracer:
-        tracer = RayTracer(mesh.triangles, len(mesh.vertices))
+    def build(mesh: Mesh, **options: int) -> RayTracer:
+        tracer = RayTracer(mesh.triangles, len(mesh.vertices), **options)
         tracer.update(mesh.vertices)
         return tracer
 

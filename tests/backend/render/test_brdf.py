@@ -31,7 +31,7 @@ def specular_albedo(cosine: float, roughness: float, side: int = 1500) -> float:
     vh = half @ view
     light = 2 * vh[..., None] * half - view
     nl = light[..., 2]
-    value = smith(np.maximum(nl, 1e-9), cosine, alpha) * schlick(vh) * vh / (cosine * half[..., 2])
+    value = smith(np.maximum(nl, 1e-9), np.asarray(cosine), alpha) * schlick(vh) * vh / (cosine * half[..., 2])
     return float(np.where((nl > 0) & (vh > 0), value, 0).mean())
 
 

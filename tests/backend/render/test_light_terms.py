@@ -201,14 +201,13 @@ def test_lights_that_are_left_out_are_zero_and_change_no_other(tracer_of, scene)
 
 
 @pytest.mark.parametrize("lanes", [1, 1 << 12, 1 << 20])
-def test_how_the_work_is_split_changes_nothing(tracer_of, scene, monkeypatch: pytest.MonkeyPatch, lanes: int):
+def test_how_the_work_is_split_changes_nothing(tracer_of, scene, lanes: int):
     mesh, seen = scene
     stage = fibonacci_stage(7, radius=0.6, side=0.3, radiance=2.0)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     tracer = tracer_of(mesh)
     usual = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
-    monkeypatch.setattr("facestage.render.tracer.LANES", lanes)
-    other = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    other = tracer_of(mesh, lanes=lanes).light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
     assert other.pairs == usual.pairs
     np.testing.assert_array_equal(other.diffuse, usual.diffuse)
     for name in ("diffuse_by_normal", "specular_by_normal", "specular_by_depth", "specular_by_roughness"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -58,7 +59,7 @@ def test_what_is_not_finite_is_drawn_all_the_same(tmp_path: Path) -> None:
     assert (tmp_path / CERTAINTY).is_file()
 
 
-def certain(**changes: object) -> Result:
+def certain(**changes: Any) -> Result:
     arrays = {
         "deviation/identity": np.array([0.2, 0.9, 1.0]), "deviation_before/identity": np.ones(3),
         "deviation/expression": np.array([0.0, 0.1]), "deviation_before/expression": np.full(2, 0.35),

@@ -111,7 +111,7 @@ def test_without_truth_no_truth_is_shown(tmp_path: Path) -> None:
 def bare() -> dict[str, Any]:
     data = report_data()
     empty: dict[str, Any] = {"energy": {}, "errors": {}, "timings": {}, "left_out": [], "versions": {}}
-    zero = {"identity": np.zeros(3), "expression": np.zeros(0), "expression_names": ()}
+    zero: dict[str, Any] = {"identity": np.zeros(3), "expression": np.zeros(0), "expression_names": ()}
     return {
         "trace": [], "relit": {}, "texture_coverage": None, "roughness": None, "coverage": np.zeros((48, 40), bool),
         "result": replace(data.result, **empty, **zero), "visible": np.zeros(68, bool),
@@ -122,7 +122,7 @@ def broken() -> dict[str, Any]:
     data = report_data()
     photo, render, probe = data.photo.copy(), data.render.copy(), data.light_probe.copy()
     photo[:20], render[10:30], probe[0] = np.nan, np.inf, np.inf
-    rows = [row | {"photo_rms": float("nan"), "psnr": float("inf"), "seconds": 0.0} for row in data.trace]
+    rows = [dict(row) | {"photo_rms": float("nan"), "psnr": float("inf"), "seconds": 0.0} for row in data.trace]
     return {
         "photo": photo, "render": render, "light_probe": probe, "trace": rows,
         "landmarks": np.full((68, 2), np.nan), "specular": np.full((4, 4), np.nan),

@@ -12,11 +12,12 @@ import pytest
 
 from facestage.cli import main
 from facestage.contract.errors import InputError
+from facestage.contract.result import CONVERGED
 from facestage.stress import run
 from facestage.stress.case import Case
 from facestage.stress.cases import CASES
 from facestage.stress.child import run_case
-from facestage.stress.outcome import CONVERGED, CRASHED, HUNG, REFUSED, Outcome
+from facestage.stress.outcome import CRASHED, HUNG, REFUSED, Outcome
 from facestage.stress.run import run_in_child, run_stress
 
 ANY = CASES["plain"]

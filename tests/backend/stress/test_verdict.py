@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from facestage.contract.job import Job
+from facestage.contract.result import CONVERGED
 from facestage.stress.case import DOUBT, REFUSAL, Case, Suite
-from facestage.stress.outcome import ADVISED, CONVERGED, CRASHED, HUNG, REFUSED, Outcome, judge
+from facestage.stress.outcome import ADVISED, CRASHED, HUNG, REFUSED, Outcome, judge
 
 
 def _build(folder: Path) -> Job:
@@ -40,7 +42,7 @@ def test_an_honest_fit_passes() -> None:
         ({"kind": REFUSED}, "should not have been refused"),
     ],
 )
-def test_each_fault_is_named(change: dict[str, object], words: str) -> None:
+def test_each_fault_is_named(change: dict[str, Any], words: str) -> None:
     verdict = judge(CASE, replace(GOOD, **change))
     assert not verdict.passed
     assert len(verdict.faults) == 1 and words in verdict.faults[0]

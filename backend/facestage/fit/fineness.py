@@ -1,0 +1,28 @@
+"""How fine a fit is where its job does not say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """Sizes and limits that every fit has; other ones suit photos of a few pixels."""
+
+    specular_size: int = 32  # texels along the map of c_spec that is fitted with all else
+    # Texels along the atlas, and along the maps of specular and roughness.
+    texture_min: int = 512
+    texture_max: int = 2048
+    gloss_texture: int = 256
+    # Pixels of a photo that is worked on as it is; of a larger one the face's longer side has so many at most, at
+    # three texels of the largest texture for each.
+    photo_pixels: int = 2_000_000
+    face_px: float = 600.0
+    # Several photos of one person are kept small while they are fitted, twice what the last phase looks at.
+    joint_face_px: float = 320.0
+    steps_max: int | None = None  # of each phase with a photo; None: as the schedule has it
+    # A phase that ends at its last step has settled when this lowered the photo's residual by less than this share.
+    settled_share: float = 0.05
+
+
+USUAL = Fineness()

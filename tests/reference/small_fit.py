@@ -1,0 +1,11 @@
+"""How fine a fit of a photo of 96 pixels is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from facestage.fit.fineness import Fineness
+
+SMALL = Fineness(specular_size=6, texture_min=64, texture_max=64, gloss_texture=32)
+# Two steps in each phase with a photo never settle.
+QUICK = replace(SMALL, steps_max=2, settled_share=1.0)
