@@ -84,9 +84,15 @@ def test_no_room_but_those_that_fit_and_report_loads_the_renderer() -> None:
     assert not packages_loaded_by(modules) & RENDERER
 
 
-def test_contract_loads_numpy_and_the_standard_library_only() -> None:
+def test_contract_loads_numpy_marshmallow_and_the_standard_library_only() -> None:
     contract = packages_loaded_by(modules_in(BACKEND / "contract"))
-    assert contract - packages_loaded_by(["numpy"]) - set(sys.stdlib_module_names) == {"facestage"}
+    assert contract - packages_loaded_by(["numpy"]) - set(sys.stdlib_module_names) == {"facestage", "marshmallow"}
+
+
+def test_marshmallow_loads_the_standard_library_only() -> None:
+    # It goes into the Blender extension as one wheel.
+    plain = packages_loaded_by(["json"])
+    assert packages_loaded_by(["marshmallow"]) - plain - set(sys.stdlib_module_names) == {"marshmallow"}
 
 
 @pytest.mark.parametrize("module", ["facestage", "facestage.cli", "facestage.contract", "facestage.doctor"])

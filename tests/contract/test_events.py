@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from facestage.contract.events import DONE, FAILED, PROGRESS, STARTED, Event
 
+words = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]))
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 events = st.builds(
-    Event, kind=st.sampled_from([STARTED, PROGRESS, DONE, FAILED]), stage=st.text(), iteration=st.integers(),
+    Event, kind=st.sampled_from([STARTED, PROGRESS, DONE, FAILED]), stage=words, iteration=st.integers(-(2**62), 2**62),
     error=st.none() | numbers, seconds=numbers, seconds_left=st.none() | numbers, fraction=st.floats(0, 1),
-    preview=st.none() | st.text(), message=st.text(),
+    preview=st.none() | words, message=words,
 )  # fmt: skip
 
 
@@ -38,3 +39,16 @@ def test_a_foreign_line_is_no_event(line: str):
 
 def test_unknown_keys_of_a_newer_backend_are_ignored():
     assert Event.from_line('{"kind": "done", "mood": "good"}') == Event(DONE)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"kind": 5}', '{"kind": "progress", "fraction": "half"}', '{"kind": "progress", "fraction": 1e400}',
+        '{"kind": "progress", "fraction": NaN}', '{"kind": "progress", "stage": null}',
+        '{"kind": "progress", "message": {"kind": 1}}', '{"kind":' * 5000, "[" * 100_000,
+        '{"kind": "progress", "seconds": ' + "9" * 5000 + "}", '{"kind": "progress", "message": "\\ud800"}',
+    ],
+)  # fmt: skip
+def test_a_line_of_wrong_values_is_no_event(line: str):
+    assert Event.from_line(line) is None

@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
+from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, StageSchema, fibonacci_stage
+from facestage.contract.schema import checked
 
 counts = st.integers(1, 300)
 
@@ -127,3 +128,22 @@ def test_wrong_counts_are_named(count: int):
 def test_wrong_sizes_are_named(size: dict):
     with pytest.raises(InputError, match=r"radius .* side .* greater than 0"):
         fibonacci_stage(3, **size)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"direction": np.zeros((2, 3))}, "direction holds directions that are not of length 1"),
+        ({"axis_x": fibonacci_stage(2).direction}, "axis_x holds axes that are not at right angles"),
+        ({"side": np.full(2, 1e-9)}, "side holds 1e-09, expected numbers of 1e-06 to"),
+        ({"radiance": np.full((2, 3), 1e30)}, "radiance holds 1e\\+30"),
+        ({"state": np.array([0, 3])}, "state holds 3, expected whole numbers of 0 to 2"),
+        ({"state": np.zeros(2)}, "state holds float64 values, expected whole numbers"),
+        ({"position": np.full((2, 3), 1e12)}, "position holds 1e\\+12"),
+    ],
+)
+def test_a_stage_in_a_file_is_checked_further(change: dict, words: str):
+    sound = {name: getattr(fibonacci_stage(2), name) for name in LIGHT_ARRAYS}
+    assert len(LightStage(**checked(StageSchema(), sound, "The file"))) == 2
+    with pytest.raises(InputError, match=words):
+        checked(StageSchema(), sound | change, "The file")

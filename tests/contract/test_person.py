@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -35,4 +36,31 @@ def test_round_trip(person: Person, tmp_path: Path):
 
 def test_no_file_is_said(tmp_path: Path):
     with pytest.raises(InputError, match="person file"):
+        Person.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": 2}, "schema 2, expected 1"),
+        ({"schema": None}, "schema null, expected 1"),
+        ({"status": "fine"}, "status is 'fine', expected one of converged"),
+        ({"photos": []}, "photos has 0 entries"),
+        ({"photos": [5]}, r"photos\[0\] is 5, expected a photo"),
+        ({"photos": [{"number": 1}]}, r"lacks photos\[0\]\.image"),
+        ({"identity": "wide"}, "identity is 'wide'"),
+        ({"identity": [1, None]}, r"identity\[1\] is null"),
+        ({"identity": [1e300]}, "identity holds 1e\\+300"),
+        ({"specular": [[1, 2], [3]]}, "specular has rows of 1 and of 2"),
+        ({"specular": [[1, 2]]}, r"specular has shape \(1, 2\)"),
+        ({"specular": []}, "specular has shape"),
+        ({"roughness": -1}, "roughness is -1"),
+        ({"timings": {"a": "long"}}, "timings.a is 'long'"),
+    ],
+)
+def test_what_is_wrong_is_named(person: Person, tmp_path: Path, change: dict, words: str):
+    person.write_into(tmp_path)
+    path = tmp_path / "person.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=rf"The person file '.*person\.json'.*{words}.*; fit the photos again"):
         Person.load(tmp_path)

@@ -13,6 +13,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.rig_file import MARKS, RigFile
 from facestage.contract.storage import read_arrays, write_arrays
 from reference.synthetic_face import synthetic_face
+from reference.tampering import ARRAY_CHANGES, GONE
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +86,24 @@ def test_another_file_is_refused(tmp_path: Path):
     np.savez(tmp_path / "x.npz", a=np.zeros(3))
     with pytest.raises(InputError, match="lacks vertices"):
         RigFile.load(tmp_path / "x.npz")
+
+
+# To the places of points, and to materials that are not known yet.
+HARMLESS = {("vertices", "zero"), ("vertices", "negative"), ("uvs", "zero"), ("expression_offsets", "zero"),
+            ("expression_offsets", "negative"), ("uvs", "one row more")}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["vertices", "polygons", "polygon_uvs", "polygon_part", "uvs", "expression_offsets"])
+@pytest.mark.parametrize("change", ARRAY_CHANGES)
+def test_every_array_is_checked(tmp_path: Path, rig: RigFile, name: str, change: str):
+    path = tmp_path / "a.npz"
+    rig.save(path)
+    arrays = read_arrays(path, "mesh")
+    changed = ARRAY_CHANGES[change](arrays.pop(name))
+    np.savez(path, **(arrays if changed is GONE else arrays | {name: changed}))
+    if (name, change) in HARMLESS:
+        RigFile.load(path)
+        return
+    with pytest.raises(InputError) as caught:
+        RigFile.load(path)
+    assert str(caught.value).isprintable() and len(str(caught.value)) < 500

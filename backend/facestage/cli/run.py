@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from facestage.child import trusted_path
 from facestage.cli import streams
@@ -25,6 +26,7 @@ def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> 
         from facestage.cli.parser import build_parser
 
         options = build_parser().parse_args(arguments)
+        _check_paths(options)
         code = int(options.run(options))
         streams.flush_output()
     except BaseException as error:  # noqa: BLE001 - raised again below, unless there is a sentence for it
@@ -34,6 +36,16 @@ def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> 
             return _cancelled(options)
         return _failed(error)
     return code
+
+
+def _check_paths(options: argparse.Namespace) -> None:
+    """Raise InputError for a path that no machine has, whichever option it belongs to."""
+    from facestage.contract.paths import user_path
+
+    for name, value in vars(options).items():
+        for path in value if isinstance(value, list) else [value]:
+            if isinstance(path, Path):
+                user_path(path, f"path given as {name.replace('_', ' ')}")
 
 
 def _prepare_process() -> None:
