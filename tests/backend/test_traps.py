@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -30,9 +30,8 @@ def trapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "plugins").mkdir(parents=True)
     for name in MODULES:
         (folder / f"{name}.py").write_text(TRAP)
-    mitsuba = find_spec("mitsuba")
-    assert mitsuba is not None and mitsuba.submodule_search_locations
-    constant = Path(mitsuba.submodule_search_locations[0], "plugins", "constant.so")
+    # Not by its spec, which is another one once it was imported.
+    constant = Path(str(metadata.distribution("mitsuba").locate_file("mitsuba")), "plugins", "constant.so")
     for name in PLUGINS if constant.is_file() else ():
         # A plugin of another kind: an object made of it would be a lamp.
         shutil.copyfile(constant, folder / "plugins" / f"{name}.so")
