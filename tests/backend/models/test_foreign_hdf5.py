@@ -138,7 +138,7 @@ def test_a_size_is_not_believed(model: Path, shape: tuple[int, ...], chunks: tup
         (np.zeros(4500, [("x", "f4")]), "expected plain numbers"),
         (h5py.Empty("f4"), "holds nothing"),
         (np.array([np.bool_(True)] * 4500), "is of type bool, expected plain numbers"),
-        (np.full(4500, 1e200), "no Basel Face Model as published"),
+        (np.full(4500, 1e200), "mean holds numbers beyond 1e+10"),
     ],
 )
 def test_what_is_no_number_is_named(model: Path, value: object, words: str):
@@ -153,18 +153,20 @@ def test_damaged_landmarks_are_named(model: Path, text: str):
     assert "damaged landmarks" in refusal(model)
 
 
-def crashing_mat(path: Path) -> None:
+def crashing_mat(path: Path, code: int = 0x7FFF) -> None:
     """A .mat whose data have a type that is not there: scipy takes it for an index of its table, far beyond the end."""
     scipy.io.savemat(path, {"shapeMU": np.zeros((30, 1), np.float32)})
     content = bytearray(path.read_bytes())
     at = content.index((7).to_bytes(4, "little") + (120).to_bytes(4, "little"))
-    content[at : at + 4] = (0x7FFF).to_bytes(4, "little")
+    content[at : at + 4] = code.to_bytes(4, "little")
     path.write_bytes(content)
 
 
-def test_a_mat_file_that_crashes_its_reader_is_a_sentence(tmp_path: Path):
-    crashing_mat(tmp_path / "01_MorphableModel.mat")
-    assert "it is damaged so that what reads it crashes (SIG" in refusal(tmp_path / "01_MorphableModel.mat")
+@pytest.mark.parametrize("code", [20, 0x100, 0x600, 0x2000, 0x4007, 0x7FFF, 0xFFFF])
+def test_a_mat_file_that_crashes_its_reader_is_a_sentence(tmp_path: Path, code: int):
+    """What lies beyond the table differs from run to run; most of these end the reader by a signal."""
+    crashing_mat(tmp_path / "01_MorphableModel.mat", code)
+    assert "cannot be read as a MATLAB file (" in refusal(tmp_path / "01_MorphableModel.mat")
 
 
 @pytest.mark.parametrize(
