@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fuzz.campaign import Campaign, described
 from fuzz.case import keep, size_of
-from fuzz.pool import Hand, Outcome, work_folder
+from fuzz.pool import Hand, Outcome, stored_seeds, work_folder
 from fuzz.shrink import TRIES, shrunk
 from fuzz.targets import TARGETS, counts
 
@@ -78,7 +78,7 @@ def _keep_all(campaign: Campaign, home: Path) -> None:
 
 def _keep(hand: Hand, outcome: Outcome, home: Path) -> Path | None:
     target = TARGETS[outcome.target]
-    case = target.case(target.seeds(), outcome.seed, outcome.number)
+    case = target.case(stored_seeds(home, outcome.target), outcome.seed, outcome.number)
     assert case is not None
     slow = outcome.kind == "hang" or outcome.ms > 1000
     case = shrunk(hand, outcome.target, case, outcome, home / "candidate", HANG_TRIES if slow else TRIES)
@@ -95,7 +95,7 @@ def _repeat(name: str, home: Path) -> int:
     hand = Hand(home)
     try:
         (outcome,) = hand.run(target, int(seed), [int(number)])
-        made = TARGETS[target].case(TARGETS[target].seeds(), int(seed), int(number))
+        made = TARGETS[target].case(stored_seeds(home, target), int(seed), int(number))
     finally:
         hand.stop()
     for file, content in (made or {}).items():

@@ -59,9 +59,14 @@ class Campaign:
         return known is None
 
     def run(
-        self, plan: dict[str, Iterable[int]], seed: int, jobs: int, home: Path, tell: Callable[[str], None],
+        self,
+        plan: dict[str, Iterable[int]],
+        seed: int,
+        jobs: int,
+        home: Path,
+        tell: Callable[[str], None],
         seconds: float | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Read ``plan`` (numbers by target) in ``jobs`` processes; stop after ``seconds``."""
         orders: queue.SimpleQueue[tuple[str, list[int]]] = queue.SimpleQueue()
         total = 0
@@ -104,19 +109,23 @@ class Campaign:
             raise errors[0]
 
     def table(self) -> str:
-        lines = [
-            f"{'target':18}{'inputs':>9}{'accepted':>10}{'refused':>9}{'findings':>10}{'slowest ms':>12}{'peak MiB':>10}"
-            f"{'mean ms':>9}"
-        ]
+        titles = ("inputs", "accepted", "refused", "findings", "slowest ms", "peak MiB", "mean ms")
+        lines = [f"{'target':18}" + "".join(f"{title:>12}" for title in titles)]
         for name, tally in sorted(self.tallies.items()):
             causes = sum(key[0] == name for key in self.findings)
             mean = 1e3 * tally.processor_s / max(tally.inputs, 1)
-            lines.append(
-                f"{name:18}{tally.inputs:9d}{tally.accepted:10d}{tally.refused:9d}{f'{causes}/{tally.found}':>10}"
-                f"{tally.slowest_ms:12.0f}{tally.peak_mib:10.0f}{mean:9.1f}"
+            cells = (
+                tally.inputs,
+                tally.accepted,
+                tally.refused,
+                f"{causes}/{tally.found}",
+                f"{tally.slowest_ms:.0f}",
+                f"{tally.peak_mib:.0f}",
+                f"{mean:.1f}",
             )
+            lines.append(f"{name:18}" + "".join(f"{cell:>12}" for cell in cells))
         whole = sum(tally.inputs for tally in self.tallies.values())
-        lines.append(f"{'all':18}{whole:9d}{'':19}{f'{len(self.findings)} causes':>10}")
+        lines.append(f"{'all':18}{whole:12d}{f'{len(self.findings)} causes':>36}")
         return "\n".join(lines)
 
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 
-class Inconsistent(Exception):
+class InconsistentError(Exception):
     """A reader accepted something that it must not."""
 
 
 def require(condition: object, what: str) -> None:
     if not condition:
-        raise Inconsistent(what)
+        raise InconsistentError(what)
 
 
 def check_dataclass(value: Any, but: tuple[str, ...] = ()) -> None:
@@ -73,9 +73,9 @@ def _check_union(value: Any, kinds: tuple[Any, ...], what: str) -> None:
     for kind in kinds:
         try:
             return check(value, kind, what)
-        except Inconsistent as error:
+        except InconsistentError as error:
             reasons.append(str(error))
-    raise Inconsistent(reasons[0])
+    raise InconsistentError(reasons[0])
 
 
 def _check_tuple(value: Any, kinds: tuple[Any, ...], what: str) -> None:

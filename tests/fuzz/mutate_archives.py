@@ -51,9 +51,16 @@ def mutator_for(name: str) -> Mutator:
     """The mutator of a file or of a member, by what its name says it holds."""
     suffix = name.rpartition(".")[2].lower()
     return {
-        "json": mangle_json, "npy": mangle_npy, "npz": mangle_zip, "zip": mangle_zip, "task": mangle_zip,
-        "tar": mangle_tar, "gz": mangle_tar, "xz": mangle_tar, "bz2": mangle_tar,
-    }.get(suffix, mangle_bytes)  # fmt: skip
+        "json": mangle_json,
+        "npy": mangle_npy,
+        "npz": mangle_zip,
+        "zip": mangle_zip,
+        "task": mangle_zip,
+        "tar": mangle_tar,
+        "gz": mangle_tar,
+        "xz": mangle_tar,
+        "bz2": mangle_tar,
+    }.get(suffix, mangle_bytes)
 
 
 def mangle_zip(choose: Choose, data: bytes) -> bytes:

@@ -9,10 +9,25 @@ from fuzz.choice import Choose
 BOUNDARY = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**64 - 1)
 SIZES = {1: "B", 2: "H", 4: "I", 8: "Q"}
 FOREIGN = (
-    b"", b"\0", b"\n", b"{}", b"[]", b"null", b"<!doctype html><title>Log in</title>", b"PK\x05\x06" + bytes(18),
-    b"\x89HDF\r\n\x1a\n", b"\x93NUMPY\x01\x00", b"\x80\x04.", b"\xfd7zXZ\x00", b"\x1f\x8b\x08\x00", b"\xff\xd8\xff\xe0",
-    b"\x76\x2f\x31\x01", b"version https://git-lfs.github.com/spec/v1\n", b"\xef\xbb\xbf{}", b"\xff" * 64,
-)  # fmt: skip
+    b"",
+    b"\0",
+    b"\n",
+    b"{}",
+    b"[]",
+    b"null",
+    b"<!doctype html><title>Log in</title>",
+    b"PK\x05\x06" + bytes(18),
+    b"\x89HDF\r\n\x1a\n",
+    b"\x93NUMPY\x01\x00",
+    b"\x80\x04.",
+    b"\xfd7zXZ\x00",
+    b"\x1f\x8b\x08\x00",
+    b"\xff\xd8\xff\xe0",
+    b"\x76\x2f\x31\x01",
+    b"version https://git-lfs.github.com/spec/v1\n",
+    b"\xef\xbb\xbf{}",
+    b"\xff" * 64,
+)
 
 
 def mangle_bytes(choose: Choose, data: bytes) -> bytes:

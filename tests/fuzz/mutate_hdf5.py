@@ -37,7 +37,7 @@ def mangle_hdf5(choose: Choose, data: bytes) -> bytes:
             del file[name]
             _put(choose, file, name, array)
     # A file that was damaged before may make h5py raise anything.
-    except Exception:
+    except Exception:  # noqa: BLE001
         return mangle_bytes(choose, data)
     return stream.getvalue()
 

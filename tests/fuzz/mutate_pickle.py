@@ -9,18 +9,42 @@ from fuzz.choice import Choose
 from fuzz.mutate_bytes import mangle_bytes
 
 _HARMFUL = (
-    b"cos\nsystem\n(S'true'\ntR", b"cbuiltins\neval\n(S'1'\ntR", b"cnumpy\nload\n(S'x'\ntR", b"\x8c\x02os\x8c\x06system\x93",
-    b"cbuiltins\ngetattr\n", b"c__builtin__\nobject\n)R", b"cnumpy\nndarray\n(I99999999999\ntR", b"P7\n", b"Q", b"\x82\x01",
-    b"cscipy.sparse.csc\ncsc_matrix\n)\x81}b", b"cnumpy\ndtype\n(S'O8'\nI0\nI1\ntR", b"ccollections\nOrderedDict\n)R",
-    b"cchumpy.ch\nCh\n)\x81}b", b"cchumpy.ch\nCh\n)R", b"cnumpy.core.multiarray\n_reconstruct\n)R", b"c_codecs\nencode\n)R",
-    b"cnumpy.core.multiarray\nscalar\n)R", b"ccopy_reg\n_reconstructor\n)R",
-)  # fmt: skip
+    b"cos\nsystem\n(S'true'\ntR",
+    b"cbuiltins\neval\n(S'1'\ntR",
+    b"cnumpy\nload\n(S'x'\ntR",
+    b"\x8c\x02os\x8c\x06system\x93",
+    b"cbuiltins\ngetattr\n",
+    b"c__builtin__\nobject\n)R",
+    b"cnumpy\nndarray\n(I99999999999\ntR",
+    b"P7\n",
+    b"Q",
+    b"\x82\x01",
+    b"cscipy.sparse.csc\ncsc_matrix\n)\x81}b",
+    b"cnumpy\ndtype\n(S'O8'\nI0\nI1\ntR",
+    b"ccollections\nOrderedDict\n)R",
+    b"cchumpy.ch\nCh\n)\x81}b",
+    b"cchumpy.ch\nCh\n)R",
+    b"cnumpy.core.multiarray\n_reconstruct\n)R",
+    b"c_codecs\nencode\n)R",
+    b"cnumpy.core.multiarray\nscalar\n)R",
+    b"ccopy_reg\n_reconstructor\n)R",
+)
 _LENGTHS = (
-    b"r\xff\xff\xff\x7f", b"r\xff\xff\xff\xff", b"X\xff\xff\xff\x7f", b"B\xff\xff\xff\x7f", b"T\xff\xff\xff\x7f",
-    b"\x8d" + struct.pack("<Q", 2**62), b"\x8e" + struct.pack("<Q", 2**40), b"\x8b" + struct.pack("<I", 2**31 - 1),
-    b"\x95" + struct.pack("<Q", 2**62), b"p999999999999\n", b"I" + b"9" * 6000 + b"\n", b"\x96" + struct.pack("<Q", 2**45),
-    b"L" + b"9" * 100_000 + b"L\n", b"\x8b\xa0\x86\x01\x00" + b"\xff" * 100_000,
-)  # fmt: skip
+    b"r\xff\xff\xff\x7f",
+    b"r\xff\xff\xff\xff",
+    b"X\xff\xff\xff\x7f",
+    b"B\xff\xff\xff\x7f",
+    b"T\xff\xff\xff\x7f",
+    b"\x8d" + struct.pack("<Q", 2**62),
+    b"\x8e" + struct.pack("<Q", 2**40),
+    b"\x8b" + struct.pack("<I", 2**31 - 1),
+    b"\x95" + struct.pack("<Q", 2**62),
+    b"p999999999999\n",
+    b"I" + b"9" * 6000 + b"\n",
+    b"\x96" + struct.pack("<Q", 2**45),
+    b"L" + b"9" * 100_000 + b"L\n",
+    b"\x8b\xa0\x86\x01\x00" + b"\xff" * 100_000,
+)
 _PLAIN = tuple(bytes([code]) for code in b"().012NRabdeilostu]}\x81\x85\x86\x87\x88\x89\x8f\x90\x91\x94")
 
 
@@ -66,7 +90,7 @@ def _places(data: bytes) -> list[int]:
             if len(found) > 4000:
                 break
     # pickletools raises what it likes for a pickle that was damaged before.
-    except Exception:
+    except Exception:  # noqa: BLE001
         return found
     return found
 

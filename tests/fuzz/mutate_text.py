@@ -10,9 +10,25 @@ from fuzz.choice import Choose
 from fuzz.mutate_bytes import BOUNDARY, mangle_bytes
 
 TOKENS = (
-    b"nan", b"inf", b"-1", b"0", b"1e999", b"99999999999999999999", b"x", b"", b"1.5", b"-0", b"0x10", b"1/2", b"1//3",
-    b"\xff", b"9" * 5000, b"1e-320", b"1_0", b"#",
-)  # fmt: skip
+    b"nan",
+    b"inf",
+    b"-1",
+    b"0",
+    b"1e999",
+    b"99999999999999999999",
+    b"x",
+    b"",
+    b"1.5",
+    b"-0",
+    b"0x10",
+    b"1/2",
+    b"1//3",
+    b"\xff",
+    b"9" * 5000,
+    b"1e-320",
+    b"1_0",
+    b"#",
+)
 _NUMBER = re.compile(rb"-?[0-9][0-9.e+-]*")
 HEADER = 128
 COMPRESSED = 15

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import re
 import selectors
 import shutil
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fuzz.case import Case
 from fuzz.worker import FINDING
 
 TESTS = Path(__file__).resolve().parent.parent
@@ -49,7 +51,9 @@ class Outcome:
 class Hand:
     """One worker process, started again whenever it is gone."""
 
-    def __init__(self, home: Path) -> None:
+    def __init__(self, home: Path, table: str = "fuzz.targets", seconds: float = SECONDS) -> None:
+        """``table``: the module whose TARGETS are read; ``seconds`` that an input may take."""
+        self.table, self.seconds = table, seconds
         self.home, self.seeds = home / f"worker-{os.urandom(4).hex()}", home / "seeds"
         self.home.mkdir(parents=True)
         self.seeds.mkdir(exist_ok=True)
@@ -82,7 +86,7 @@ class Hand:
         child.stdin.flush()
         numbers = iter([*order.get("numbers", [first])][1:])
         number: int | None = first
-        for answer in self._answers(child, 1 if number == first else 0):
+        for answer in self._answers(child):
             if "end" in answer:
                 return
             if "number" in answer:
@@ -99,17 +103,27 @@ class Hand:
     def _start(self) -> subprocess.Popen[bytes]:
         one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         environment = {
-            **os.environ, **one_thread, "PYTHONPATH": str(TESTS), "PYTHONHASHSEED": "0", "PYTHONWARNINGS": "",
-            "FACESTAGE_CACHE": str(self.home / "cache"), "TMPDIR": str(self.home), "HOME": str(self.home),
-        }  # fmt: skip
+            **os.environ,
+            **one_thread,
+            "PYTHONPATH": str(TESTS),
+            "PYTHONHASHSEED": "0",
+            "PYTHONWARNINGS": "",
+            "FACESTAGE_CACHE": str(self.home / "cache"),
+            "TMPDIR": str(self.home),
+            "HOME": str(self.home),
+        }
         self.pending = b""
         self.child = subprocess.Popen(
-            [sys.executable, "-m", "fuzz.worker", str(self.home), str(self.seeds)], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, env=environment, cwd=self.home, start_new_session=True,
-        )  # fmt: skip
+            [sys.executable, "-m", "fuzz.worker", str(self.home), str(self.seeds), self.table],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            cwd=self.home,
+            start_new_session=True,
+        )
         return self.child
 
-    def _answers(self, child: subprocess.Popen[bytes], _warm: int) -> Iterator[dict[str, Any]]:
+    def _answers(self, child: subprocess.Popen[bytes]) -> Iterator[dict[str, Any]]:
         """The lines that the worker writes; of one that hangs or dies, a last one that says so."""
         assert child.stdout is not None
         selector = selectors.DefaultSelector()
@@ -128,7 +142,7 @@ class Hand:
                 since, used, heard = time.monotonic(), _processor_seconds(child.pid), True
                 continue
             waited, spent = time.monotonic() - since, _processor_seconds(child.pid) - used
-            limit = SECONDS if heard else START_SECONDS
+            limit = self.seconds if heard else START_SECONDS
             if spent > limit or waited > max(PATIENCE, limit) or (waited > limit and spent < IDLE):
                 child.send_signal(signal.SIGUSR1)
                 time.sleep(0.3)
@@ -168,6 +182,12 @@ def _processor_seconds(pid: int) -> float:
     except OSError:
         return 0.0
     return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
+def stored_seeds(home: Path, target: str) -> list[Case]:
+    """The seeds that a worker has made under ``home``."""
+    made: list[Case] = pickle.loads((home / "seeds" / f"{target}.pickle").read_bytes())
+    return made
 
 
 def work_folder() -> Path:

@@ -136,9 +136,16 @@ def result_folders() -> list[Case]:
 def person_folders() -> list[Case]:
     photo = PersonPhoto(1, "a.png", "photo-1", CONVERGED, "Converged.", True, {"psnr": 30.0})
     person = Person(
-        CONVERGED, "Converged.", "default", (photo, replace(photo, number=2)), numbers(1, 3), numbers(2, 2),
-        np.full((2, 2), 0.5), 0.4, {"fit": 1.0},
-    )  # fmt: skip
+        CONVERGED,
+        "Converged.",
+        "default",
+        (photo, replace(photo, number=2)),
+        numbers(1, 3),
+        numbers(2, 2),
+        np.full((2, 2), 0.5),
+        0.4,
+        {"fit": 1.0},
+    )
     return [written(person.write_into)]
 
 

@@ -24,7 +24,7 @@ from fuzz.seeds_contract import (
 from fuzz.seeds_images import encoded, picture
 
 COMMANDS = (
-    "fit photo.png --out new --landmarks landmarks.json --camera camera.json --model npz:face.npz --lights 4 --budget 5",
+    "fit photo.png --out new --landmarks landmarks.json --camera camera.json --model npz:face.npz --lights 4",
     "fit photo.png --out new --focal-px 60 --freeze pose roughness --seed 3 --device cpu --plan full --budget draft",
     "fit photo.png photo.png --same-person --out new --landmarks landmarks.json --landmarks landmarks.json --resume",
     "fit --job job --out new --truth truth.npz --plan lean",
@@ -47,14 +47,33 @@ COMMANDS = (
 
 def checkpoint() -> Checkpoint:
     state = State(
-        rigid(1)[:3, :3], np.array([0, 0, -0.6]), camera(), numbers(1, 3), numbers(2, 2), numbers(3, 3 * LIGHTS),
-        numbers(4, LIGHTS, 2), numbers(5, 4), 0.4, np.full((2, 2), 0.5),
-    )  # fmt: skip
+        rigid(1)[:3, :3],
+        np.array([0, 0, -0.6]),
+        camera(),
+        numbers(1, 3),
+        numbers(2, 2),
+        numbers(3, 3 * LIGHTS),
+        numbers(4, LIGHTS, 2),
+        numbers(5, 4),
+        0.4,
+        np.full((2, 2), 0.5),
+    )
     trace = [{"stage": "pose", "iteration": 1, "energy": 2.5}]
     return Checkpoint(
-        "fingerprint", 2, 3, (1e-3, 2.0), 1.5, 12.5, rigid(3), np.array([True, False, True]), state, trace,
-        np.array([False, False, True]), np.zeros((4, 5), bool), np.array([True, True, False]),
-    )  # fmt: skip
+        "fingerprint",
+        2,
+        3,
+        (1e-3, 2.0),
+        1.5,
+        12.5,
+        rigid(3),
+        np.array([True, False, True]),
+        state,
+        trace,
+        np.array([False, False, True]),
+        np.zeros((4, 5), bool),
+        np.array([True, True, False]),
+    )
 
 
 def checkpoints() -> list[Case]:

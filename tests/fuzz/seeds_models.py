@@ -93,10 +93,15 @@ def bfm_files() -> list[Case]:
 
     def mat(folder: Path) -> None:
         arrays = {
-            "shapeMU": numbers(1, 30, 1), "shapePC": numbers(2, 30, 2), "shapeEV": numbers(3, 2, 1),
-            "texMU": numbers(4, 30, 1), "texPC": numbers(5, 30, 2), "texEV": numbers(6, 2, 1),
-            "tl": np.arange(1, 7, dtype=np.int32).reshape(2, 3), "segbin": sparse.csc_matrix(np.eye(3)),
-        }  # fmt: skip
+            "shapeMU": numbers(1, 30, 1),
+            "shapePC": numbers(2, 30, 2),
+            "shapeEV": numbers(3, 2, 1),
+            "texMU": numbers(4, 30, 1),
+            "texPC": numbers(5, 30, 2),
+            "texEV": numbers(6, 2, 1),
+            "tl": np.arange(1, 7, dtype=np.int32).reshape(2, 3),
+            "segbin": sparse.csc_matrix(np.eye(3)),
+        }
         scipy.io.savemat(folder / "01_MorphableModel.mat", arrays)
         scipy.io.savemat(folder / "packed.mat", arrays | {"cells": np.array([["a", 1]], object)}, do_compression=True)
 

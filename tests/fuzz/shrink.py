@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from fuzz.case import Case, keep
@@ -28,8 +29,13 @@ def shrunk(hand: Hand, target: str, case: Case, found: Outcome, folder: Path, tr
         if candidate and same(candidate):
             case = candidate
     for name in sorted(case, key=lambda key: -len(case[key])):
-        case = case | {name: _shorter(case[name], lambda content, name=name: same(case | {name: content}))}  # type: ignore[misc]
+        others = {other: content for other, content in case.items() if other != name}
+        case = others | {name: _shorter(case[name], partial(_with, same, others, name))}
     return case
+
+
+def _with(same: Callable[[Case], bool], others: Case, name: str, content: bytes) -> bool:
+    return same(others | {name: content})
 
 
 def _shorter(content: bytes, same: Callable[[bytes], bool]) -> bytes:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fuzz import readers, seeds_contract, seeds_fit, seeds_images, seeds_models
+from fuzz import readers_command as command
+from fuzz import readers_models as models
 from fuzz.case import Case
 from fuzz.choice import choices_of
 from fuzz.mutate_case import damaged
@@ -33,9 +35,14 @@ class Target:
 
 
 def _target(
-    name: str, covers: str, seeds: Callable[[], list[Case]], read: Callable[[Path], None], share: int,
-    refusals: tuple[type[Exception], ...] = (), fixed: tuple[str, ...] = (),
-) -> Target:  # fmt: skip
+    name: str,
+    covers: str,
+    seeds: Callable[[], list[Case]],
+    read: Callable[[Path], None],
+    share: int,
+    refusals: tuple[type[Exception], ...] = (),
+    fixed: tuple[str, ...] = (),
+) -> Target:
     return Target(name, tuple(covers.split()), seeds, read, share, refusals, fixed)
 
 
@@ -52,42 +59,68 @@ TARGETS = {
         _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40),
         _target("event", f"{CONTRACT}.events", seeds_contract.event_lines, readers.read_event, 40),
         _target(
-            "relight", f"{CONTRACT}.relight_cache", seeds_contract.relit_folders, readers.read_relight, 40,
+            "relight",
+            f"{CONTRACT}.relight_cache",
+            seeds_contract.relit_folders,
+            readers.read_relight,
+            40,
             fixed=_RESULT_FILES,
         ),
-        _target("render", "facestage.fit.relight facestage.cli", seeds_contract.render_folders, readers.read_render, 30),
-        _target("rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50),
-        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, readers.read_rig, 2),
         _target(
-            "face-model", f"{CONTRACT}.face_model {MODELS}.registry", seeds_contract.face_models,
-            readers.read_face_model, 40,
+            "render",
+            "facestage.fit.relight facestage.cli",
+            seeds_contract.render_folders,
+            command.read_render,
+            30,
+        ),
+        _target("rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50),
+        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 2),
+        _target(
+            "face-model",
+            f"{CONTRACT}.face_model {MODELS}.registry",
+            seeds_contract.face_models,
+            models.read_face_model,
+            40,
         ),
         _target("truth", "facestage.fit.truth", seeds_contract.truth_files, readers.read_truth, 40),
         _target("memory", "facestage.native", seeds_contract.memories, readers.read_memory, 30),
         _target("checkpoint", "facestage.fit.checkpoint", seeds_fit.checkpoints, readers.read_checkpoint, 30),
         _target(
-            "joint-checkpoint", "facestage.fit.joint_checkpoint", seeds_fit.joint_checkpoints,
-            readers.read_joint_checkpoint, 20,
+            "joint-checkpoint",
+            "facestage.fit.joint_checkpoint",
+            seeds_fit.joint_checkpoints,
+            readers.read_joint_checkpoint,
+            20,
         ),
-        _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, readers.read_pickled, 100),
-        _target("flame", f"{MODELS}.flame", seeds_models.flame_files, readers.read_flame, 20),
-        _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, readers.read_flame, 1),
-        _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, readers.read_bfm, 20),
-        _target("gnm", f"{MODELS}.gnm", seeds_models.gnm_files, readers.read_gnm, 4),
-        _target("ict", f"{MODELS}.ict", seeds_models.ict_files, readers.read_ict, 8),
-        _target("bomb", "", seeds_models.bombs, readers.read_bomb, 1),
-        _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, readers.read_bundle, 10),
-        _target("geometry", "facestage.landmarks.canonical", seeds_models.geometry_messages, readers.read_geometry, 30),
-        _target("photo", "facestage.image_io", seeds_images.photographs, readers.read_photo, 110),
-        _target("exr", "facestage.image_io", seeds_images.exr_photographs, readers.read_photo, 60),
+        _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100),
+        _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
+        _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, models.read_flame, 1),
+        _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, models.read_bfm, 20),
+        _target("gnm", f"{MODELS}.gnm", seeds_models.gnm_files, models.read_gnm, 4),
+        _target("ict", f"{MODELS}.ict", seeds_models.ict_files, models.read_ict, 8),
+        _target("bomb", "", seeds_models.bombs, models.read_bomb, 1),
+        _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10),
         _target(
-            "profile", "facestage.color_profile", seeds_images.profiles, readers.read_profile, 50,
+            "geometry",
+            "facestage.landmarks.canonical",
+            seeds_models.geometry_messages,
+            models.read_geometry,
+            30,
+        ),
+        _target("photo", "facestage.image_io", seeds_images.photographs, models.read_photo, 110),
+        _target("exr", "facestage.image_io", seeds_images.exr_photographs, models.read_photo, 60),
+        _target(
+            "profile",
+            "facestage.color_profile",
+            seeds_images.profiles,
+            models.read_profile,
+            50,
             refusals=(ValueError,),
         ),
-        _target("exif", "facestage.exif", seeds_images.exif_blocks, readers.read_exif, 30),
-        _target("command", "facestage.cli", seeds_fit.command_lines, readers.run_command, 20),
+        _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30),
+        _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 20),
     )
-}  # fmt: skip
+}
 
 
 def counts(inputs: int) -> dict[str, int]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import importlib
 import json
 import os
 import pickle
@@ -33,8 +34,8 @@ WARM_UP = 2
 class Worker:
     """``home`` holds this worker's folder of the input, and what is printed where nobody should print."""
 
-    def __init__(self, home: Path, seeds: Path) -> None:
-        self.home, self.seeds_folder = home, seeds
+    def __init__(self, home: Path, seeds: Path, targets: dict[str, Any]) -> None:
+        self.home, self.seeds_folder, self.targets = home, seeds, targets
         self.answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
         self.noise = os.open(home / "noise", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
         os.dup2(self.noise, 1)
@@ -47,11 +48,9 @@ class Worker:
         self.loaded: dict[str, list[Case]] = {}
 
     def serve(self) -> None:
-        from fuzz.targets import TARGETS
-
         for line in sys.stdin:
             order = json.loads(line)
-            target = TARGETS[order["target"]]
+            target = self.targets[order["target"]]
             seeds = self.seeds(target)
             if "folder" in order:
                 self.answer(target, read_back(Path(order["folder"])), 0)
@@ -121,17 +120,17 @@ class Worker:
 
 def _judged(target: Any, folder: Path) -> dict[str, Any]:
     from facestage.contract.errors import FacestageError
-    from fuzz.consistent import Inconsistent
-    from fuzz.readers import Refused
+    from fuzz.consistent import InconsistentError
+    from fuzz.readers_command import RefusedError
 
     try:
         target.read(folder)
-    except (FacestageError, Refused, *target.refusals) as error:
+    except (FacestageError, RefusedError, *target.refusals) as error:
         problem = sentence_problem(str(error))
         if problem:
             return _finding("sentence", f"{problem} {_where(error)}", str(error)[:500])
         return {"verdict": REFUSED}
-    except Inconsistent as error:
+    except InconsistentError as error:
         return _finding("inconsistent", re.split(" (?:is|has|holds|refers|and) ", str(error))[0][:60], str(error)[:500])
     # Whatever else is raised is what this looks for.
     except BaseException as error:  # noqa: BLE001
@@ -194,9 +193,9 @@ def _reset_peak() -> int:
 def main() -> None:
     from fuzz.readers import install_small_default_model
 
-    worker = Worker(Path(sys.argv[1]), Path(sys.argv[2]))
     install_small_default_model()
-    worker.serve()
+    home, seeds, table = sys.argv[1:]
+    Worker(Path(home), Path(seeds), importlib.import_module(table).TARGETS).serve()
 
 
 if __name__ == "__main__":
