@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import tokenize
 from collections.abc import Callable
 
 import numpy as np
@@ -73,7 +74,7 @@ def mangle_npy(choose: Choose, data: bytes) -> bytes:
         return _header(choose, data)
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError):
+    except (ValueError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError):
         return mangle_bytes(choose, data)
     if array.dtype.kind == "U" and array.ndim == 0:
         # A text of JSON.

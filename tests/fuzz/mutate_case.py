@@ -35,13 +35,16 @@ BY_SUFFIX: dict[str, Mutator] = {
 }
 
 
-def damaged(choose: Choose, seeds: Sequence[Case], fixed: Sequence[str] = ()) -> Case:
-    """One of ``seeds`` with damage to its files, but to those that ``fixed`` names."""
+def damaged(choose: Choose, seeds: Sequence[Case], fixed: Sequence[str] = (), plain: bool = False) -> Case:
+    """One of ``seeds`` with damage to its files, but to those that ``fixed`` names.
+
+    ``plain``: every file stays a file.
+    """
     case = dict(choose.one_of(seeds))
     names = [name for name in case if name not in fixed]
     if choose.chance(60):
         return case
-    if choose.chance(50):
+    if not plain and choose.chance(50):
         name = choose.one_of(names)
         del case[name]
         if choose.chance(2):

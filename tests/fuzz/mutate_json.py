@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from typing import Any
 
@@ -112,7 +113,8 @@ def _value(choose: Choose) -> tuple[Any, str | None]:
     kind = choose.number(0, 5)
     if kind < 2:
         return _MARK, choose.one_of(_RAW)
-    return (choose.one_of(_VALUES) if kind < 5 else choose.json()), None
+    # A copy: what comes later may change it.
+    return (copy.deepcopy(choose.one_of(_VALUES)) if kind < 5 else choose.json()), None
 
 
 def _places(value: Any) -> list[tuple[Any, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pickle
@@ -89,6 +90,8 @@ class Hand:
         for answer in self._answers(child):
             if "end" in answer:
                 return
+            if "ready" in answer:
+                continue
             if "number" in answer:
                 yield Outcome(target, seed, **answer)
                 number = next(numbers, None)
@@ -134,6 +137,7 @@ class Hand:
                 chunk = os.read(child.stdout.fileno(), 1 << 16)
                 if not chunk:
                     code = child.wait()
+                    _end(child)
                     yield self._died(f"exit code {code}" if code >= 0 else signal.Signals(-code).name)
                     return
                 *lines, self.pending = (self.pending + chunk).split(b"\n")
@@ -162,10 +166,8 @@ class Hand:
 
 def _end(child: subprocess.Popen[bytes]) -> None:
     """End the worker and whatever it started."""
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(child.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        child.kill()
     child.wait()
     for stream in (child.stdin, child.stdout):
         if stream is not None:
@@ -175,13 +177,17 @@ def _end(child: subprocess.Popen[bytes]) -> None:
                 continue
 
 
-def _processor_seconds(pid: int) -> float:
-    """User and system time of a process and of its children that ended."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return 0.0
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+def _processor_seconds(leader: int) -> float:
+    """User and system time of the processes of a session, and of those of them that ended."""
+    ticks = 0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader:
+            ticks += sum(map(int, fields[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def stored_seeds(home: Path, target: str) -> list[Case]:

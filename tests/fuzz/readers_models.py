@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -133,10 +134,13 @@ def read_exif(folder: Path) -> None:
 
     exif = Image.Exif()
     # What Pillow itself refuses, reading the photo refuses.
-    with contextlib.suppress(SyntaxError, ValueError, OSError, KeyError, TypeError):
+    with contextlib.suppress(SyntaxError, ValueError, OSError, KeyError, TypeError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         exif.load((folder / "a.exif").read_bytes())
         exif.get_ifd(0x8769)
-    found = focal_prior(exif, 24, 18)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # as reading the photo does
+        found = focal_prior(exif, 24, 18)
     if found is not None:
         check_dataclass(found)
         require(found.focal_px > 0 and found.log_sigma > 0, "a lens of no length")

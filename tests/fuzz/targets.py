@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fuzz import readers, seeds_contract, seeds_fit, seeds_images, seeds_models
 from fuzz import readers_command as command
@@ -28,10 +29,12 @@ class Target:
     # Beside FacestageError: what the reader says that it raises.
     refusals: tuple[type[Exception], ...] = ()
     fixed: tuple[str, ...] = ()  # files that are not damaged
+    plain: bool = False  # the reader is given bytes, so that there is no pipe or folder to find
+    warm: bool = True  # its seeds may be read without limits, for what is imported and cached
 
     def case(self, seeds: list[Case], seed: int, number: int) -> Case | None:
         """Input ``number`` of the run ``seed``; None where its choices do not suffice."""
-        return choices_of(f"{self.name}/{seed}/{number}", lambda choose: damaged(choose, seeds, self.fixed))
+        return choices_of(f"{self.name}/{seed}/{number}", lambda choose: damaged(choose, seeds, self.fixed, self.plain))
 
 
 def _target(
@@ -40,10 +43,9 @@ def _target(
     seeds: Callable[[], list[Case]],
     read: Callable[[Path], None],
     share: int,
-    refusals: tuple[type[Exception], ...] = (),
-    fixed: tuple[str, ...] = (),
+    **options: Any,
 ) -> Target:
-    return Target(name, tuple(covers.split()), seeds, read, share, refusals, fixed)
+    return Target(name, tuple(covers.split()), seeds, read, share, **options)
 
 
 _RESULT_FILES = ("result.json", "result.npz", "albedo.exr", "specular.exr", "roughness.exr")
@@ -57,7 +59,7 @@ TARGETS = {
         _target("person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60),
         _target("landmarks", f"{CONTRACT}.landmarks", seeds_contract.landmark_files, readers.read_landmarks, 50),
         _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40),
-        _target("event", f"{CONTRACT}.events", seeds_contract.event_lines, readers.read_event, 40),
+        _target("event", f"{CONTRACT}.events", seeds_contract.event_lines, readers.read_event, 40, plain=True),
         _target(
             "relight",
             f"{CONTRACT}.relight_cache",
@@ -98,7 +100,7 @@ TARGETS = {
         _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, models.read_bfm, 20),
         _target("gnm", f"{MODELS}.gnm", seeds_models.gnm_files, models.read_gnm, 4),
         _target("ict", f"{MODELS}.ict", seeds_models.ict_files, models.read_ict, 8),
-        _target("bomb", "", seeds_models.bombs, models.read_bomb, 1),
+        _target("bomb", "", seeds_models.bombs, models.read_bomb, 1, warm=False),
         _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10),
         _target(
             "geometry",
@@ -116,8 +118,9 @@ TARGETS = {
             models.read_profile,
             50,
             refusals=(ValueError,),
+            plain=True,
         ),
-        _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30),
+        _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True),
         _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 20),
     )
 }

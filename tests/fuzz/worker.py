@@ -18,6 +18,7 @@ import signal
 import sys
 import time
 import traceback
+import unicodedata
 import warnings
 from pathlib import Path
 from typing import Any
@@ -52,11 +53,13 @@ class Worker:
             order = json.loads(line)
             target = self.targets[order["target"]]
             seeds = self.seeds(target)
+            self.say({"ready": True})
             if "folder" in order:
                 self.answer(target, read_back(Path(order["folder"])), 0)
             else:
                 for number in order["numbers"]:
-                    self.answer(target, target.case(seeds, order["seed"], number), number)
+                    case = target.case(seeds, order["seed"], number)
+                    self.answer(target, case, number)
             self.say({"end": True})
 
     def say(self, answer: dict[str, Any]) -> None:
@@ -75,7 +78,7 @@ class Worker:
                 temporary.write_bytes(pickle.dumps(made))
                 os.replace(temporary, path)
             self.loaded[target.name] = made
-            if target.name != "bomb":
+            if target.warm:
                 for case in made[:WARM_UP]:
                     self.read(target, case, limited=False)
         return self.loaded[target.name]
@@ -149,8 +152,8 @@ def sentence_problem(text: str) -> str:
         return "too long"
     if "Traceback (" in text:
         return "a traceback"
-    # A name in another script is printable, an escape sequence or half a surrogate is not.
-    if not text.isprintable():
+    # Escape sequences, halves of surrogates, and what some terminals break a line at.
+    if any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in text):
         return "control characters"
     return ""
 
