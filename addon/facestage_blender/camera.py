@@ -8,6 +8,7 @@ import bpy
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.paths import is_file
 
 SENSOR_MM = 36.0
 CAMERA_NAME = "Facestage Camera"
@@ -95,7 +96,7 @@ def show_as_photos_are(scene: bpy.types.Scene) -> None:
 
 def load_image(path: Path) -> bpy.types.Image:
     """The image in a file. Raises InputError when it is missing or holds no picture."""
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"The photo '{path}' does not exist; check the path.")
     try:
         image = bpy.data.images.load(str(path), check_existing=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ import bpy
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.json_text import decode_json
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.paths import is_file
 from facestage.contract.result import Result
 from facestage.contract.storage import finite
 
@@ -82,7 +85,7 @@ def landmark_empties(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 def base_landmarks(plane: bpy.types.Object) -> Landmarks:
     """The landmarks that the empties were made from. Raises InputError when the scene does not hold them any more."""
     try:
-        data = dict(json.loads(str(plane[BASE])))
+        data = dict(decode_json(str(plane[BASE]).encode()))
     except (TypeError, ValueError) as error:
         raise InputError("The landmarks in the scene are damaged; press Detect Landmarks again.") from error
     return Landmarks.from_json(data, "set of landmarks in the scene")
@@ -150,7 +153,10 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
 def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
     """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and edited."""
     path = (result.folder or Path()) / FOUND
-    if not scene.facestage.landmarks and shown_plane(scene) is None and path.is_file():
+    if scene.facestage.landmarks or shown_plane(scene) is not None or not is_file(path):
+        return
+    with suppress(InputError):  # the result is none the worse without them
+        Landmarks.read(path)
         scene.facestage.landmarks, scene.facestage.landmarks_from = str(path), "DETECTED"
 
 

@@ -7,8 +7,9 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from facestage.contract.errors import FacestageError
+from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.paths import is_file
 from facestage.contract.result import Result
 
 from .camera import ensure_camera, show_photo
@@ -94,8 +95,11 @@ class FACESTAGE_OT_apply_result(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load the result and apply it."""
-        folder = result_folder(context.scene, self.folder)
-        return reported(self, context, lambda: apply_result(context.scene, Result.load(folder)))
+
+        def apply() -> None:
+            apply_result(context.scene, Result.load(result_folder(context.scene, self.folder)))
+
+        return reported(self, context, apply)
 
 
 class FACESTAGE_OT_open_report(bpy.types.Operator):
@@ -106,9 +110,12 @@ class FACESTAGE_OT_open_report(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open the report of the last result."""
-        report = result_folder(context.scene) / REPORT
-        if not report.is_file():
-            self.report({"ERROR"}, f"There is no report at '{report}'; run a fit first.")
+        try:
+            report = result_folder(context.scene) / REPORT
+            if not is_file(report):
+                raise InputError(f"There is no report at '{report}'; run a fit first.")
+        except InputError as error:
+            self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=report.as_uri())
         return {"FINISHED"}
@@ -187,7 +194,7 @@ def forget_landmarks(scene: bpy.types.Scene) -> None:
 
 
 def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
-    """The folder given, else that of the scene's last fit."""
+    """The folder given, else that of the scene's last fit. Raises InputError for what can be no path."""
     return absolute(given or scene.facestage.result or str(work_folder(scene) / "result"))
 
 

@@ -10,6 +10,7 @@ from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
+from facestage.contract.paths import is_file, is_folder
 
 from .operators import reported
 from .scene_read import absolute
@@ -111,7 +112,7 @@ def choose_model(scene: bpy.types.Scene, kind: str, filepath: str = "") -> None:
         scene.facestage.model = DEFAULT
         return
     path = absolute(filepath) if filepath else Path()
-    if not filepath or not path.exists():
+    if not filepath or not (is_file(path) or is_folder(path)):
         raise InputError(
             f"The face model '{filepath}' does not exist; choose the file or folder of {KINDS[kind].label}."
         )

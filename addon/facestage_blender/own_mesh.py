@@ -9,18 +9,24 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import bpy
 import numpy as np
+from marshmallow import ValidationError
 
+from facestage.contract.array_field import Array
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, PARTS, SKIN, TEETH, FaceModel
+from facestage.contract.fields import Checked, Number, Table, Text
 from facestage.contract.rig_file import MARKS, UNKNOWN_PART, RigFile
+from facestage.contract.schema import FileSchema, checked, decoded_meta
 
 from .own_uvs import face_uvs
 
 MARK_GROUP = "facestage/"
 SHAPE_KEY = "Facestage Shape"
+FACTOR_MAX = 1e9  # of numbers in a record
 IDENTITY_SPREAD = 2.0  # standard deviations from rest to the end of an identity slider
 # What a material's name says; the first that fits counts.
 _PART_WORDS = (
@@ -30,6 +36,36 @@ _PART_WORDS = (
     (MOUTH, r"mouth|gum|tongue|saliva"),
     (SKIN, r"skin|face|head|body"),
 )
+
+
+class _Slider(Checked):
+    """A shape key, and its value where the shape that it is counts 1."""
+
+    def __init__(self) -> None:
+        super().__init__("a shape key and a number that is not 0")
+
+    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> tuple[str, float]:
+        if not isinstance(value, list) or len(value) != 2 or not isinstance(value[0], str):
+            raise self.wrong(value)
+        factor = Number(-FACTOR_MAX, FACTOR_MAX).deserialize(value[1])
+        if factor is None or abs(factor) < 1 / FACTOR_MAX:
+            raise self.wrong(value)
+        return value[0], float(factor)
+
+
+def _regular(matrix: np.ndarray) -> None:
+    if abs(np.linalg.det(matrix[:3, :3])) < 1e-30 or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise ValidationError("is no transform of a mesh")
+
+
+class OwnMeshSchema(FileSchema):
+    """The record as the .blend keeps it."""
+
+    identity = Table(_Slider())
+    expression = Table(_Slider())
+    to_model = Array((4, 4), minimum=-FACTOR_MAX, maximum=FACTOR_MAX, validate=_regular)
+    borrowed = Table(Number(-FACTOR_MAX, FACTOR_MAX), load_default=dict)
+    uv_layer = Text(load_default="")
 
 
 @dataclass
@@ -46,7 +82,11 @@ class OwnMesh:
     def of(cls, rig: bpy.types.Object) -> OwnMesh | None:
         """The object's record, or None for a rig that Facestage built."""
         text = rig.facestage_face.own_mesh
-        return cls(**json.loads(text)) if text else None
+        if not text:
+            return None
+        subject, again = f"What '{rig.name}' keeps of its face model", "press Use My Mesh again"
+        found = checked(OwnMeshSchema(), decoded_meta(text, subject, again), subject, again)
+        return cls(**found | {"to_model": found["to_model"].tolist()})
 
     def store(self, rig: bpy.types.Object) -> None:
         """Keep the record on the object."""
@@ -168,10 +208,10 @@ def read_own_weights(rig: bpy.types.Object, own: OwnMesh) -> tuple[dict[str, flo
     return weights(own.identity, -np.inf) | borrowed, weights(own.expression, 0.0)
 
 
-def set_own_weights(
+def own_slider_values(
     rig: bpy.types.Object, own: OwnMesh, identity: dict[str, float], expression: dict[str, float]
-) -> None:
-    """Move the user's sliders to the given weights; identity modes that are not theirs are left to :func:`write_shape`.
+) -> dict[str, float]:
+    """Values of the user's sliders for the given weights; identity modes that are not theirs: :func:`write_shape`.
 
     Raises InputError for a slider that is gone.
     """
@@ -188,10 +228,7 @@ def set_own_weights(
                 )
             key, factor = shapes[name]
             values[key] = values.get(key, 0.0) + factor * float(weight)
-    for name, value in values.items():
-        key = keys[name]
-        key.slider_min, key.slider_max = min(key.slider_min, value), max(key.slider_max, value)
-        key.value = value
+    return values
 
 
 def write_shape(rig: bpy.types.Object, own: OwnMesh, weights: dict[str, float], offsets: np.ndarray) -> None:

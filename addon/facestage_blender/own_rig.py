@@ -13,11 +13,12 @@ from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
 from .material import GROUP, part_materials, set_textures, texture_image
-from .own_mesh import OwnMesh, model_frame, read_mesh, read_shapes, slot_parts, write_shape
+from .own_mesh import OwnMesh, model_frame, read_mesh, read_shapes, slot_parts
 from .texture import paint_vertices
 
 TEXTURE_SIZE = 512
 SPECULAR_SIZE = 32
+OFFSET_MAX = 1e12  # units of the mesh; beyond, single floats end
 
 
 def export_mesh(item: bpy.types.Object | None, folder: Path) -> tuple[Path, RigFile, OwnMesh, list[str]]:
@@ -65,18 +66,23 @@ def check_vertices(rig: bpy.types.Object, result: Result) -> None:
         )
 
 
-def write_borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> None:
-    """Put the fitted shape that the mesh has no sliders for into its shape key "Facestage Shape"."""
+def borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> np.ndarray | None:
+    """(n, 3) the part of the fitted shape that the mesh has no sliders for, in its own coordinates; None without any.
+
+    Raises InputError when the mesh's shape keys cannot carry it.
+    """
     if own.identity or not result.identity_names:
-        return
+        return None
     model = (result.vertices - result.model_to_camera[:3, 3]) @ result.model_to_camera[:3, :3]
     back = np.linalg.inv(own.matrix)
     fitted = model @ back[:3, :3].T + back[:3, 3]
     base, _, offsets, shapes, _ = read_shapes(rig)
     weights = dict(zip(result.expression_names, result.expression.tolist(), strict=True))
     shown = np.array([weights.get(name, 0.0) for name in shapes.expression])
-    rest = fitted - base - np.tensordot(shown, offsets, 1)
-    write_shape(rig, own, dict(zip(result.identity_names, result.identity.tolist(), strict=True)), rest)
+    rest: np.ndarray = fitted - base - np.tensordot(shown, offsets, 1)
+    if not np.isfinite(rest).all() or np.abs(rest).max() > OFFSET_MAX:
+        raise InputError(f"The result's face is too far from the mesh '{rig.name}'; press Use My Mesh and fit again.")
+    return rest
 
 
 def _replace_materials(item: bpy.types.Object, uv_layer: str) -> None:

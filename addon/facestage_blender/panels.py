@@ -1,9 +1,12 @@
 """The sidebar of the 3D View from the light stage on: the steps in order, progress, and errors in words."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 
+from facestage.contract.errors import InputError
+from facestage.contract.paths import is_file, is_folder
 from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .backend import partial_folder
@@ -114,7 +117,8 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
             row = layout.row(align=True)
             row.enabled, row.scale_y = ready, 1.5
             row.operator("facestage.fit", icon="PLAY")
-            if ready and partial_folder(work_folder(context.scene) / "result").is_dir():
+            folder = existing(work_folder, context.scene)
+            if ready and folder is not None and is_folder(partial_folder(folder / "result")):
                 row.operator("facestage.fit", icon="RECOVER_LAST", text="Resume").resume = True
             if not ready:
                 missing = [
@@ -169,12 +173,12 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what can be done with a result."""
         layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
-        folder = result_folder(context.scene)
+        folder = existing(result_folder, context.scene) or Path()
         buttons = layout.column(align=True)
-        buttons.enabled = (folder / "result.json").is_file() and not state.task
+        buttons.enabled = is_file(folder / "result.json") and not state.task
         buttons.operator("facestage.apply_result", icon="CHECKMARK")
         report = buttons.row(align=True)
-        report.enabled = (folder / REPORT).is_file()
+        report.enabled = is_file(folder / REPORT)
         report.operator("facestage.open_report", icon="URL")
         if settings.stage is not None:
             layout.operator_menu_enum("facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT")
@@ -186,12 +190,20 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             draw_wrapped(layout.box(), state.message, icon, line_length(context))
 
 
+def existing(folder: Callable[[bpy.types.Scene], Path], scene: bpy.types.Scene) -> Path | None:
+    """A folder of the scene's; None where what is set can be none: the operators say what is wrong, a panel draws."""
+    try:
+        return folder(scene)
+    except InputError:
+        return None
+
+
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
     """The live preview's switch, or what makes it possible, and why it does not follow the lights."""
     preview = context.window_manager.facestage_preview
-    ready = preview.active or (folder / RELIGHT_CACHE).is_file()
+    ready = preview.active or is_file(folder / RELIGHT_CACHE)
     row = layout.row(align=True)
-    row.enabled = (folder / "result.json").is_file() and not context.window_manager.facestage.task
+    row.enabled = is_file(folder / "result.json") and not context.window_manager.facestage.task
     if ready:
         row.operator(
             "facestage.relight_preview", icon="HIDE_OFF" if preview.active else "HIDE_ON", depress=preview.active

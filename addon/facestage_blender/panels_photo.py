@@ -79,8 +79,8 @@ def landmark_lines(settings: bpy.types.PropertyGroup) -> list[str]:
     """How many landmarks there are, where they come from, and how many the fit trusts less."""
     if not settings.landmarks:
         return ["Landmarks: found automatically"]
-    path = absolute(settings.landmarks)
     try:
+        path = absolute(settings.landmarks)
         count, left = _count(path, path.stat().st_mtime_ns)
     except (OSError, InputError):
         return ["The landmark file cannot be read"]

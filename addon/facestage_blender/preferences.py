@@ -6,6 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.paths import user_path
 
 from .backend import find_backend
 
@@ -54,9 +55,12 @@ def addon_preferences(context: bpy.types.Context) -> FacestagePreferences | None
 
 
 def work_folder(scene: bpy.types.Scene) -> Path:
-    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary folder."""
+    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary folder.
+
+    Raises InputError when what is set can be no path.
+    """
     if scene.facestage.output:
-        return Path(bpy.path.abspath(scene.facestage.output)).expanduser().resolve()
+        return user_path(bpy.path.abspath(scene.facestage.output), "output folder").resolve()
     if bpy.data.filepath:
         blend = Path(bpy.data.filepath)
         return blend.with_name(f"{blend.stem}_facestage")

@@ -11,7 +11,7 @@ from facestage.contract.face_model import FaceModel
 
 from . import frames
 from .material import part_materials, set_textures, texture_image
-from .own_mesh import OwnMesh, read_own_weights, set_own_weights
+from .own_mesh import OwnMesh, own_slider_values, read_own_weights
 from .stage import facestage_collection
 from .texture import paint_vertices
 
@@ -124,10 +124,14 @@ def read_weights(rig: bpy.types.Object) -> tuple[dict[str, float], dict[str, flo
 
 def set_weights(rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]) -> None:
     """Move the sliders to the given weights. Raises InputError for a name the rig does not have."""
+    move_sliders(rig, slider_values(rig, identity, expression))
+
+
+def slider_values(rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]) -> dict[str, float]:
+    """Shape key -> its value for the given weights. Raises InputError for a name the rig does not have."""
     own = OwnMesh.of(rig)
     if own is not None:
-        set_own_weights(rig, own, identity, expression)
-        return
+        return own_slider_values(rig, own, identity, expression)
     keys = rig.data.shape_keys.key_blocks
     wanted = {key_name(IDENTITY + name): value for name, value in identity.items()}
     wanted |= {key_name(name): value for name, value in expression.items()}
@@ -137,9 +141,13 @@ def set_weights(rig: bpy.types.Object, identity: dict[str, float], expression: d
             f"The face rig '{rig.name}' has no shape key '{missing[0]}' ({len(missing)} of {len(wanted)} are missing); "
             "build the rig of the same face model."
         )
-    for name, value in wanted.items():
-        key = keys[name]
-        value = min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT)
+    return {name: min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT) for name, value in wanted.items()}
+
+
+def move_sliders(rig: bpy.types.Object, values: dict[str, float]) -> None:
+    """Set shape keys that there are; a slider becomes as long as its value needs."""
+    for name, value in values.items():
+        key = rig.data.shape_keys.key_blocks[name]
         key.slider_min, key.slider_max = min(key.slider_min, value), max(key.slider_max, value)
         key.value = value
 

@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.paths import user_path
 
 from . import frames
 from .camera import load_image, read_camera, require_camera
@@ -94,8 +95,11 @@ def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def absolute(path: str) -> Path:
-    """A path of the user interface, which may start with // for the .blend's folder."""
-    return Path(bpy.path.abspath(path)).expanduser().resolve()
+    """A path of the user interface, which may start with // for the .blend's folder.
+
+    Raises InputError for what can be no path.
+    """
+    return user_path(bpy.path.abspath(path) or ".", "path").resolve()
 
 
 def _initial(

@@ -286,7 +286,18 @@ def _add_stress(commands: Any) -> None:
     stress.set_defaults(run=_run_stress)
 
 
+def _check_paths(options: argparse.Namespace) -> None:
+    """Raise InputError for a path that no machine has, whichever option it belongs to."""
+    from facestage.contract.paths import user_path
+
+    for name, value in vars(options).items():
+        for path in value if isinstance(value, list) else [value]:
+            if isinstance(path, Path):
+                user_path(path, f"path given as {name.replace('_', ' ')}")
+
+
 def _run_fit(options: argparse.Namespace) -> int:
+    _check_paths(options)
     from facestage.fit.person import fit_person
     from facestage.fit.run import fit_job
 
@@ -390,6 +401,7 @@ def _image_job(
 
 
 def _run_detect(options: argparse.Namespace) -> int:
+    _check_paths(options)
     from facestage.landmarks.command import run_detect
 
     summary = run_detect(options.image, options.out, options.face, options.landmark_model, options.picture, options.all)
@@ -398,6 +410,7 @@ def _run_detect(options: argparse.Namespace) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> int:
+    _check_paths(options)
     from facestage.fit.relight import make_cache, render_result
 
     if options.out is None and not options.cache:
@@ -418,6 +431,7 @@ def _read(path: Path | None, what: str) -> dict[str, Any] | None:
 
 
 def _run_model(options: argparse.Namespace) -> int:
+    _check_paths(options)
     from facestage.models.registry import load_model
 
     if options.out is not None and options.out.suffix != ".npz":
@@ -435,6 +449,7 @@ def _run_model(options: argparse.Namespace) -> int:
 
 
 def _run_bench(options: argparse.Namespace) -> int:
+    _check_paths(options)
     if options.plan and options.case:
         raise InputError("bench --plan renders its own scenes; leave out --case, or leave out --plan.")
     if options.plan:
@@ -450,6 +465,7 @@ def _run_bench(options: argparse.Namespace) -> int:
 
 
 def _run_stress(options: argparse.Namespace) -> int:
+    _check_paths(options)
     from facestage.stress.run import list_cases, run_stress
 
     return list_cases(sys.stdout) if options.list else run_stress(options.case, options.out, sys.stdout)

@@ -343,7 +343,7 @@ def test_a_damaged_scene_is_said_and_mended(ready, landmark_file: Path) -> None:
     bpy.ops.facestage.edit_landmarks()
     for damage in ("{", "[1]", '{"scheme": 3}', 5):
         ready.facestage.landmark_plane[BASE] = damage
-        refused(bpy.ops.facestage.done_landmarks, "damaged|has scheme")
+        refused(bpy.ops.facestage.done_landmarks, "damaged|scheme is 3")
     bpy.data.objects.remove(ready.facestage.landmark_plane)
     refused(bpy.ops.facestage.done_landmarks, "No landmarks are shown")
     assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}

@@ -94,8 +94,8 @@ def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
 def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) -> None:
     import bpy
 
-    from facestage_blender.own_mesh import SHAPE_KEY, OwnMesh, read_mesh
-    from facestage_blender.own_rig import adopt, write_borrowed_shape
+    from facestage_blender.own_mesh import SHAPE_KEY, OwnMesh, read_mesh, write_shape
+    from facestage_blender.own_rig import adopt, borrowed_shape
     from facestage_blender.rig import read_weights, rig_axes, set_weights
     from facestage_blender.stage import build_stage
     from facestage_blender.write_back import place
@@ -109,7 +109,9 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
     keys = alice.data.shape_keys.key_blocks
     assert (keys["jawOpen"].value, keys["browUp"].value) == pytest.approx((0.5, -0.5))
     assert (keys["jawOpen"].slider_max, keys["browUp"].slider_min) == (2.0, -1.0)
-    write_borrowed_shape(alice, OwnMesh.of(alice), result)
+    tied = OwnMesh.of(alice)
+    rest = borrowed_shape(alice, tied, result)
+    write_shape(alice, tied, dict(zip(result.identity_names, result.identity.tolist(), strict=True)), rest)
     assert keys[SHAPE_KEY].value == 1.0
     empty = build_stage(scene, result.stage)
     place(empty, alice, result.model_to_stage, rig_axes(alice))

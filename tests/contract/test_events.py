@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from facestage.contract.events import DONE, FAILED, PROGRESS, STARTED, Event
 
+words = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]))
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 events = st.builds(
-    Event, kind=st.sampled_from([STARTED, PROGRESS, DONE, FAILED]), stage=st.text(), iteration=st.integers(),
+    Event, kind=st.sampled_from([STARTED, PROGRESS, DONE, FAILED]), stage=words, iteration=st.integers(-(2**62), 2**62),
     error=st.none() | numbers, seconds=numbers, seconds_left=st.none() | numbers, fraction=st.floats(0, 1),
-    preview=st.none() | st.text(), message=st.text(),
+    preview=st.none() | words, message=words,
 )  # fmt: skip
 
 

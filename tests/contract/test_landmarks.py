@@ -55,25 +55,25 @@ def test_a_hidden_point_may_be_unknown():
     ("change", "words"),
     [
         ({"scheme": "dlib5"}, ["scheme", "dlib5", "ibug68"]),
-        ({"scheme": None}, ["scheme", "None", "ibug68"]),
+        ({"scheme": None}, ["scheme", "null", "ibug68"]),
         ({"scheme": ["ibug68"]}, ["scheme", "ibug68"]),
-        ({"points": POINTS[:67]}, ["67 points", "68"]),
+        ({"points": POINTS[:67]}, ["points has shape (67, 2)", "(68, 2)"]),
         ({"points": [[1, 2, 3]] * 68}, ["[x, y]"]),
         ({"points": [1.0] * 68}, ["[x, y]"]),
         ({"points": 5}, ["[x, y]"]),
         ({"points": "left eye"}, ["[x, y]"]),
-        ({"points": [["a", "b"]] * 68}, ["[x, y]"]),
+        ({"points": [["a", "b"]] * 68}, ["points[0][0] is 'a'", "numbers"]),
         ({"points": [[1, 2]] * 67 + [[1]]}, ["[x, y]"]),
         ({"points": [[float("nan"), 1.0], *POINTS[1:]]}, ["NaN", "visible"]),
         ({"points": [[float("inf"), 1.0], *POINTS[1:]]}, ["infinity", "visible"]),
-        ({"visible": [True] * 67}, ["67 visibility flags", "68"]),
+        ({"visible": [True] * 67}, ["visible has shape (67,)", "(68,)"]),
         ({"visible": [True] * 5 + [False] * 63}, ["5 points visible", "6"]),
-        ({"weights": [1.0] * 67}, ["67 weights", "68"]),
-        ({"weights": 2.0}, ["1 weights", "68"]),
-        ({"weights": [1.0] * 67 + [-0.5]}, ["point 67", "-0.5", "0"]),
-        ({"weights": [float("nan"), *[1.0] * 67]}, ["point 0", "nan"]),
-        ({"weights": [float("inf"), *[1.0] * 67]}, ["point 0", "inf"]),
-        ({"weights": ["much"] * 68}, ["weights", "numbers"]),
+        ({"weights": [1.0] * 67}, ["weights has shape (67,)", "(68,)"]),
+        ({"weights": 2.0}, ["weights is 2.0", "for each point"]),
+        ({"weights": [1.0] * 67 + [-0.5]}, ["weights holds -0.5", "0 to"]),
+        ({"weights": [float("nan"), *[1.0] * 67]}, ["weights holds NaN"]),
+        ({"weights": [float("inf"), *[1.0] * 67]}, ["weights holds NaN or infinity"]),
+        ({"weights": ["much"] * 68}, ["weights[0] is 'much'", "numbers"]),
         ({"weights": [1.0] * 5 + [0.0] * 63}, ["5 points visible", "6"]),
     ],
 )
@@ -95,7 +95,7 @@ def test_weights_come_back_and_a_point_without_weight_may_be_unknown():
 
 
 def test_missing_points_are_named():
-    with pytest.raises(InputError, match="lacks 'points'"):
+    with pytest.raises(InputError, match="lacks points, expected \\[x, y\\]"):
         Landmarks.from_json({"scheme": "ibug68"})
 
 

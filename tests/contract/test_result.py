@@ -73,7 +73,7 @@ def test_a_missing_key_is_named(tmp_path: Path, result: Result, key: str):
     data = json.loads((tmp_path / "result.json").read_text())
     del data[key]
     (tmp_path / "result.json").write_text(json.dumps(data))
-    with pytest.raises(InputError, match=f"damaged.*{key}"):
+    with pytest.raises(InputError, match=f"damaged.*lacks {key}"):
         Result.load(tmp_path)
 
 
@@ -83,7 +83,7 @@ def test_a_missing_array_is_named(tmp_path: Path, result: Result, name: str):
     arrays = read_arrays(tmp_path / "result.npz", "arrays")
     del arrays[name]
     write_arrays(tmp_path / "result.npz", arrays)
-    with pytest.raises(InputError, match=f"damaged.*{name}"):
+    with pytest.raises(InputError, match=f"damaged.*lacks {name.replace('/', '.')}"):
         Result.load(tmp_path)
 
 

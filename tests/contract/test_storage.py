@@ -173,7 +173,12 @@ def test_numpy_and_non_finite_values_become_plain_json():
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "not valid JSON"), (b"{", "not valid JSON"), (b"\xff\xfe", "not valid JSON"), (b"[1]", "list, expected")],
+    [
+        (b"", "not valid JSON"),
+        (b"{", "not valid JSON"),
+        (b"\xff\xfe", "not valid JSON"),
+        (b"[1]", "list of 1"),
+    ],
 )
 def test_damaged_json_is_named(tmp_path: Path, content: bytes, words: str):
     path = tmp_path / "bad.json"
@@ -187,5 +192,5 @@ def test_missing_files_are_named(tmp_path: Path):
         read_json(tmp_path / "none.json", "camera file")
     with pytest.raises(InputError, match=r"truth file '.*none\.npz' does not exist"):
         read_arrays(tmp_path / "none.npz", "truth file")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_json(tmp_path, "camera file")

@@ -13,6 +13,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.paths import is_file
 from facestage.contract.storage import write_arrays, write_json
 
 PHOTO, LANDMARKS, CAMERA, TRUTH = "photo.png", "landmarks.json", "camera.json", "truth.npz"
@@ -32,7 +33,7 @@ class Case:
     def job(self, device: str = "auto", seed: int = 0) -> Job:
         """The fit of the photo. Raises InputError for what the folder lacks."""
         for name in (PHOTO, LANDMARKS, CAMERA, TRUTH):
-            if not (self.folder / name).is_file():
+            if not is_file(self.folder / name):
                 raise InputError(
                     f"The case '{self.folder}' has no {name}; a case holds {PHOTO}, {LANDMARKS}, {CAMERA} and {TRUTH}."
                 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,25 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.fields import Items, Number, Whole
+from facestage.contract.schema import FileSchema, checked
 from facestage.contract.storage import read_json
 
 # A 50 mm lens on a 36 mm wide sensor, the usual guess for a portrait whose lens is unknown.
 DEFAULT_FOCAL_PER_SIDE = 50.0 / 36.0
+# A picture of so many pixels takes 1.6 GB as linear RGB, and a few times that while it is made.
+SIDE_MAX, PIXELS_MAX = 16384, 2**27
+FOCAL_MIN, FOCAL_MAX = 1e-3, 1e7  # pixels, in files
+PRINCIPAL_MAX = 1e7
+
+
+class CameraSchema(FileSchema):
+    """A camera.json, and the camera in a job or a result."""
+
+    width = Whole(1, SIDE_MAX)
+    height = Whole(1, SIDE_MAX)
+    focal_px = Number(FOCAL_MIN, FOCAL_MAX)
+    principal_px = Items(Number(-PRINCIPAL_MAX, PRINCIPAL_MAX), 2, 2)
 
 
 @dataclass(frozen=True)
@@ -26,8 +42,15 @@ class Camera:
     principal_px: tuple[float, float]
 
     def __post_init__(self) -> None:
-        if not (1 <= self.width <= 65536 and 1 <= self.height <= 65536):
-            raise InputError(f"The camera's size is {self.width} x {self.height} pixels; expected 1 to 65536 each.")
+        if not (1 <= self.width <= SIDE_MAX and 1 <= self.height <= SIDE_MAX):
+            raise InputError(
+                f"The camera's size is {self.width} x {self.height} pixels; expected 1 to {SIDE_MAX} each."
+            )
+        if self.width * self.height > PIXELS_MAX:
+            raise InputError(
+                f"The camera's size is {self.width} x {self.height} = {self.width * self.height / 1e6:.0f} million "
+                f"pixels; expected at most {PIXELS_MAX / 1e6:.0f} million."
+            )
         if not (math.isfinite(self.focal_px) and self.focal_px > 0):
             raise InputError(f"The camera's focal_px is {self.focal_px}; expected a positive number of pixels.")
         if len(self.principal_px) != 2 or not all(math.isfinite(value) for value in self.principal_px):
@@ -40,19 +63,9 @@ class Camera:
         return cls(width, height, float(focal), (width / 2.0, height / 2.0))
 
     @classmethod
-    def from_json(cls, data: dict[str, Any], what: str = "camera") -> Camera:
+    def from_json(cls, data: Mapping[str, Any], what: str = "camera") -> Camera:
         """The camera of a decoded camera.json. Raises InputError naming what is missing."""
-        try:
-            principal = tuple(float(value) for value in data["principal_px"])
-            if len(principal) != 2:
-                raise ValueError("principal_px needs two numbers")
-            return cls(int(data["width"]), int(data["height"]), float(data["focal_px"]), principal)
-        except KeyError as error:
-            raise InputError(
-                f"The {what} lacks {error}; expected the keys width, height, focal_px, principal_px."
-            ) from error
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"The {what} has a value that is not a number ({error}).") from error
+        return cls(**checked(CameraSchema(), data, f"The {what}"))
 
     @classmethod
     def read(cls, path: Path) -> Camera:

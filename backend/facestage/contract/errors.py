@@ -1,10 +1,16 @@
 """Errors a user can act on. Only the command line and the operators turn them into text."""
 
+from facestage.contract.wording import one_line
+
 
 class FacestageError(Exception):
     """Base class: ``str(error)`` is one sentence with what was expected, found, and what to do."""
 
     exit_code = 2
+
+    def __str__(self) -> str:
+        """The sentence in one line, whatever names and values of the user's it repeats."""
+        return one_line(super().__str__())
 
 
 class InputError(FacestageError):

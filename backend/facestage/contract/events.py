@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from typing import Any
 
+from marshmallow import ValidationError
+
+from facestage.contract.fields import Name, Number, Text, Whole
+from facestage.contract.json_text import decode_json
+from facestage.contract.schema import FileSchema
 from facestage.contract.storage import finite
 
 STARTED, PROGRESS, DONE, FAILED = "started", "progress", "done", "failed"
+ITERATION_MAX = 2**63
 
 
 @dataclass(frozen=True)
@@ -36,10 +43,21 @@ class Event:
     def from_line(cls, line: str) -> Event | None:
         """The event in a line, or None for a line that is not one (a library's own output)."""
         try:
-            data = json.loads(line)
-        except json.JSONDecodeError:
+            found: dict[str, Any] = EventSchema().load(decode_json(line.encode()))
+        except (ValueError, ValidationError):
             return None
-        if not isinstance(data, dict) or "kind" not in data:
-            return None
-        known = {key: value for key, value in data.items() if key in cls.__dataclass_fields__}
-        return cls(**known)
+        return cls(**found)
+
+
+class EventSchema(FileSchema):
+    """One line of progress; what a newer backend adds is ignored."""
+
+    kind = Name()
+    stage = Text(load_default="")
+    iteration = Whole(-ITERATION_MAX, ITERATION_MAX, load_default=0)
+    error = Number(load_default=None)
+    seconds = Number(load_default=0.0)
+    seconds_left = Number(load_default=None)
+    fraction = Number(0, 1, load_default=0.0)
+    preview = Text(load_default=None)
+    message = Text(load_default="")

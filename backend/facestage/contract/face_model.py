@@ -7,15 +7,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
+from facestage.contract.array_field import WHOLE, Array, Words
 from facestage.contract.errors import InputError
+from facestage.contract.fields import Checked, Choice, Items, Name, Number, Table, Text, Whole
+from facestage.contract.reading import GIB
+from facestage.contract.schema import FileSchema, check_version, checked, decoded_meta, sections
 from facestage.contract.storage import read_arrays, write_arrays
 
 SCHEMA_VERSION = 1
 PARTS = ("skin", "eyes", "mouth", "teeth", "other")
 SKIN, EYES, MOUTH, TEETH, OTHER = range(len(PARTS))
+PRIORS = ("box", "gaussian")
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,7 @@ class FaceModel:
             )
         words = (self.expression_prior,) if isinstance(self.expression_prior, str) else self.expression_prior
         for word in words:
-            if word not in ("box", "gaussian"):
+            if word not in PRIORS:
                 raise InputError(f"Face model '{self.name}': expression_prior is '{word}', not box or gaussian.")
 
     @cached_property
@@ -156,41 +162,69 @@ class FaceModel:
     @classmethod
     def load(cls, path: Path) -> FaceModel:
         """Read a model that :meth:`save` wrote. Raises InputError for anything else."""
-        arrays = read_arrays(path, "face model")
-        missing = [name for name in (*_ARRAYS, "meta") if name not in arrays]
-        if missing:
-            raise InputError(f"The face model '{path}' lacks {', '.join(missing)}; convert it again.")
-        try:
-            meta = json.loads(str(arrays["meta"]))
-            schema = meta.get("schema")
-        except (ValueError, AttributeError) as error:
-            raise InputError(f"The face model '{path}' has damaged meta data ({error}); convert it again.") from error
-        if schema != SCHEMA_VERSION:
-            raise InputError(f"The face model '{path}' has schema {schema}, expected {SCHEMA_VERSION}.")
-        absent = [key for key in _META if key not in meta]
-        if absent:
-            raise InputError(f"The face model '{path}' lacks {', '.join(absent)} in its meta data; convert it again.")
-        return cls(
-            name=meta["name"], license=meta["license"], source=meta["source"],
-            identity_names=tuple(meta["identity_names"]), expression_names=tuple(meta["expression_names"]),
-            expression_prior=_prior(meta["expression_prior"]), face_tile=tuple(meta["face_tile"]),
-            landmarks={name[10:]: array for name, array in arrays.items() if name.startswith("landmarks/")},
-            regions={name[8:]: array for name, array in arrays.items() if name.startswith("regions/")},
-            **{name: arrays[name] for name in _ARRAYS},
-        )  # fmt: skip
+        subject, again = f"The face model '{path}'", "convert it again"
+        arrays = sections(read_arrays(path, "face model", MODEL_ARRAYS_MAX), "landmarks", "regions")
+        given = checked(FaceArrays(), arrays, subject, again)
+        meta = decoded_meta(given.pop("meta"), subject, again)
+        check_version(meta, SCHEMA_VERSION, subject, again)
+        about = checked(FaceMeta(), meta, f"{subject} is damaged; its meta", again)
+        del about["schema"]
+        return cls(**about, **given)
 
 
 _ARRAYS = (
     "vertices", "polygons", "polygon_uvs", "polygon_part", "uvs",
     "identity_basis", "expression_basis", "albedo_mean", "albedo_basis",
 )  # fmt: skip
+MODEL_ARRAYS_MAX = 2 * GIB
+VERTICES_MAX = 5_000_000
+COORDINATE_MAX = 1e9  # metres
+LOG_ALBEDO_MAX = 1e3
+UV_LOW, UV_HIGH = -1.0, 2.0  # a little beyond the square; textures are painted as far as they reach
 
 
-_META = ("name", "license", "source", "identity_names", "expression_names", "expression_prior", "face_tile")
+class _Prior(Checked):
+    """One word for all expressions, or one for each."""
+
+    def __init__(self) -> None:
+        super().__init__(f"{' or '.join(PRIORS)}, or a list of them")
+
+    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> str | tuple[str, ...]:
+        field = Items(Choice(PRIORS)) if isinstance(value, list) else Choice(PRIORS)
+        found: str | tuple[str, ...] = field.deserialize(value)
+        return found
 
 
-def _prior(saved: str | list[str]) -> str | tuple[str, ...]:
-    return saved if isinstance(saved, str) else tuple(saved)
+class FaceMeta(FileSchema):
+    """What a face model's file says beside its arrays."""
+
+    schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
+    name = Text()
+    license = Text()
+    source = Text()
+    identity_names = Items(Name())
+    expression_names = Items(Name())
+    expression_prior = _Prior()
+    face_tile = Items(Number(-1e3, 1e3), 3, 3)
+
+
+class FaceArrays(FileSchema):
+    """The arrays of a face model's file; which of them belong together, FaceModel checks."""
+
+    dimensions: ClassVar = {"vertices": (1, VERTICES_MAX), "polygons": (1, VERTICES_MAX)}
+
+    vertices = Array(("vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    polygons = Array(("polygons", 4), WHOLE, minimum=-1)
+    polygon_uvs = Array(("polygons", 4), WHOLE, minimum=-1)
+    polygon_part = Array(("polygons",), WHOLE, minimum=0, maximum=len(PARTS) - 1)
+    uvs = Array(("uvs", 2), minimum=UV_LOW, maximum=UV_HIGH)
+    identity_basis = Array(("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    expression_basis = Array(("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    albedo_mean = Array(("vertices", 3), minimum=0, maximum=1)
+    albedo_basis = Array(("colors", "vertices", 3), minimum=-LOG_ALBEDO_MAX, maximum=LOG_ALBEDO_MAX)
+    landmarks = Table(Array(("points", 6)), load_default=dict)
+    regions = Table(Array(("members",), WHOLE, minimum=0), load_default=dict)
+    meta = Words()
 
 
 def _within(indices: np.ndarray, count: int) -> bool:

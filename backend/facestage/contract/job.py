@@ -10,12 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.array_field import Array, rigid
 from facestage.contract.atomic import atomic_folder
-from facestage.contract.camera import Camera
+from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
+from facestage.contract.fields import Choice, Items, Name, Number, Part, PathText, Plain, Table, Whole
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.paths import is_folder, user_path
 from facestage.contract.quality import GOOD, QUALITIES
+from facestage.contract.reading import MIB
+from facestage.contract.schema import FileSchema, HandWritten, check_version, checked, sections
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
@@ -23,6 +28,9 @@ PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9
+FACE_MAX = 10**6
+WEIGHT_MAX, BUDGET_MAX = 1e9, 1e9
+JOB_ARRAYS_MAX = 64 * MIB
 LEAN, FULL = "lean", "full"  # leave out what the scene does not need | work on everything
 PLANS = (LEAN, FULL)
 
@@ -122,52 +130,69 @@ class Job:
     def load(cls, folder: Path) -> Job:
         """Read a job folder. Raises InputError naming the file and the value that is wrong."""
         folder = Path(folder)
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise InputError(f"The job folder '{folder}' does not exist; expected a folder with job.json and job.npz.")
-        data = read_json(folder / "job.json", "job file")
-        if data.get("schema") != SCHEMA_VERSION:
-            raise InputError(f"The job '{folder}' has schema {data.get('schema')}, expected {SCHEMA_VERSION}.")
-        arrays = read_arrays(folder / "job.npz", "job's arrays")
-        stage = None
-        if "stage/position" in arrays:
-            missing = [name for name in LIGHT_ARRAYS if f"stage/{name}" not in arrays]
-            if missing:
-                raise InputError(f"The job '{folder}' lacks the stage's {', '.join(missing)}; export it again.")
-            stage = LightStage(**{name: arrays[f"stage/{name}"] for name in LIGHT_ARRAYS})
-        try:
-            return cls(
-                image=folder / str(data["image"]),
-                model=str(data.get("model", "default")),
-                landmarks=Landmarks.from_json(data["landmarks"]) if data.get("landmarks") else None,
-                camera=Camera.from_json(data["camera"]) if data.get("camera") else None,
-                stage=stage,
-                camera_to_stage=_rigid(arrays.get("camera_to_stage")),
-                light_color=str(data.get("light_color", "multi")),
-                freeze=tuple(data.get("freeze", ())),
-                weights=Weights(**data.get("weights", {})),
-                initial={name[8:]: array for name, array in arrays.items() if name.startswith("initial/")},
-                budget_seconds=data.get("budget_seconds"),
-                seed=int(data.get("seed", 0)),
-                device=str(data.get("device", "auto")),
-                truth=Path(data["truth"]) if data.get("truth") else None,
-                plan=str(data.get("plan", LEAN)),
-                quality=str(data.get("quality", GOOD)),
-                face=int(data["face"]) if data.get("face") is not None else None,
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"The job file '{folder / 'job.json'}' has a missing or wrong value ({error}).") from error
+        path = folder / "job.json"
+        data = read_json(path, "job file")
+        check_version(data, SCHEMA_VERSION, f"The job file '{path}'", "export it again")
+        found = checked(JobSchema(), data, f"The job file '{path}'")
+        arrays = sections(read_arrays(folder / "job.npz", "job's arrays", JOB_ARRAYS_MAX), "stage", "initial")
+        given = checked(JobArrays(), arrays, f"The job's arrays '{folder / 'job.npz'}'", "export the job again")
+        landmarks, stage = found["landmarks"], given["stage"]
+        user_path(found["model"].partition(":")[2] or ".", f"face model's path in '{path}'")
+        return cls(
+            image=user_path(folder / found["image"], f"photo's path in '{path}'"),
+            model=found["model"],
+            landmarks=None if landmarks is None else Landmarks.from_json(landmarks, f"job file '{path}' (landmarks)"),
+            camera=None if found["camera"] is None else Camera(**found["camera"]),
+            stage=None if stage is None else LightStage(**stage),
+            camera_to_stage=given["camera_to_stage"],
+            light_color=found["light_color"],
+            freeze=found["freeze"],
+            weights=Weights(**found["weights"]),
+            initial=given["initial"],
+            budget_seconds=found["budget_seconds"],
+            seed=found["seed"],
+            device=found["device"],
+            truth=None if found["truth"] is None else user_path(found["truth"], f"truth file's path in '{path}'"),
+            plan=found["plan"],
+            quality=found["quality"],
+            face=found["face"],
+        )
 
 
-def _rigid(matrix: np.ndarray | None) -> np.ndarray | None:
-    """The 4x4 matrix, checked to be a rotation and a translation."""
-    if matrix is None:
-        return None
-    if (
-        matrix.shape != (4, 4)
-        or not np.issubdtype(matrix.dtype, np.number)
-        or not np.isfinite(matrix).all()
-        or not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4)
-        or np.linalg.det(matrix[:3, :3]) < 0
-    ):
-        raise InputError("camera_to_stage is not a rigid 4x4 transform (rotation and translation, no scale).")
-    return matrix
+class WeightSchema(HandWritten):
+    """The weights of the energy's terms."""
+
+    photo = Number(0, WEIGHT_MAX, load_default=1.0)
+    landmarks = Number(0, WEIGHT_MAX, load_default=1.0)
+    prior = Number(0, WEIGHT_MAX, load_default=1.0)
+    light = Number(0, WEIGHT_MAX, load_default=1.0)
+
+
+class JobSchema(HandWritten):
+    """A job.json: an option that is not known would silently not count."""
+
+    schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
+    image = PathText()
+    model = Name(load_default="default")
+    landmarks = Table(Plain(), load_default=None)
+    camera = Part(CameraSchema, "a camera", load_default=None)
+    light_color = Choice(LIGHT_COLORS, load_default="multi")
+    freeze = Items(Choice(PARAMETERS), load_default=())
+    weights = Part(WeightSchema, "an object of weights", load_default=dict)
+    budget_seconds = Number(0, BUDGET_MAX, load_default=None)
+    seed = Whole(0, SEED_MAX, load_default=0)
+    device = Choice(DEVICES, load_default="auto")
+    truth = PathText(load_default=None)
+    plan = Choice(PLANS, load_default=LEAN)
+    quality = Choice(QUALITIES, load_default=GOOD)
+    face = Whole(1, FACE_MAX, load_default=None)
+
+
+class JobArrays(FileSchema):
+    """A job.npz."""
+
+    stage = Part(StageSchema, "a light stage", load_default=None)
+    camera_to_stage = Array((4, 4), minimum=-FAR, maximum=FAR, validate=rigid, load_default=None)
+    initial = Table(Array(None), load_default=dict)

@@ -2,18 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from facestage.contract.array_field import FLAGS, Array
 from facestage.contract.errors import InputError
+from facestage.contract.fields import Choice
+from facestage.contract.schema import FileSchema, checked
 from facestage.contract.storage import read_json
 
 # A profile is a third as wide as it is high; landmarks narrower than this share are no face.
 LINE_SHARE = 0.04
 SCHEME_SIZES = {"ibug68": 68, "mediapipe478": 478}
+PIXEL_MAX = 1e7  # a point further off is no place on any photo
+WEIGHT_MAX = 1e6
+
+
+class SchemeSchema(FileSchema):
+    """Which points a landmarks.json holds."""
+
+    scheme = Choice(tuple(SCHEME_SIZES))
+
+
+class LandmarkSchema(FileSchema):
+    """The points themselves; where nothing is known of a hidden one, null stands for its place."""
+
+    points = Array(
+        ("points", 2),
+        minimum=-PIXEL_MAX,
+        maximum=PIXEL_MAX,
+        finite=False,
+        nulls=True,
+        words="[x, y] in pixels for each point",
+    )
+    visible = Array(("points",), FLAGS, words="true or false for each point", load_default=None)
+    weights = Array(
+        ("points",), minimum=0, maximum=WEIGHT_MAX, words="a number of 0 or more for each point", load_default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -35,25 +64,14 @@ class Landmarks:
         return self.visible if self.weights is None else self.visible & (self.weights > 0)
 
     @classmethod
-    def from_json(cls, data: dict[str, Any], what: str = "landmarks") -> Landmarks:
+    def from_json(cls, data: Mapping[str, Any], what: str = "landmarks") -> Landmarks:
         """The landmarks of a decoded landmarks.json. Raises InputError for a wrong count or value."""
-        scheme = data.get("scheme")
-        if not isinstance(scheme, str) or scheme not in SCHEME_SIZES:
-            raise InputError(f"The {what} has scheme '{scheme}'; expected one of {', '.join(SCHEME_SIZES)}.")
+        subject = f"The {what}"
+        scheme = checked(SchemeSchema(), data, subject)["scheme"]
         count = SCHEME_SIZES[scheme]
-        try:
-            points = np.array(data["points"], dtype=np.float64)
-            visible = np.array(data.get("visible", [True] * count), dtype=bool)
-        except KeyError as error:
-            raise InputError(f"The {what} lacks 'points'; expected a list of [x, y] pixels.") from error
-        except (TypeError, ValueError) as error:
-            raise InputError(f"The {what} holds points that are not [x, y] numbers ({error}).") from error
-        if points.shape != (count, 2):
-            found = len(points) if points.ndim else "no list of"
-            raise InputError(f"The {what} holds {found} points; scheme {scheme} has {count} points of [x, y].")
-        if visible.shape != (count,):
-            raise InputError(f"The {what} has {visible.size} visibility flags; expected {count}.")
-        result = cls(scheme, points, visible, _weights(data.get("weights"), count, what))
+        found = checked(LandmarkSchema(points=count), data, subject)
+        points, visible = found["points"].astype(np.float64), found["visible"]
+        result = cls(scheme, points, np.ones(count, bool) if visible is None else visible, found["weights"])
         if not np.isfinite(points[result.counted]).all():
             raise InputError(f"The {what} holds NaN or infinity for a visible point; remove it or mark it hidden.")
         if result.counted.sum() < 6:
@@ -94,21 +112,3 @@ class Landmarks:
             raise InputError(
                 "The landmarks lie on one line, as those of no face do; check that the file has both coordinates right."
             )
-
-
-def _weights(given: Any, count: int, what: str) -> np.ndarray | None:
-    """(count,) float of a decoded list, or None. Raises InputError for anything but finite numbers of 0 or more."""
-    if given is None:
-        return None
-    try:
-        weights = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"The {what} holds weights that are not numbers ({error}).") from error
-    if weights.shape != (count,):
-        raise InputError(f"The {what} has {weights.size} weights; expected {count}, one for each point.")
-    if not (np.isfinite(weights) & (weights >= 0)).all():
-        wrong = int(np.flatnonzero(~(np.isfinite(weights) & (weights >= 0)))[0])
-        raise InputError(
-            f"The {what} gives point {wrong} the weight {weights[wrong]}; expected a number from 0 (ignored) upwards."
-        )
-    return weights

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
+from marshmallow import ValidationError, validates_schema
 
+from facestage.contract.array_field import WHOLE, Array, unit
 from facestage.contract.errors import InputError
+from facestage.contract.schema import FileSchema
 
 # The arrays of a stage, by the names they have in files.
 LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")
@@ -14,6 +18,9 @@ ON, FROZEN, OFF = 0, 1, 2  # fitted | kept at its radiance | radiance exactly 0
 DEFAULT_COUNT = 20
 DEFAULT_RADIUS = 1.0  # metres
 DEFAULT_SIDE = 0.2  # metres
+COUNT_MAX = 10_000
+FAR = 1e9  # metres: nothing in a file may lie further off
+SIDE_LEAST, SIDE_MOST, RADIANCE_MAX = 1e-6, 1e6, 1e15  # in files; their products stay within single floats
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -88,6 +95,24 @@ class LightStage:
         return replace(self, radiance=radiance)
 
 
+class StageSchema(FileSchema):
+    """The arrays of a light stage in a job or a result."""
+
+    dimensions: ClassVar = {"lights": (1, COUNT_MAX)}
+
+    position = Array(("lights", 3), minimum=-FAR, maximum=FAR)
+    direction = Array(("lights", 3), minimum=-2, maximum=2, validate=unit)
+    axis_x = Array(("lights", 3), minimum=-2, maximum=2, validate=unit)
+    side = Array(("lights",), minimum=SIDE_LEAST, maximum=SIDE_MOST)
+    radiance = Array(("lights", 3), minimum=0, maximum=RADIANCE_MAX)
+    state = Array(("lights",), WHOLE, minimum=ON, maximum=OFF)
+
+    @validates_schema
+    def _square(self, data: dict[str, Any], **_: Any) -> None:
+        if np.abs((data["direction"] * data["axis_x"]).sum(axis=1)).max() > 1e-3:
+            raise ValidationError({"axis_x": ["holds axes that are not at right angles to the lights' directions"]})
+
+
 def fibonacci_stage(
     count: int = DEFAULT_COUNT,
     radius: float = DEFAULT_RADIUS,
@@ -99,8 +124,8 @@ def fibonacci_stage(
     Heights are evenly spaced, so that each light covers the same solid angle (Swinbank & Purser 2006);
     each light faces the origin. The frame is the stage frame: +Z points from the face to the camera.
     """
-    if not 1 <= count <= 10000:
-        raise InputError(f"The light stage was asked for {count} lights; expected 1 to 10000.")
+    if not 1 <= count <= COUNT_MAX:
+        raise InputError(f"The light stage was asked for {count} lights; expected 1 to {COUNT_MAX}.")
     if not (radius > 0 and side > 0):
         raise InputError(f"The light stage's radius {radius} and light side {side} must be greater than 0 metres.")
     index = np.arange(count)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from facestage.contract.errors import InputError
+from facestage.contract.array_field import Array
+from facestage.contract.fields import Choice, Flag, Items, Name, Number, Part, PathText, Table, Text, Whole
+from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
+from facestage.contract.schema import FileSchema, check_version, checked
 from facestage.contract.storage import read_json, write_json
 
 SCHEMA_VERSION = 1
@@ -56,15 +59,38 @@ class Person:
     def load(cls, folder: Path) -> Person:
         """Read a person's folder. Raises InputError naming what is wrong."""
         path = Path(folder) / FILE
-        data = read_json(path, "person file")
-        if data.pop("schema", None) != SCHEMA_VERSION:
-            raise InputError(
-                f"The person file '{path}' has another schema than {SCHEMA_VERSION}; fit the photos again."
-            )
-        try:
-            photos = tuple(PersonPhoto(**photo) for photo in data.pop("photos"))
-            for name in ("identity", "albedo", "specular"):
-                data[name] = np.array(data[name], float)
-            return cls(photos=photos, folder=Path(folder), **data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"The person file '{path}' has a missing or wrong value ({error}).") from error
+        data, again = read_json(path, "person file"), "fit the photos again"
+        check_version(data, SCHEMA_VERSION, f"The person file '{path}'", again)
+        found = checked(PersonSchema(), data, f"The person file '{path}'", again)
+        del found["schema"]
+        photos = tuple(PersonPhoto(**photo) for photo in found.pop("photos"))
+        return cls(photos=photos, folder=Path(folder), **found)
+
+
+class PersonPhotoSchema(FileSchema):
+    """One of the photos."""
+
+    number = Whole(1, PHOTOS_MAX)
+    image = PathText()
+    folder = PathText()
+    status = Choice(STATUSES)
+    advice = Text()
+    shares_shape = Flag()
+    errors = Table(Number(allow_none=True))
+
+
+class PersonSchema(FileSchema):
+    """A person.json."""
+
+    dimensions: ClassVar = {"texels": (1, SPECULAR_SIDE_MAX)}
+
+    schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
+    status = Choice(STATUSES)
+    advice = Text()
+    model = Name()
+    photos = Items(Part(PersonPhotoSchema, "a photo"), 1, PHOTOS_MAX)
+    identity = Array(("identity",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
+    albedo = Array(("albedo",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
+    specular = Array(("texels", "texels"), minimum=0, maximum=SPECULAR_FILE_MAX)
+    roughness = Number(0, 1)
+    timings = Table(Number(allow_none=True))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from facestage.contract.errors import InputError
+from facestage.contract.wording import whole_bytes
 
 KIB, MIB, GIB = 2**10, 2**20, 2**30
 
@@ -27,8 +28,7 @@ def open_regular(path: Path, what: str, limit: int) -> BinaryIO:
     # A path with a null character in it is a ValueError.
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"The {what} '{path}' cannot be read: {reason}.") from error
-    stream = os.fdopen(handle, "rb")
+        raise InputError(f"The {what} '{path}' cannot be read: {reason}; check the path.") from error
     try:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
@@ -36,13 +36,13 @@ def open_regular(path: Path, what: str, limit: int) -> BinaryIO:
             raise InputError(f"The {what} '{path}' is {kind}, expected a file.")
         if status.st_size > limit:
             raise InputError(
-                f"The {what} '{path}' has {status.st_size / MIB:.1f} MiB, expected at most {limit / MIB:g} MiB; "
+                f"The {what} '{path}' has {whole_bytes(status.st_size)}, expected at most {whole_bytes(limit)}; "
                 "is it the right file?"
             )
+        return os.fdopen(handle, "rb")
     except BaseException:
-        stream.close()
+        os.close(handle)
         raise
-    return stream
 
 
 def read_bytes(path: Path, what: str, limit: int) -> bytes:
@@ -53,5 +53,5 @@ def read_bytes(path: Path, what: str, limit: int) -> bytes:
         except OSError as error:
             raise InputError(f"The {what} '{path}' cannot be read: {error.strerror or error}.") from error
     if len(content) > limit:
-        raise InputError(f"The {what} '{path}' grows while it is read; expected at most {limit / MIB:g} MiB.")
+        raise InputError(f"The {what} '{path}' grows while it is read; expected at most {whole_bytes(limit)}.")
     return content

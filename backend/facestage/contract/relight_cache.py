@@ -9,8 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.array_field import WHOLE, Array, Words
+from facestage.contract.camera import PIXELS_MAX, SIDE_MAX
 from facestage.contract.errors import InputError
-from facestage.contract.result import ROUGHNESS, Result
+from facestage.contract.paths import is_file
+from facestage.contract.reading import GIB, read_bytes
+from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
+from facestage.contract.schema import FileSchema, checked
 from facestage.contract.storage import finite, read_arrays, write_arrays
 
 RELIGHT_CACHE = "relight.npz"
@@ -18,6 +23,9 @@ RELIGHT_CACHE = "relight.npz"
 VERSION = 1
 TEXTURES = ("albedo.exr", "specular.exr")
 ARRAYS = ("size", "pixels", "coverage", "images", "scale", "samples", "fingerprint")
+CACHE_ARRAYS_MAX = 2 * GIB
+# Coverage and images are rounded to half floats; an image's brightest value is 1.
+COVERAGE_MAX, IMAGE_MAX, SCALE_MAX, SAMPLES_MAX = 1.01, 1.01, 1e15, 10**6
 
 
 @dataclass(frozen=True)
@@ -102,36 +110,36 @@ class RelightCache:
         assert result.folder is not None
         path = result.folder / RELIGHT_CACHE
         remedy = f"make it with Prepare Relight, or with: facestage render {result.folder} --cache"
-        if not path.is_file():
+        if not is_file(path):
             raise InputError(f"The result '{result.folder}' has no relight cache; {remedy}.")
-        arrays = read_arrays(path, "relight cache")
-        if set(arrays) != set(ARRAYS) or str(arrays["fingerprint"]) != relight_fingerprint(result):
-            raise InputError(f"The relight cache '{path}' belongs to another state of the result; {remedy}.")
-        try:
-            width, height = (int(side) for side in arrays["size"])
-            cache = cls(
-                width, height, arrays["pixels"], arrays["coverage"].astype(np.float32),
-                arrays["images"].astype(np.float32), arrays["scale"].astype(np.float32), int(arrays["samples"]),
-                str(arrays["fingerprint"]),
-            )  # fmt: skip
-            cache._check(len(result.stage))
-        except (TypeError, ValueError) as error:
-            raise InputError(f"The relight cache '{path}' is damaged ({error}); {remedy}.") from error
-        return cache
+        arrays = read_arrays(path, "relight cache", CACHE_ARRAYS_MAX)
+        subject = f"The relight cache '{path}'"
+        found = checked(CacheSchema(lights=len(result.stage)), arrays, f"{subject} is damaged", remedy)
+        if set(arrays) != set(ARRAYS) or found["fingerprint"] != relight_fingerprint(result):
+            raise InputError(f"{subject} belongs to another state of the result; {remedy}.")
+        width, height = map(int, found["size"])
+        pixels = found["pixels"]
+        if width > result.camera.width or height > result.camera.height:
+            raise InputError(f"{subject} is damaged (its picture is larger than the photo); {remedy}.")
+        if len(pixels) and (pixels[-1] >= width * height or (np.diff(pixels) <= 0).any()):
+            raise InputError(f"{subject} is damaged (its pixels are no places in a picture, in order); {remedy}.")
+        return cls(
+            width, height, pixels.astype(np.int32), found["coverage"].astype(np.float32),
+            found["images"].astype(np.float32), found["scale"].astype(np.float32), int(found["samples"]),
+            found["fingerprint"],
+        )  # fmt: skip
 
-    def _check(self, lights: int) -> None:
-        """Raise ValueError where the arrays do not belong together."""
-        count = len(self.pixels)
-        shapes = {"pixels": (count,), "coverage": (count,), "images": (3, lights, count), "scale": (lights,)}
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected {shape}")
-        if self.pixels.dtype != np.int32 or self.width < 1 or self.height < 1:
-            raise ValueError("the pixels are no places in a picture")
-        if count and not 0 <= self.pixels.min() <= self.pixels.max() < self.width * self.height:
-            raise ValueError("a pixel lies outside the picture")
-        if not (np.isfinite(self.scale).all() and np.isfinite(self.images.sum(dtype=np.float64))):
-            raise ValueError("an image holds NaN or infinity")
+
+class CacheSchema(FileSchema):
+    """A relight.npz of a result with a known number of lights."""
+
+    size = Array((2,), WHOLE, minimum=1, maximum=SIDE_MAX)
+    pixels = Array(("pixels",), WHOLE, minimum=0, maximum=PIXELS_MAX)
+    coverage = Array(("pixels",), minimum=0, maximum=COVERAGE_MAX)
+    images = Array((3, "lights", "pixels"), minimum=0, maximum=IMAGE_MAX)
+    scale = Array(("lights",), minimum=0, maximum=SCALE_MAX)
+    samples = Array((), WHOLE, minimum=1, maximum=SAMPLES_MAX)
+    fingerprint = Words()
 
 
 def relight_fingerprint(result: Result) -> str:
@@ -150,10 +158,7 @@ def relight_fingerprint(result: Result) -> str:
     for array in numbers:
         values = np.ascontiguousarray(array, np.float64)
         digest.update(f"{values.shape}".encode() + values.tobytes())
-    for name in TEXTURES + ((ROUGHNESS,) if (result.folder / ROUGHNESS).is_file() else ()):
-        try:
-            content = (result.folder / name).read_bytes()
-        except OSError as error:
-            raise InputError(f"The result's '{result.folder / name}' cannot be read; run the fit again.") from error
+    for name in TEXTURES + ((ROUGHNESS,) if is_file(result.folder / ROUGHNESS) else ()):
+        content = read_bytes(result.folder / name, "result's texture", TEXTURE_MAX)
         digest.update(f"{len(content)}\n".encode() + content)
     return digest.hexdigest()

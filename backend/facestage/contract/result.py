@@ -4,18 +4,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from marshmallow import ValidationError, validates_schema
 
-from facestage.contract.camera import Camera
+from facestage.contract.array_field import WHOLE, Array, rigid
+from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.fields import Choice, Items, Name, Number, Part, Plain, Table, Text, Whole
+from facestage.contract.job import SEED_MAX
+from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.paths import is_folder
+from facestage.contract.reading import MIB
+from facestage.contract.schema import FileSchema, check_version, checked, sections
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
+STATUSES = (CONVERGED, BUDGET_SPENT, STOPPED)
+RESULT_ARRAYS_MAX = 512 * MIB
+TEXTURE_MAX = 512 * MIB  # of a picture's file
+VERTICES_MAX, NAMES_MAX, SPECULAR_SIDE_MAX = 5_000_000, 10_000, 4096
+WEIGHT_MAX = 1e6  # of identity, expression and albedo: nothing that a fit can reach
+SPECULAR_FILE_MAX = 100.0
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
 # Maps that older results lack: they have one roughness, and say nothing of where their texels are from.
 ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"
@@ -98,31 +111,82 @@ class Result:
 
     @classmethod
     def load(cls, folder: Path) -> Result:
-        """Read a result folder. Raises InputError when a file is missing or of another version."""
+        """Read a result folder. Raises InputError when anything in it is missing, of another version, or not possible.
+
+        What comes back can be applied: shapes agree, numbers are finite and within bounds, transforms are rigid.
+        """
         folder = Path(folder)
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise InputError(f"The result folder '{folder}' does not exist; run a fit first.")
         data = read_json(folder / "result.json", "result file")
-        if data.get("schema") != SCHEMA_VERSION:
-            raise InputError(f"The result '{folder}' has schema {data.get('schema')}, expected {SCHEMA_VERSION}.")
-        arrays = read_arrays(folder / "result.npz", "result's arrays")
-        try:
-            return cls(
-                status=data["status"], advice=data["advice"], model=data["model"],
-                camera=Camera.from_json(data["camera"]),
-                camera_to_stage=arrays["camera_to_stage"], model_to_camera=arrays["model_to_camera"],
-                identity=arrays["identity"], expression=arrays["expression"], albedo=arrays["albedo"],
-                specular=arrays["specular"], roughness=float(arrays["roughness"]),
-                stage=LightStage(**{name: arrays[f"stage/{name}"] for name in LIGHT_ARRAYS}),
-                vertices=arrays["vertices"], triangles=arrays["triangles"],
-                identity_names=tuple(data["identity"]), expression_names=tuple(data["expression"]),
-                energy=data["energy"], errors=data["errors"], timings=data["timings"],
-                left_out=data["left_out"], unobserved=data.get("unobserved", {}),
-                null_directions=data.get("null_directions", {}),
-                photo=data.get("photo", {}),
-                model_origin=data.get("model_origin", {}), versions=data["versions"], seed=data["seed"],
-                arrays={name[6:]: array for name, array in arrays.items() if name.startswith("extra/")},
-                folder=folder,
-            )  # fmt: skip
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"The result '{folder}' is incomplete or damaged ({error}); run the fit again.") from error
+        subject, again = f"The result '{folder}'", "run the fit again"
+        check_version(data, SCHEMA_VERSION, subject, again)
+        found = checked(ResultSchema(), data, f"{subject} is damaged; its result.json", again)
+        shapes = {"identity": len(found["identity"]), "expression": len(found["expression"])}
+        arrays = sections(read_arrays(folder / "result.npz", "result's arrays", RESULT_ARRAYS_MAX), "stage", "extra")
+        given = checked(ResultArrays(**shapes), arrays, f"{subject} is damaged; its result.npz", again)
+        for name in shapes:
+            said = np.array(list(found[name].values()), np.float64)
+            if not np.allclose(said, given[name], rtol=1e-5, atol=1e-7):
+                raise InputError(
+                    f"{subject} is damaged; its result.json and its result.npz have another {name}; {again}."
+                )
+        identity_names, expression_names = tuple(found.pop("identity")), tuple(found.pop("expression"))
+        del found["schema"]
+        found["left_out"] = list(found["left_out"])
+        return cls(
+            camera=Camera(**found.pop("camera")), stage=LightStage(**given.pop("stage")),
+            roughness=float(given.pop("roughness")), arrays=given.pop("extra"), identity_names=identity_names,
+            expression_names=expression_names, folder=folder, **given, **found,
+        )  # fmt: skip
+
+
+class ResultSchema(FileSchema):
+    """A result.json; the names of its weights are those of the face model."""
+
+    schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
+    status = Choice(STATUSES)
+    advice = Text()
+    model = Name()
+    camera = Part(CameraSchema, "a camera")
+    seed = Whole(0, SEED_MAX)
+    identity = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX)
+    expression = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX)
+    energy = Table(Number(allow_none=True))
+    errors = Table(Number(allow_none=True))
+    timings = Table(Number(allow_none=True))
+    left_out = Items(Table(Plain()))
+    unobserved = Table(Items(Text()), load_default=dict)
+    null_directions = Table(Plain(), load_default=dict)
+    photo = Table(Text(), load_default=dict)
+    model_origin = Table(Text(), load_default=dict)
+    versions = Table(Text())
+
+
+class ResultArrays(FileSchema):
+    """A result.npz. Deviations may be infinite, and are only shown."""
+
+    dimensions: ClassVar = {"texels": (1, SPECULAR_SIDE_MAX), "vertices": (3, VERTICES_MAX)}
+
+    identity = Array(("identity",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
+    expression = Array(("expression",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
+    albedo = Array(("albedo",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
+    specular = Array(("texels", "texels"), minimum=0, maximum=SPECULAR_FILE_MAX)
+    roughness = Array((), minimum=0, maximum=1)
+    model_to_camera = Array((4, 4), minimum=-FAR, maximum=FAR, validate=rigid)
+    camera_to_stage = Array((4, 4), minimum=-FAR, maximum=FAR, validate=rigid)
+    stage = Part(StageSchema, "a light stage")
+    vertices = Array(("vertices", 3), minimum=-FAR, maximum=FAR)
+    triangles = Array(("triangles", 3), WHOLE, minimum=0)
+    extra = Table(Array(None, finite=False), load_default=dict)
+
+    @validates_schema
+    def _within(self, data: dict[str, Any], **_: Any) -> None:
+        triangles, count = data["triangles"], len(data["vertices"])
+        if triangles.size and triangles.max() >= count:
+            raise ValidationError({"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]})
+        certain = data["extra"].get("vertex_deviation_mm")
+        if certain is not None and certain.shape != (count, 3):
+            raise ValidationError(
+                {"extra": {"vertex_deviation_mm": [f"has shape {certain.shape}, expected {count, 3}"]}}
+            )

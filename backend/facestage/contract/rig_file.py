@@ -6,11 +6,17 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from facestage.contract.array_field import WHOLE, Array, Words
 from facestage.contract.errors import InputError
-from facestage.contract.face_model import PARTS
+from facestage.contract.face_model import PARTS, UV_HIGH, UV_LOW
+from facestage.contract.fields import Flag, Items, Name, Number, Table, Text, Whole
+from facestage.contract.reading import GIB
+from facestage.contract.result import VERTICES_MAX
+from facestage.contract.schema import FileSchema, check_version, checked, decoded_meta, sections
 from facestage.contract.storage import read_arrays, write_arrays
 
 SCHEMA_VERSION = 1
@@ -118,29 +124,46 @@ class RigFile:
     @classmethod
     def load(cls, path: Path) -> RigFile:
         """Read a file that :meth:`save` wrote. Raises InputError for anything else."""
-        arrays = read_arrays(path, "mesh file")
-        again = "export the mesh again with Use My Mesh in Blender"
-        missing = [name for name in (*_ARRAYS, "meta") if name not in arrays]
-        if missing:
-            raise InputError(f"The mesh file '{path}' lacks {', '.join(missing)}; {again}.")
-        try:
-            meta = json.loads(str(arrays["meta"]))
-            if meta["schema"] != SCHEMA_VERSION:
-                raise InputError(
-                    f"The mesh file '{path}' has schema {meta['schema']}, expected {SCHEMA_VERSION}; {again}."
-                )
-            x, y, z = meta["scale"]
-            return cls(
-                name=str(meta["name"]), license=str(meta["license"]),
-                scale=(float(x), float(y), float(z)),
-                expression_names=tuple(str(name) for name in meta["expression_names"]),
-                identity_names=tuple(str(name) for name in meta["identity_names"]),
-                borrow_identity=bool(meta["borrow_identity"]),
-                marks={name[6:]: array for name, array in arrays.items() if name.startswith("marks/")},
-                **{name: arrays[name] for name in _ARRAYS},
-            )  # fmt: skip
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"The mesh file '{path}' is damaged ({error}); {again}.") from error
+        subject, again = f"The mesh file '{path}'", "export the mesh again with Use My Mesh in Blender"
+        arrays = sections(read_arrays(path, "mesh file", RIG_ARRAYS_MAX), "marks")
+        given = checked(RigArrays(), arrays, subject, again)
+        meta = decoded_meta(given.pop("meta"), subject, again)
+        check_version(meta, SCHEMA_VERSION, subject, again)
+        about = checked(RigMeta(), meta, f"{subject} is damaged; its meta", again)
+        del about["schema"]
+        return cls(**about, **given)
+
+
+RIG_ARRAYS_MAX = 2 * GIB
+COORDINATE_MAX = 1e9  # of the mesh, in its own unit
+
+
+class RigMeta(FileSchema):
+    """What a mesh file says beside its arrays."""
+
+    schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
+    name = Text()
+    license = Text()
+    scale = Items(Number(-COORDINATE_MAX, COORDINATE_MAX), 3, 3)
+    expression_names = Items(Name())
+    identity_names = Items(Name())
+    borrow_identity = Flag()
+
+
+class RigArrays(FileSchema):
+    """The arrays of a mesh file; which of them belong together, RigFile checks."""
+
+    dimensions: ClassVar = {"vertices": (1, VERTICES_MAX), "polygons": (1, VERTICES_MAX)}
+
+    vertices = Array(("vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    polygons = Array(("polygons", 4), WHOLE, minimum=-1)
+    polygon_uvs = Array(("polygons", 4), WHOLE, minimum=-1)
+    polygon_part = Array(("polygons",), WHOLE, minimum=0)
+    uvs = Array(("uvs", 2), minimum=UV_LOW, maximum=UV_HIGH)
+    expression_offsets = Array(("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    identity_offsets = Array(("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    marks = Table(Array(("marked",), WHOLE, minimum=0), load_default=dict)
+    meta = Words()
 
 
 _ARRAYS = {

@@ -6,14 +6,20 @@ import json
 import math
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from facestage.contract.array_archive import ARRAYS_MAX, read_archive
 from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
+from facestage.contract.json_text import JSON_MAX, decode_json
+from facestage.contract.reading import MIB, open_regular, read_bytes
+from facestage.contract.wording import shown
+
+PACKING_MAX = 16 * MIB  # of an .npz that are no values
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
@@ -40,18 +46,17 @@ def finite(value: Any) -> Any:
 
 
 def read_json(path: Path, what: str) -> dict[str, Any]:
-    """The JSON object in ``path``; ``what`` names the file's role in error messages."""
-    path = Path(path)
+    """The JSON object in ``path``; ``what`` names the file's role in error messages.
+
+    Raises InputError for anything but a regular file of at most JSON_MAX bytes of strict JSON (:mod:`.json_text`).
+    """
+    content = read_bytes(path, what, JSON_MAX)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"The {what} '{path}' does not exist; check the path.") from error
-    except OSError as error:
-        raise InputError(f"The {what} '{path}' cannot be read: {error.strerror or error}.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        data = decode_json(content)
+    except ValueError as error:
         raise InputError(f"The {what} '{path}' is not valid JSON ({error}); write it again.") from error
     if not isinstance(data, dict):
-        raise InputError(f"The {what} '{path}' holds a {type(data).__name__}, expected a JSON object.")
+        raise InputError(f"The {what} '{path}' holds {shown(data)}, expected a JSON object.")
     return data
 
 
@@ -62,17 +67,16 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray], compress: bool = 
         save(stream, **{name: np.asarray(array) for name, array in arrays.items()})
 
 
-def read_arrays(path: Path, what: str) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, loaded with ``allow_pickle=False`` so that nothing can execute."""
-    path = Path(path)
+def read_arrays(
+    path: Path, what: str, limit: int = ARRAYS_MAX, names: Collection[str] | None = None
+) -> dict[str, np.ndarray]:
+    """The arrays of an .npz: plain numbers and text, at most ``limit`` bytes of them; nothing in it can execute.
+
+    ``names``: only these, where it has them. Raises InputError for anything else (:mod:`.array_archive`).
+    """
     try:
-        with path.open("rb") as stream:
-            data = np.load(stream, allow_pickle=False)
-            if not isinstance(data, np.lib.npyio.NpzFile):
-                raise InputError(f"The {what} '{path}' holds a single array, expected an .npz of named arrays.")
-            with data:
-                return {name: data[name] for name in data.files}
-    except FileNotFoundError as error:
-        raise InputError(f"The {what} '{path}' does not exist; check the path.") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+        # What is packed is no larger than what it unpacks to, but for headers and the directory.
+        with open_regular(path, what, limit + PACKING_MAX) as stream:
+            return read_archive(stream, limit, names)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise InputError(f"The {what} '{path}' is not a readable .npz of plain arrays ({error}).") from error

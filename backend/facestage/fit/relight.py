@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.array_field import Array
 from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import ON, LightStage
+from facestage.contract.face_model import FaceModel
+from facestage.contract.fields import Number, Table
+from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
+from facestage.contract.paths import is_file
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import ROUGHNESS, Result
+from facestage.contract.result import NAMES_MAX, ROUGHNESS, WEIGHT_MAX, Result
+from facestage.contract.schema import HandWritten, checked
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.light_position import AXES
+from facestage.fit.memory import check_picture, machine_memory
 from facestage.fit.one_light import relight_scale
 from facestage.fit.parameters import LightParameters, State
 from facestage.fit.problem import select_lights
@@ -45,17 +52,15 @@ def render_result(
     result = Result.load(folder)
     if lights is not None:
         # A light that was off in the fit is dark in the result, but may be turned on now.
-        radiance = _radiance(lights, len(result.stage))
+        radiance = checked(LightsFile(lights=len(result.stage)), lights, "The light file (--lights)")["radiance"]
         stage = replace(result.stage, radiance=radiance, state=np.full(len(radiance), ON))
         result = replace(result, stage=stage)
     if weights is not None:
-        unknown = sorted(set(weights) - {"identity", "expression"})
-        if unknown:
-            raise InputError(f"The weight file has the key '{unknown[0]}'; expected expression and identity.")
+        given = checked(WeightsFile(), weights, "The weight file (--weights)")
         result = replace(
             result,
-            identity=_weights(weights, "identity", result.identity_names, result.identity),
-            expression=_weights(weights, "expression", result.expression_names, result.expression),
+            identity=_weights(given["identity"], "identity", result.identity_names, result.identity),
+            expression=_weights(given["expression"], "expression", result.expression_names, result.expression),
         )
         color = render(result, samples or SAMPLES)
     else:
@@ -129,14 +134,17 @@ def render(result: Result, samples: int) -> np.ndarray:
 
 def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
     """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera frame), textures."""
+    check_picture(result.camera.width, result.camera.height, machine_memory())
+    model = load_model(result.model)
+    _check_model(result, model)
     start_renderer("auto")
     folder = _folder(result)
     rough = folder / ROUGHNESS  # older results have one value alone
     textures = Textures(
         read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0],
-        read_exr(rough)[..., 0] if rough.is_file() else None,
+        read_exr(rough)[..., 0] if is_file(rough) else None,
     )  # fmt: skip
-    geometry = FaceGeometry(load_model(result.model))
+    geometry = FaceGeometry(model)
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False))
     matrix = result.model_to_camera
@@ -157,31 +165,43 @@ def _check_samples(samples: int | None) -> None:
         raise InputError(f"--spp is {samples}; expected 1 to 4096.")
 
 
-def _radiance(data: dict[str, Any], count: int) -> np.ndarray:
-    try:
-        radiance = np.array(data["radiance"], dtype=float)
-    except KeyError as error:
-        raise InputError('The light file lacks "radiance": [[r, g, b], ...], one row per light.') from error
-    except (TypeError, ValueError) as error:
-        raise InputError(f"The light file's radiance is not a list of [r, g, b] numbers ({error}).") from error
-    if radiance.shape != (count, 3) or not np.isfinite(radiance).all() or (radiance < 0).any():
-        raise InputError(
-            f"The light file's radiance has shape {radiance.shape}; expected ({count}, 3) finite numbers of 0 or more."
-        )
-    return radiance
+class LightsFile(HandWritten):
+    """A light file, for a stage with a known number of lights."""
+
+    radiance = Array(
+        ("lights", 3), minimum=0, maximum=RADIANCE_MAX, words="one [r, g, b] of numbers of 0 or more for each light"
+    )
 
 
-def _weights(data: dict[str, Any], kind: str, names: tuple[str, ...], current: np.ndarray) -> np.ndarray:
+class WeightsFile(HandWritten):
+    """A weight file; which names there are, the result says."""
+
+    identity = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX, load_default=dict)
+    expression = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX, load_default=dict)
+
+
+def _weights(given: Mapping[str, float], kind: str, names: tuple[str, ...], current: np.ndarray) -> np.ndarray:
     result = current.copy()
-    given = data.get(kind, {})
-    if not isinstance(given, dict):
-        raise InputError(f"The weight file's {kind} is a {type(given).__name__}, expected {{name: weight}}.")
     for name, value in given.items():
         if name not in names:
             raise InputError(
                 f"The weight file names the {kind} '{name}'; this face model has: {', '.join(names[:8])}, ..."
             )
-        if not isinstance(value, int | float) or not np.isfinite(value):
-            raise InputError(f"The weight of {kind} '{name}' is {value!r}; expected a number.")
         result[names.index(name)] = value
     return result
+
+
+def _check_model(result: Result, model: FaceModel) -> None:
+    """Raise InputError unless the result's numbers are those of the model that its name stands for now."""
+    shapes = {
+        "vertices": (len(result.vertices), len(model.vertices)),
+        "identity modes": (len(result.identity), len(model.identity_names)),
+        "expressions": (len(result.expression), len(model.expression_names)),
+        "colors": (len(result.albedo), len(model.albedo_basis)),
+    }
+    for what, (found, wanted) in shapes.items():
+        if found != wanted:
+            raise InputError(
+                f"The result has {found} {what}, the face model '{result.model}' has {wanted}: it is another one by "
+                "now; run the fit again."
+            )

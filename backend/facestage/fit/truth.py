@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
-from facestage.contract.errors import InputError
-from facestage.contract.light_stage import LightStage
+from facestage.contract.array_field import Array, unit
+from facestage.contract.light_stage import COUNT_MAX, FAR, RADIANCE_MAX, LightStage
+from facestage.contract.reading import GIB
+from facestage.contract.schema import FileSchema, checked
 from facestage.contract.storage import read_arrays
 from facestage.fit.geometry import FaceGeometry
 from facestage.fit.metrics import aligned_difference, aligned_distance, relative_error, scaled_rmse
@@ -15,6 +18,22 @@ from facestage.fit.parameters import State
 from facestage.fit.shading import sample_bilinear
 
 PROBE_NORMALS = 512
+TRUTH_ARRAYS_MAX = 1 * GIB
+TEXELS_MAX = 8192  # along a side of the albedo
+ALBEDO_MAX = 1e3
+
+
+class TruthSchema(FileSchema):
+    """A truth.npz for a model with a known number of vertices; all but the vertices may be missing."""
+
+    dimensions: ClassVar = {"texels": (1, TEXELS_MAX), "lights": (1, COUNT_MAX)}
+
+    vertices = Array(("vertices", 3), minimum=-FAR, maximum=FAR)
+    albedo = Array(("texels", "texels", 3), minimum=0, maximum=ALBEDO_MAX, required=False)
+    light_position = Array(("lights", 3), minimum=-FAR, maximum=FAR, required=False)
+    light_direction = Array(("lights", 3), minimum=-2, maximum=2, validate=unit, required=False)
+    light_radiance = Array(("lights", 3), minimum=0, maximum=RADIANCE_MAX, required=False)
+    light_corners = Array(("lights", 4, 3), minimum=-FAR, maximum=FAR, required=False)
 
 
 class Truth:
@@ -22,14 +41,10 @@ class Truth:
 
     def __init__(self, path: Path, geometry: FaceGeometry) -> None:
         self.geometry = geometry
-        self.arrays = read_arrays(path, "truth file")
-        vertices = self.arrays.get("vertices")
-        count = len(geometry.model.vertices)
-        if vertices is None or vertices.shape != (count, 3):
-            found = "no vertices" if vertices is None else f"vertices of shape {vertices.shape}"
-            raise InputError(f"The truth file '{path}' holds {found}; this face model has ({count}, 3).")
-        if not np.isfinite(vertices).all():
-            raise InputError(f"The truth file '{path}' has NaN or infinite vertices; write it again.")
+        subject = f"The truth file '{path}' does not fit this face model"
+        arrays = read_arrays(path, "truth file", TRUTH_ARRAYS_MAX, tuple(TruthSchema().fields))
+        self.arrays = checked(TruthSchema(vertices=len(geometry.model.vertices)), arrays, subject)
+        vertices = self.arrays["vertices"]
         region = geometry.model.regions.get("narrow_face", geometry.used)
         self.region = region
         self.compared = geometry.new_index[region]
@@ -78,7 +93,7 @@ class Truth:
     def albedo_error(self, texture: np.ndarray) -> float | None:
         """RMSE of an atlas texture (S, S, 3) over the narrow face's vertices, best single scale factored out."""
         true = self.arrays.get("albedo")
-        if true is None or true.ndim != 3 or true.shape[0] != true.shape[1]:
+        if true is None:
             return None
         model = self.geometry.model
         inside = np.zeros(len(model.vertices), bool)

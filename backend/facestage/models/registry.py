@@ -10,6 +10,7 @@ from pathlib import Path
 from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.paths import user_path
 from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
@@ -29,10 +30,10 @@ def load_model(specification: str) -> FaceModel:
     if kind == "default" and not argument:
         return _cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
-        return FaceModel.load(Path(argument).expanduser())
+        return FaceModel.load(user_path(argument, "face model's path"))
     loaders = {"ict": _load_ict, "flame": _load_flame, "bfm": _load_bfm, "gnm": _load_gnm, "rig": _load_rig}
     if kind in loaders and argument:
-        path = Path(argument).expanduser().resolve()
+        path = user_path(argument, "face model's path").resolve()
         return _cached(kind, f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: loaders[kind](path))
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
 

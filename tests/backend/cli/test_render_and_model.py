@@ -53,7 +53,8 @@ BAD_RENDERS: dict[str, tuple[list[str], str | None, str]] = {
     "missing lights": (["--out", "a.png", "--lights", "none.json"], None, "none.json"),
     "too few lights": (["--out", "a.png", "--lights", "bad.json"], '{"radiance": [[1, 1, 1]]}', "shape"),
     "negative light": (
-        ["--out", "a.png", "--lights", "bad.json"], '{"radiance": [[1,1,1],[1,1,1],[1,1,1],[-1,1,1]]}', "0 or more",
+        ["--out", "a.png", "--lights", "bad.json"], '{"radiance": [[1,1,1],[1,1,1],[1,1,1],[-1,1,1]]}',
+        "-1, expected numbers of 0 to",
     ),
     "no radiance": (["--out", "a.png", "--lights", "bad.json"], "{}", "radiance"),
     "words as light": (["--out", "a.png", "--lights", "bad.json"], '{"radiance": "bright"}', "radiance"),
