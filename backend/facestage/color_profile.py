@@ -24,6 +24,7 @@ BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.03
 # A profile this close to sRGB (matrix; curve, of 1) is sRGB, written with other roundings.
 SRGB_MATRIX_TOLERANCE, SRGB_CURVE_TOLERANCE = 2e-3, 2e-3
 SRGB = "sRGB"
+STRIP_ROWS = 256
 HEADER_BYTES, TAG_BYTES = 128, 12
 LOOKUP_TAGS = ("A2B0", "D2B0")
 COLORANTS, CURVES = ("rXYZ", "gXYZ", "bXYZ"), ("rTRC", "gTRC", "bTRC")
@@ -59,11 +60,14 @@ class Decoder:
         ramp = np.arange(levels + 1) / levels
         tables = [np.asarray(curve(ramp), np.float32) for curve in self.curves]
         linear = np.empty(codes.shape, np.float32)
-        for channel, table in enumerate(tables):
-            np.take(table, codes[..., channel], out=linear[..., channel])
-        if self.matrix is None:
-            return linear
-        return np.maximum(linear @ self.matrix.T.astype(np.float32), 0.0)
+        # In strips: what numpy needs beside the result would be several times a large picture.
+        for start in range(0, len(codes), STRIP_ROWS):
+            strip = slice(start, start + STRIP_ROWS)
+            for channel, table in enumerate(tables):
+                linear[strip, :, channel] = table[codes[strip, :, channel]]
+            if self.matrix is not None:
+                linear[strip] = np.maximum(linear[strip] @ self.matrix.T.astype(np.float32), 0.0)
+        return linear
 
 
 DEFAULT = Decoder(SRGB, (srgb_to_linear,) * 3, None)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
+import re
 import struct
 import warnings
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -17,9 +17,16 @@ from facestage.color_profile import linear_to_srgb as linear_to_srgb
 from facestage.color_profile import srgb_to_linear as srgb_to_linear
 from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
+from facestage.contract.reading import MIB, open_regular
 from facestage.exif import FocalPrior, focal_prior
+from facestage.exr_pixels import check_size, read_exr_pixels
+from facestage.opencv import opencv
+from facestage.quiet import quiet_standard_error
 
-MAX_SIDE = 16384
+# A picture of as many pixels as are read (contract.camera) and 16 bits has 0.8 GB unpacked.
+PHOTO_LIMIT = 1024 * MIB
+# The largest profiles, tables for printing, have 3 MB.
+PROFILE_LIMIT = 16 * MIB
 EXTENSIONS = ".png, .jpg, .jpeg, .webp, .tif, .tiff, .exr"
 # Decoders that are tried, by content: Pillow has others, one of which runs a program.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP")
@@ -30,9 +37,14 @@ RAW_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".orf", ".rw2", ".raf", 
 ORIENTATION = 0x0112
 # The brightest code value of a display image, less rounding: there the sensor, or the file, ran out.
 CLIP_LEVEL = 0.996
-EXR_HEADER_MAX = 1 << 16
+EXR_MAX = 1e9
 LINEAR_REC709 = "linear Rec. 709"
-EXR_MAGIC = b"\x76\x2f\x31\x01"
+
+# What damaged bytes make Pillow's decoders raise, beside what it says that they do.
+_UNREADABLE = (
+    OSError, SyntaxError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, EOFError, RuntimeError,
+    MemoryError, struct.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -60,81 +72,86 @@ def read_photograph(path: Path) -> Photograph:
     Raises InputError for a missing, empty or undecodable file, or one without a single finite pixel.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"The photo '{path}' does not exist; give the path of a {EXTENSIONS} file.")
-    if path.stat().st_size == 0:
-        raise InputError(f"The photo '{path}' is empty (0 bytes); export it again.")
     photograph = _read_exr(path) if path.suffix.lower() == ".exr" else _read_display(path)
-    if max(photograph.size) > MAX_SIDE:
-        raise InputError(
-            f"The photo '{path}' is {photograph.size[0]} x {photograph.size[1]} pixels; at most {MAX_SIDE} a side."
-        )
     if not photograph.mask.any():
         raise InputError(f"The photo '{path}' has no usable pixel: all are transparent, NaN or infinite.")
     return photograph
 
 
 def _read_display(path: Path) -> Photograph:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     if path.suffix.lower() in RAW_SUFFIXES:
         raise InputError(f"The photo '{path}' is a camera's raw file; develop it and export a 16-bit TIFF or a JPEG.")
-    with path.open("rb") as file:
-        head = file.read(12)
-    if head[4:8] == b"ftyp" and head[8:12] in HEIF_BRANDS:
-        raise InputError(f"The photo '{path}' is a HEIC or AVIF picture, which is not read; export it as JPEG.")
-    try:
-        with warnings.catch_warnings():
-            # Pillow's size guard is a warning first; the limit below is ours. Damaged EXIF is as good as none.
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as image:
-                if max(image.size) > MAX_SIDE:
-                    raise InputError(
-                        f"The photo '{path}' is {image.size[0]} x {image.size[1]} pixels; at most {MAX_SIDE} a side."
-                    )
-                if image.mode in ("F", "I"):
-                    raise InputError(f"The photo '{path}' has 32 bits per pixel, of unknown scale; save it as an EXR.")
-                # Known only until the pixels are decoded.
-                deep = image.mode in ("RGB", "RGBA") and any("16" in str(tile.args) for tile in image.tile)
-                image.load()
-                exif = image.getexif()
-                focal, turn = focal_prior(exif, *image.size), exif.get(ORIENTATION, 1)
-                color, clipped, alpha, space = _decoded(path, image, deep)
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"The photo '{path}' is not a readable image ({error}); expected {EXTENSIONS}.") from error
+    with open_regular(path, "photo", PHOTO_LIMIT) as file:
+        _refuse_by_content(path, file.read(12))
+        file.seek(0)
+        try:
+            with warnings.catch_warnings():
+                # Pillow's size guard is a warning first; ours is below it. Damaged EXIF is as good as none.
+                warnings.simplefilter("ignore")
+                with Image.open(file, formats=FORMATS) as image:
+                    check_size(*image.size)
+                    if image.mode in ("F", "I"):
+                        raise ValueError("it has 32 bits per pixel, of unknown scale; save it as an EXR")
+                    # Known only until the pixels are decoded.
+                    deep = image.mode in ("RGB", "RGBA") and any("16" in str(tile.args) for tile in image.tile)
+                    with quiet_standard_error() if image.format == "TIFF" else contextlib.nullcontext():
+                        image.load()
+                    exif = image.getexif()
+                    focal, turn = focal_prior(exif, *image.size), exif.get(ORIENTATION, 1)
+                    color, clipped, alpha, space = _decoded(file, image, deep)
+        except (*_UNREADABLE, Image.DecompressionBombError) as error:
+            reason = _plain(str(error)) or type(error).__name__
+            raise InputError(
+                f"The photo '{path}' is not a readable image ({reason}); expected {EXTENSIONS}."
+            ) from error
     mask = np.ones(color.shape[:2], bool) if alpha is None else alpha
     color, mask, clipped = (np.ascontiguousarray(_upright(array, turn)) for array in (color, mask, clipped))
     return Photograph(color, mask, clipped, space, focal)
 
 
-def _decoded(path: Path, image: Any, deep: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
+def _refuse_by_content(path: Path, head: bytes) -> None:
+    if not head:
+        raise InputError(f"The photo '{path}' is empty (0 bytes); export it again.")
+    if head[4:8] == b"ftyp" and head[8:12] in HEIF_BRANDS:
+        raise InputError(f"The photo '{path}' is a HEIC or AVIF picture, which is not read; export it as JPEG.")
+
+
+def _plain(text: str) -> str:
+    """The text of a library's error, on one line and without a memory address that changes."""
+    return re.sub(r"<_io\.\w+[^>]*>", "the file", " ".join(text.split()))[:200].rstrip(".")
+
+
+def _decoded(file: BinaryIO, image: Any, deep: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
     """Linear color (h, w, 3), clipped (h, w, 3), alpha (h, w) bool or None, and the color space of a Pillow image."""
     alpha = np.asarray(image.convert("RGBA").getchannel("A")) > 127 if _has_alpha(image) else None
     profile = image.info.get("icc_profile")
     decoder, name = DEFAULT, DEFAULT.name
-    if profile:
+    if profile and len(profile) <= PROFILE_LIMIT:
         # A profile that is damaged, or for another kind of image, is ignored, as viewers do.
-        with suppress(ValueError):
+        with contextlib.suppress(ValueError):
             found = decoder_of(profile)
             if found is None:
                 image = through_littlecms(image.convert("RGB") if image.mode in ("P", "RGBA") else image, profile)
                 name, deep = "ICC profile, by LittleCMS in 8 bits", False
             else:
                 decoder, name = found, found.name
-    codes = _codes(path, image, deep)
+    codes = _codes(file, image, deep)
     return decoder(codes), codes >= CLIP_LEVEL * np.iinfo(codes.dtype).max, alpha, name
 
 
-def _codes(path: Path, image: Any, deep: bool) -> np.ndarray:
+def _codes(file: BinaryIO, image: Any, deep: bool) -> np.ndarray:
     """(h, w, 3) uint8 or uint16 code values; 16 bits keep their precision."""
     if image.mode.startswith("I;16"):
         return np.repeat(np.asarray(image, np.uint16)[..., None], 3, axis=2)
     if deep:
         # Pillow drops half the bits of color; OpenCV does not.
-        codes = _opencv().imdecode(np.frombuffer(path.read_bytes(), np.uint8), -1)
+        file.seek(0)
+        codes = opencv().imdecode(np.frombuffer(file.read(PHOTO_LIMIT), np.uint8), -1)
         if codes is not None and codes.dtype == np.uint16 and codes.shape[:2] == image.size[::-1] and codes.ndim == 3:
             return np.asarray(codes[..., 2::-1])
-    return np.asarray(image.convert("RGB"))
+    return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))
 
 
 def _upright(array: np.ndarray, orientation: int) -> np.ndarray:
@@ -152,52 +169,31 @@ def _has_alpha(image: Any) -> bool:
     return "A" in image.getbands() or "transparency" in image.info
 
 
-def _opencv() -> Any:
-    # OpenCV reads EXR only when this is set before its first import.
-    os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
-    import cv2
-
-    # What is wrong with a file is said once, by the error it raises. OpenCV 4.12 moved the function.
-    (cv2.setLogLevel if hasattr(cv2, "setLogLevel") else cv2.utils.logging.setLogLevel)(0)
-    return cv2
-
-
 def _read_exr(path: Path) -> Photograph:
-    cv2 = _opencv()
     try:
-        data = path.read_bytes()
-        # OpenCV would decode any format here, and take its sRGB for linear light.
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data[:4] == EXR_MAGIC else None
-    except (cv2.error, OSError) as error:
-        raise InputError(f"The photo '{path}' is not a readable EXR ({error}).") from error
-    if image is None:
-        raise InputError(f"The photo '{path}' is not a readable EXR; expected an OpenEXR file with RGB channels.")
-    image = np.asarray(image, np.float32)
-    image = image[..., None] if image.ndim == 2 else image
-    mask = np.isfinite(image).all(axis=2)
+        image, header = read_exr_pixels(path, "photo")
+    except ValueError as error:
+        raise InputError(
+            f"The photo '{path}' is not a readable EXR ({_plain(str(error))}); expected a flat OpenEXR file with RGB "
+            "channels."
+        ) from error
+    finite = np.isfinite(image)
+    mask = finite.all(axis=2)
     if image.shape[2] == 4:
         mask &= image[..., 3] > 0.5
+    # 16-bit floats end far below: what is larger is no light of a photo, and its square would be infinite.
+    np.clip(np.where(finite, image, 0.0), 0.0 if header.chromaticities is None else -EXR_MAX, EXR_MAX, out=image)
     color = image[..., [2, 1, 0]] if image.shape[2] >= 3 else np.repeat(image[..., :1], 3, axis=2)
-    color = np.where(np.isfinite(color), color, 0.0).astype(np.float32)
-    matrix = _exr_matrix(data[:EXR_HEADER_MAX])
+    matrix = None if header.chromaticities is None else chromaticities_to_rec709(header.chromaticities)
     if matrix is not None:
         color = color @ matrix.T.astype(np.float32)
     name = LINEAR_REC709 if matrix is None else "linear, by its chromaticities"
     return Photograph(np.maximum(color, 0.0), mask, np.zeros(color.shape, bool), name)
 
 
-def _exr_matrix(header: bytes) -> np.ndarray | None:
-    """(3, 3) to linear Rec. 709 by the header's attribute "chromaticities"; None where it is that already."""
-    mark = b"chromaticities\x00chromaticities\x00" + struct.pack("<i", 32)
-    start = header.find(mark) + len(mark)
-    if start < len(mark) or len(header) < start + 32:
-        return None
-    return chromaticities_to_rec709(np.array(struct.unpack("<8f", header[start : start + 32]), np.float64))
-
-
 def write_exr(path: Path, image: np.ndarray) -> None:
     """Write (h, w, 3) RGB or (h, w) grey linear float as a half-float EXR, whole or not at all."""
-    cv2 = _opencv()
+    cv2 = opencv()
     data = np.ascontiguousarray(image, np.float32)
     data = data[..., ::-1] if data.ndim == 3 else data
     with atomic_file(path) as temporary:
@@ -226,7 +222,7 @@ def read_exr(path: Path) -> np.ndarray:
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     """(h, w, ...) float image of another size: area-averaged where it shrinks, else bilinear."""
-    cv2 = _opencv()
+    cv2 = opencv()
     larger = width > image.shape[1] or height > image.shape[0]
     method = cv2.INTER_LINEAR if larger else cv2.INTER_AREA
     return cv2.resize(np.ascontiguousarray(image, np.float32), (width, height), interpolation=method)

@@ -129,8 +129,8 @@ def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: byt
 
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path):
-    for path in (tmp_path / "none.png", tmp_path):
-        with pytest.raises(InputError, match="does not exist"):
+    for path, words in ((tmp_path / "none.png", "does not exist"), (tmp_path, "is a folder, expected a file")):
+        with pytest.raises(InputError, match=words):
             read_photograph(path)
 
 

@@ -48,6 +48,8 @@ def open_regular(path: Path, what: str, limit: int) -> BinaryIO:
 def read_bytes(path: Path, what: str, limit: int) -> bytes:
     """All bytes of ``path``; see :func:`open_regular`. Raises InputError when there are more than ``limit``."""
     with open_regular(path, what, limit) as stream:
+        # Python reserves what it is asked for, so that is no more than there is.
+        limit = min(limit, os.fstat(stream.fileno()).st_size)
         try:
             content = stream.read(limit + 1)
         except OSError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import zipfile
@@ -10,6 +11,7 @@ from io import BytesIO
 from pathlib import Path
 
 from facestage.contract.errors import InputError
+from facestage.contract.reading import MIB, read_bytes
 from facestage.folders import cache_folder, data_folder
 
 FILE_NAME = "face_landmarker.task"
@@ -18,6 +20,7 @@ SHA256 = "64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff"
 VARIABLE = "FACESTAGE_LANDMARK_MODEL"
 DETECTOR, MESH = "face_detector.tflite", "face_landmarks_detector.tflite"
 GEOMETRY = "geometry_pipeline_metadata_landmarks.binarypb"
+SIZE_LIMIT = 16 * MIB  # it has 3.7 MB
 TIMEOUT = 15.0  # seconds without a byte from the server
 
 
@@ -47,9 +50,12 @@ def find_model(chosen: Path | None = None) -> Path | None:
         (Path(variable) if variable else None, f"landmark model ${VARIABLE}"),
     ):
         if path is not None:
-            return _checked(Path(path).expanduser(), name)
+            _read_checked(path, name)
+            return _expanded(path, name)
     for path in (cached_path(), data_folder() / FILE_NAME):
-        if path.is_file() and _digest(path.read_bytes()) == SHA256:
+        # What lies there and is not the model is as good as nothing.
+        with contextlib.suppress(InputError):
+            _read_checked(path, "landmark model")
             return path
     return None
 
@@ -60,25 +66,28 @@ def open_model(chosen: Path | None = None) -> Bundle:
     Raises InputError for a file that is not the expected one, or when the model can neither be found nor fetched.
     """
     path = find_model(chosen) or _fetch()
-    data = path.read_bytes()
+    # Its networks are read by C code that trusts them: only these very bytes are.
+    data = _read_checked(path, "landmark model")
     with zipfile.ZipFile(BytesIO(data)) as archive:
         return Bundle(path, archive.read(DETECTOR), archive.read(MESH), archive.read(GEOMETRY))
 
 
-def _checked(path: Path, name: str) -> Path:
-    """``path`` if it is the model. Raises InputError."""
+def _expanded(path: Path, name: str) -> Path:
     try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"The {name} '{path}' does not exist; expected {FILE_NAME} of {URL}.") from error
-    except OSError as error:
-        raise InputError(f"The {name} '{path}' cannot be read ({error.strerror or error}).") from error
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"The {name} '{path}' cannot be found: {error}") from error
+
+
+def _read_checked(path: Path, name: str) -> bytes:
+    """The content of ``path`` if it is the model. Raises InputError."""
+    data = read_bytes(_expanded(path, name), name, SIZE_LIMIT)
     if _digest(data) != SHA256:
         raise InputError(
             f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 {SHA256[:16]}...): damaged, "
             f"or another version; fetch it again from {URL}."
         )
-    return path
+    return data
 
 
 def _digest(data: bytes) -> str:

@@ -23,16 +23,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
-import scipy.io
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import SKIN, FaceModel
+from facestage.contract.reading import GIB
+from facestage.in_child import ChildLimits, Reader, ReaderFailedError, read_in_child
 from facestage.models.anatomy import face_regions, outward, quads_of
 from facestage.models.embedding import SCHEME, landmark_schemes, table_of_vertices
+from facestage.models.hdf5_file import TOTAL_LIMIT, read_hdf5
+from facestage.models.mat_file import read_mat
+from facestage.models.published_file import find_published
 from facestage.models.unwrap import SKIN_TILE, unwrap
 
 SOURCE = "https://faces.dmi.unibas.ch/bfm"
@@ -45,8 +47,15 @@ NAMES = (
 )  # fmt: skip
 _FETCH = f"expected 01_MorphableModel.mat, model2017-1_bfm_nomouth.h5 or another file of the model from {SOURCE}"
 VERTEX_COUNT_2009 = 53490
-# Many more than any published file has; a damaged file must not ask for all memory.
+# Many more than any published file has; a damaged file must not ask for all memory, nor for ever.
 _VERTEX_MAX, _MODES_MAX = 250_000, 2000
+_LIMITS = ChildLimits(memory=3 * GIB, seconds=4, array_bytes=TOTAL_LIMIT)
+_NAMES_2009 = ("shapeMU", "shapePC", "shapeEV", "texMU", "texPC", "texEV")
+_PCA = ("mean", "pcaBasis", "pcaVariance")
+_CELLS, _POINTS = ("shape/representer/cells", "representer/cells"), "metadata/landmarks/json"
+_NAMES_STATISMO = (
+    *(f"{group}/model/{name}" for group in ("shape", "color", "expression") for name in _PCA), *_CELLS, _POINTS
+)  # fmt: skip
 _DARK, _BRIGHT = 1 / 255, 0.99  # sRGB: the fit works on the logarithm of the albedo
 # The ibug landmarks that Basel's named points are.
 _NAMED = {
@@ -69,21 +78,14 @@ def load_bfm(path: Path) -> FaceModel:
 
     ``path``: one of the published files, or the folder it lies in. Raises InputError when it is something else.
     """
-    path = _find(Path(path))
-    _refuse_web_page(path)
+    path = find_published(Path(path), NAMES, "Basel Face Model", _FETCH)
     return _load_2009(path) if path.suffix.lower() == ".mat" else _load_statismo(path)
 
 
 def _load_2009(path: Path) -> FaceModel:
     size = 3 * VERTEX_COUNT_2009
-    try:
-        data = scipy.io.loadmat(path, variable_names=("shapeMU", "shapePC", "shapeEV", "texMU", "texPC", "texEV", "tl"))
-    # A damaged .mat makes scipy raise almost anything.
-    except Exception as error:
-        raise InputError(f"'{path}' cannot be read as a MATLAB file ({_short(error)}); {_FETCH}") from error
-    arrays = {
-        name: data.get(name, np.zeros(0)) for name in ("shapeMU", "shapePC", "shapeEV", "texMU", "texPC", "texEV")
-    }
+    data = _arrays(read_mat, path, (*_NAMES_2009, "tl"), "a MATLAB")
+    arrays = {name: data.get(name, np.zeros(0)) for name in _NAMES_2009}
     for kind in ("shape", "tex"):
         modes = arrays[f"{kind}PC"].shape[-1] if arrays[f"{kind}PC"].ndim == 2 else 0
         for suffix, shape in (("MU", (size, 1)), ("PC", (size, modes)), ("EV", (modes, 1))):
@@ -102,18 +104,16 @@ def _load_2009(path: Path) -> FaceModel:
 
 def _load_statismo(path: Path) -> FaceModel:
     millimeter = 1e-3
-    try:
-        with h5py.File(path, "r") as file:
-            mean, basis = _pca(path, file, "shape")
-            color, color_basis = _pca(path, file, "color", len(mean))
-            expression = _pca(path, file, "expression", len(mean)) if "expression" in file else None
-            cells = file.get("shape/representer/cells", file.get("representer/cells"))
-            if not isinstance(cells, h5py.Dataset) or cells.ndim != 2 or cells.shape[0] != 3:
-                raise InputError(f"'{path}' is no Basel Face Model: it lacks shape/representer/cells (3, t); {_FETCH}")
-            triangles = cells[()].T.astype(np.int64)
-            named = _named_points(path, file)
-    except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"'{path}' cannot be read as an HDF5 file ({_short(error)}); {_FETCH}") from error
+    data = _arrays(read_hdf5, path, _NAMES_STATISMO, "an HDF5")
+    mean, basis = _pca(path, data, "shape")
+    color, color_basis = _pca(path, data, "color", len(mean))
+    has_expressions = any(name.startswith("expression/") for name in data)
+    expression = _pca(path, data, "expression", len(mean)) if has_expressions else None
+    cells = next((data[name] for name in _CELLS if name in data), np.zeros(0))
+    if cells.ndim != 2 or cells.shape[0] != 3 or cells.dtype.kind not in "iu":
+        raise InputError(f"'{path}' is no Basel Face Model: it lacks {_CELLS[0]} (3, t); {_FETCH}")
+    triangles = cells.T.astype(np.int64)
+    named = _named_points(path, data)
     year = next((year for year in ("2009", "2017", "2019") if year in path.name), "")
     known: dict[int, np.ndarray] = {}
     if named:
@@ -177,39 +177,47 @@ def _linear(srgb: np.ndarray) -> np.ndarray:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _pca(path: Path, file: Any, group: str, vertices: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+def _arrays(reader: Reader, path: Path, names: tuple[str, ...], kind: str) -> dict[str, np.ndarray]:
+    """The arrays of ``names`` that the file has; ``kind`` is the file's, in words."""
+    try:
+        return read_in_child(reader, path, names, _LIMITS)
+    except ReaderFailedError as error:
+        raise InputError(f"'{path}' cannot be read as {kind} file ({error}); {_FETCH}") from error
+
+
+def _pca(
+    path: Path, data: dict[str, np.ndarray], group: str, vertices: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean (n, 3) float64 and modes (k, n, 3) float32 per standard deviation of one of the file's models."""
-    sets = {name: file.get(f"{group}/model/{name}") for name in ("mean", "pcaBasis", "pcaVariance")}
-    missing = [f"{group}/model/{name}" for name, item in sets.items() if not isinstance(item, h5py.Dataset)]
+    names = [f"{group}/model/{name}" for name in _PCA]
+    missing = [name for name in names if name not in data]
     if missing:
         raise InputError(f"'{path}' is no Basel Face Model, it lacks {', '.join(missing)}; {_FETCH}")
-    size = sets["mean"].size
-    modes = sets["pcaVariance"].size
+    mean, basis, variance = (data[name] for name in names)
+    size, modes = mean.size, variance.size
     if size % 3 or size > 3 * _VERTEX_MAX or modes > _MODES_MAX or size != 3 * (vertices or size // 3):
-        raise InputError(f"'{path}' is no Basel Face Model: {group}/model/mean has {size} entries; {_FETCH}")
-    if sets["pcaBasis"].shape != (size, modes):
+        raise InputError(f"'{path}' is no Basel Face Model: {names[0]} has {size} entries; {_FETCH}")
+    if basis.shape != (size, modes):
         raise InputError(
-            f"'{path}' is no Basel Face Model: {group}/model/pcaBasis has shape {sets['pcaBasis'].shape}, "
-            f"not {(size, modes)}; {_FETCH}"
+            f"'{path}' is no Basel Face Model: {names[1]} has shape {basis.shape}, not {(size, modes)}; {_FETCH}"
         )
-    mean, basis, variance = (np.asarray(sets[name][()]) for name in ("mean", "pcaBasis", "pcaVariance"))
-    for name, array in (("mean", mean), ("pcaBasis", basis), ("pcaVariance", variance)):
-        _check(path, f"{group}/model/{name}", array, array.shape)
+    for name, array in zip(names, (mean, basis, variance), strict=True):
+        _check(path, name, array, array.shape)
     return _vertices(mean), _modes(basis, np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _named_points(path: Path, file: Any) -> dict[str, np.ndarray]:
+def _named_points(path: Path, data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Basel's landmarks by name, in the file's unit; none where it has none."""
-    item = file.get("metadata/landmarks/json")
-    if not isinstance(item, h5py.Dataset):
+    if _POINTS not in data:
         return {}
-    text = item[()]
-    text = text.ravel()[0] if isinstance(text, np.ndarray) else text
     try:
-        entries = json.loads(text)
-        return {str(entry["id"]): np.array(entry["coordinates"], float).reshape(3) for entry in entries}
-    except (ValueError, TypeError, KeyError) as error:
-        raise InputError(f"'{path}' has damaged landmarks in metadata/landmarks/json ({_short(error)}).") from error
+        entries = json.loads(data[_POINTS].tobytes())
+        points = {str(entry["id"]): np.array(entry["coordinates"], float).reshape(3) for entry in entries}
+        if not np.isfinite(list(points.values())).all():
+            raise ValueError("NaN or infinity")
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        raise InputError(f"'{path}' has damaged landmarks in {_POINTS} ({_short(error)}).") from error
+    return points
 
 
 def _vertices(flat: np.ndarray) -> np.ndarray:
@@ -231,26 +239,6 @@ def _check(path: Path, name: str, array: np.ndarray, shape: tuple[int, ...]) -> 
         )
     if not np.isfinite(array).all():
         raise InputError(f"'{path}' is damaged: {name} holds NaN or infinity; {_FETCH}")
-
-
-def _find(path: Path) -> Path:
-    if path.is_dir():
-        for name in NAMES:
-            if (path / name).is_file():
-                return path / name
-        raise InputError(f"The folder '{path}' holds no Basel Face Model; {_FETCH}")
-    if not path.is_file():
-        raise InputError(f"The Basel Face Model '{path}' does not exist; {_FETCH}")
-    return path
-
-
-def _refuse_web_page(path: Path) -> None:
-    with path.open("rb") as stream:
-        start = stream.read(200).lstrip().lower()
-    if start.startswith((b"<!doctype", b"<html", b"<?xml")):
-        raise InputError(
-            f"'{path}' is a web page, not the Basel Face Model; request it at {SOURCE} and download it again."
-        )
 
 
 def _short(error: Exception) -> str:

@@ -12,6 +12,7 @@ from facestage.models.anatomy import landmark_points
 
 SCHEME = "ibug68"
 _IBUG = 68
+WEIGHT_MAX = 2.0  # a landmark lies on its triangle, or little beside it
 _INNER = 51  # the last of them: without the line of the jaw
 
 
@@ -28,10 +29,12 @@ def table_of_triangles(triangles: np.ndarray, rows: np.ndarray, weights: np.ndar
     """
     if len(rows) != len(weights) or len(rows) not in (_IBUG, _INNER):
         raise InputError(f"The landmark file '{path}' holds {len(rows)} landmarks; expected {_IBUG} or {_INNER}.")
+    if weights.shape != (len(rows), 3):
+        raise InputError(f"The landmark file '{path}' has weights of shape {weights.shape}; expected ({len(rows)}, 3).")
     if rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(triangles):
         raise InputError(f"The landmark file '{path}' is of another mesh: it refers to triangles that are not there.")
     total = weights.sum(axis=1) if weights.dtype.kind == "f" else np.zeros(len(weights))
-    if not np.allclose(total, 1.0, atol=1e-2):
+    if not np.allclose(total, 1.0, atol=1e-2) or np.abs(weights).max() > WEIGHT_MAX:
         raise InputError(f"The landmark file '{path}' is damaged: its barycentric weights do not add up to 1.")
     return np.concatenate([triangles[rows], weights / total[:, None]], axis=1)
 

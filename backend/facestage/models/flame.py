@@ -18,12 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.contract.storage import read_arrays
 from facestage.models.anatomy import eyeball_colors, face_regions, quads_of
 from facestage.models.embedding import SCHEME, landmark_schemes, table_of_triangles
+from facestage.models.published_file import MODEL_LIMIT, find_published
 from facestage.models.restricted_pickle import read_pickle
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import Skeleton, gaze_shapes
@@ -56,7 +58,7 @@ def load_flame(path: Path) -> FaceModel:
 
     ``path``: the model's .pkl or .npz, or the folder it lies in. Raises InputError when it is something else.
     """
-    path = _find(Path(path))
+    path = find_published(Path(path), MODEL_NAMES, "FLAME model", _FETCH)
     arrays = _read(path)
     mean = arrays["v_template"].astype(np.float64)
     triangles = arrays["f"].astype(np.int64)
@@ -93,21 +95,10 @@ def load_flame(path: Path) -> FaceModel:
 _FETCH = f"expected FLAME's generic_model.pkl, flame2023.pkl or flame2023_Open.pkl from {SOURCE}"
 
 
-def _find(path: Path) -> Path:
-    if path.is_dir():
-        for name in MODEL_NAMES:
-            if (path / name).is_file():
-                return path / name
-        raise InputError(f"The folder '{path}' holds no FLAME model; {_FETCH}")
-    if not path.is_file():
-        raise InputError(f"The FLAME model '{path}' does not exist; {_FETCH}")
-    return path
-
-
 def _read(path: Path) -> dict[str, Any]:
     """The model's arrays, with their published shapes."""
     if path.suffix.lower() == ".npz":
-        data: dict[str, Any] = dict(read_arrays(path, "FLAME model"))
+        data: dict[str, Any] = dict(read_arrays(path, "FLAME model", MODEL_LIMIT, _SHAPES))
     else:
         data = read_pickle(path, "FLAME model")
     missing = [name for name in _SHAPES if name not in data]
@@ -115,7 +106,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(f"'{path}' is no FLAME model, it lacks {', '.join(missing)}; {_FETCH}")
     result = {}
     for name, shape in _SHAPES.items():
-        array = np.asarray(data[name].toarray() if hasattr(data[name], "toarray") else data[name])
+        array = _array(data[name])
         if array.shape != shape or array.dtype.kind not in "iuf":
             raise InputError(
                 f"'{path}' is no FLAME model: {name} is {array.dtype} {array.shape}, not {shape}; {_FETCH}"
@@ -124,6 +115,13 @@ def _read(path: Path) -> dict[str, Any]:
             raise InputError(f"'{path}' is damaged: {name} holds NaN or infinity; {_FETCH}")
         result[name] = array
     return result
+
+
+def _array(value: Any) -> np.ndarray:
+    """The value as an array; an empty one of what is neither an array nor a sparse matrix."""
+    # The reader of pickles lets no matrix through that is large when it is written out.
+    value = value.toarray() if sparse.issparse(value) else value
+    return value if isinstance(value, np.ndarray) else np.zeros(0)
 
 
 def _posed_shapes(arrays: dict[str, Any], mean: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
@@ -151,8 +149,8 @@ def _landmarks(folder: Path, vertices: np.ndarray, triangles: np.ndarray, part: 
         data = read_pickle(path, "FLAME landmark file")
         for faces, weights in (("full_lmk_faces_idx", "full_lmk_bary_coords"), ("lmk_face_idx", "lmk_b_coords")):
             if faces in data and weights in data:
-                rows = np.asarray(data[faces]).reshape(-1)
-                table = table_of_triangles(triangles, rows, np.asarray(data[weights]).reshape(-1, 3), path)
+                rows, points = _array(data[faces]).reshape(-1), _array(data[weights])
+                table = table_of_triangles(triangles, rows, points.reshape(-1, 3 if points.size % 3 == 0 else 1), path)
                 return landmark_schemes(table, vertices, skin)
         raise InputError(
             f"The FLAME landmark file '{path}' lacks full_lmk_faces_idx and full_lmk_bary_coords; expected the "
@@ -169,10 +167,11 @@ def _uvs(
         path = folder / name
         if not path.is_file():
             continue
-        data = read_arrays(path, "FLAME texture file")
+        data = read_arrays(path, "FLAME texture file", MODEL_LIMIT, ("vt", "ft"))
         points, faces = data.get("vt"), data.get("ft")
         if (
             points is None or faces is None or points.ndim != 2 or points.shape[1] < 2
+            or points.dtype.kind not in "iuf" or not np.isfinite(points).all() or faces.dtype.kind not in "iu"
             or faces.shape != triangles.shape or faces.min() < 0 or faces.max() >= len(points)
         ):  # fmt: skip
             raise InputError(

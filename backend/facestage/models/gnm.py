@@ -15,15 +15,18 @@ round whose line of the jaw is not in the ibug order; it is put in order here.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.contract.reading import MIB, read_bytes
 from facestage.contract.storage import read_arrays
 from facestage.models.anatomy import IRIS, PART_ALBEDO, PUPIL, face_regions, landmark_points
-from facestage.models.embedding import SCHEME, landmark_schemes
+from facestage.models.embedding import SCHEME, WEIGHT_MAX, landmark_schemes
+from facestage.models.published_file import MODEL_LIMIT, find_published
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import Skeleton, gaze_shapes
 
@@ -31,6 +34,7 @@ LICENSE = "Apache-2.0 (Google LLC)"
 SOURCE = "https://github.com/google/GNM"
 NAMES = ("gnm_head.npz",)
 LANDMARKS = "head_sparse_68.txt"
+LANDMARKS_LIMIT = 1 * MIB  # it has 5 kB
 _FETCH = f"expected gnm_head.npz (v3) from {SOURCE} or https://huggingface.co/google/gnm-v3"
 _JAW = 17
 # Where the unit square of each region lies in the atlas: corner u, v and side.
@@ -46,7 +50,7 @@ def load_gnm(path: Path) -> FaceModel:
 
     ``path``: gnm_head.npz, or the folder it lies in. Raises InputError when it is something else.
     """
-    path = _find(Path(path))
+    path = find_published(Path(path), NAMES, "GNM head", _FETCH)
     data = _read(path)
     mean = data["template_vertex_positions"].astype(np.float64)
     quads = data["quads"].astype(np.int32)
@@ -79,31 +83,22 @@ def load_gnm(path: Path) -> FaceModel:
     )  # fmt: skip
 
 
-def _find(path: Path) -> Path:
-    if path.is_dir():
-        for name in NAMES:
-            if (path / name).is_file():
-                return path / name
-        raise InputError(f"The folder '{path}' holds no GNM head; {_FETCH}")
-    if not path.is_file():
-        raise InputError(f"The GNM head '{path}' does not exist; {_FETCH}")
-    return path
-
-
 def _read(path: Path) -> dict[str, np.ndarray]:
     """The arrays that are used, with shapes that agree."""
-    with path.open("rb") as stream:
-        if stream.read(200).lstrip().lower().startswith((b"<!doctype", b"<html", b"<?xml", b"version https://git-lfs")):
-            raise InputError(f"'{path}' is a web page or a pointer, not the GNM head itself; {_FETCH}")
-    data = read_arrays(path, "GNM head")
     needed = (
         "version", "variant", "template_vertex_positions", "template_joint_positions", "vertex_identity_basis",
         "expression_basis", "identity_names", "joint_names", "expression_names", "joint_parent_indices",
         "skinning_weights", "quads", "quad_uvs", "pose_correctives_regressor", "vertex_groups", "vertex_group_names",
     )  # fmt: skip
+    data = read_arrays(path, "GNM head", MODEL_LIMIT, needed)
     missing = [name for name in needed if name not in data]
     if missing:
         raise InputError(f"'{path}' is no GNM head, it lacks {', '.join(missing)}; {_FETCH}")
+    names = ("identity_names", "expression_names", "joint_names", "vertex_group_names")
+    if any(data[name].ndim != 1 for name in (*names, "joint_parent_indices")) or any(
+        data[name].ndim == 0 for name in ("template_vertex_positions", "quads")
+    ):
+        raise InputError(f"'{path}' is no GNM head: some of its arrays have other dimensions; {_FETCH}")
     if str(data["variant"]) != "head" or not str(data["version"]).startswith("3"):
         raise InputError(
             f"'{path}' is the GNM variant '{str(data['variant'])[:20]}' of version {str(data['version'])[:20]}; "
@@ -200,13 +195,14 @@ def _landmarks(path: Path, vertices: np.ndarray) -> np.ndarray:
     if file is None:
         return np.zeros((0, 6))
     try:
-        rows = np.loadtxt(file, ndmin=2)
-    except (ValueError, OSError) as error:
+        rows = np.loadtxt(io.BytesIO(read_bytes(file, "GNM landmark file", LANDMARKS_LIMIT)), ndmin=2)
+    except ValueError as error:
         raise InputError(f"The GNM landmark file '{file}' holds something else than numbers ({error}).") from error
     indices, weights = rows[:, ::2], rows[:, 1::2]
     if (
         rows.shape != (68, 6) or not np.isfinite(rows).all() or (indices != np.round(indices)).any()
-        or indices.min() < 0 or indices.max() >= len(vertices) or not np.allclose(weights.sum(axis=1), 1, atol=1e-2)
+        or indices.min() < 0 or indices.max() >= len(vertices)
+        or np.abs(weights).max() > WEIGHT_MAX or not np.allclose(weights.sum(axis=1), 1, atol=1e-2)
     ):  # fmt: skip
         raise InputError(
             f"The GNM landmark file '{file}' is of another model or damaged; expected 68 rows of three vertices, each "

@@ -5,11 +5,8 @@ Reads the published folder of .obj files, or an archive of it, and gives the one
 
 from __future__ import annotations
 
-import io
-import json
-import tarfile
-import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.contract.json_text import decode_json
 from facestage.models.anatomy import PART_ALBEDO, eyeball_colors
+from facestage.models.obj_text import Mesh, parse_mesh, parse_vertices
+from facestage.models.published_archive import published_files
 from facestage.models.shipped_landmarks import SCHEME, read_table
 from facestage.models.skin import albedo_basis
 from facestage.models.skinning import gaze_rotations
@@ -44,45 +44,91 @@ _TILES = (
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
 _SCLERA = 770  # vertices of the outer shell, the first of each eye
 
-Reader = Callable[[str], bytes]
+FOLDER, NEUTRAL, LANDMARKS = "FaceXModel", "generic_neutral_mesh.obj", "vertex_indices.json"
+LANDMARK_COUNT = 68
 
 
 def load_ict(path: Path) -> FaceModel:
     """The full model: 100 identity modes and every published expression shape, in metres.
 
-    ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz) of either.
-    Raises InputError when it is none of these or a file is missing or truncated.
+    ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz/.bz2) of either.
+    Raises InputError when it is none of these or a file is missing, damaged or larger than any published one.
     """
+    path = Path(path)
     try:
-        return _load(Path(path))
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise InputError(f"ICT-FaceKit in '{path}' is damaged ({error}); fetch it again from {SOURCE}.") from error
+        return _assemble(_read(path))
+    except (ValueError, LookupError, TypeError, ArithmeticError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"ICT-FaceKit in '{path}' is damaged ({reason}); fetch it again from {SOURCE}.") from error
 
 
-def _load(path: Path) -> FaceModel:
-    names, read = _open(path)
-    neutral, texture, polygons, polygon_uvs = _parse_neutral(read("generic_neutral_mesh.obj"))
-    if len(neutral) != VERTEX_COUNT or len(polygons) != POLYGON_COUNT:
+@dataclass(frozen=True)
+class _Published:
+    """What the files hold, in their own unit and order."""
+
+    neutral: Mesh
+    landmarks: np.ndarray  # (68,) vertex indices
+    shapes: dict[str, np.ndarray]  # name -> (n, 3) positions
+
+
+def _read(path: Path) -> _Published:
+    neutral = landmarks = None
+    shapes: dict[str, np.ndarray] = {}
+    for name, content in published_files(path, FOLDER, _is_wanted, "ICT-FaceKit path", SOURCE):
+        if name == LANDMARKS:
+            landmarks = content
+        elif name == NEUTRAL:
+            neutral = parse_mesh(content, name)
+        else:
+            shapes[name] = _vertices(parse_vertices(content, name), name)
+    for needed, found in ((NEUTRAL, neutral), (LANDMARKS, landmarks)):
+        if found is None:
+            raise InputError(f"'{path}' has no {FOLDER}/{needed}; expected ICT-FaceKit as published at {SOURCE}.")
+    assert neutral is not None and landmarks is not None
+    if (len(neutral.vertices), len(neutral.polygons)) != (VERTEX_COUNT, POLYGON_COUNT):
         raise InputError(
-            f"'{path}': generic_neutral_mesh.obj has {len(neutral)} vertices and {len(polygons)} polygons, expected "
+            f"'{path}': {NEUTRAL} has {len(neutral.vertices)} vertices and {len(neutral.polygons)} polygons, expected "
             f"{VERTEX_COUNT} and {POLYGON_COUNT}; fetch ICT-FaceKit again from {SOURCE}."
         )
-    identity_files = sorted(name for name in names if name.startswith("identity"))
-    ignored = {"generic_neutral_mesh.obj", *identity_files}
-    expression_files = sorted(name for name in names if name not in ignored)
-    if not identity_files or not expression_files:
+    return _Published(neutral, _landmarks(landmarks), shapes)
+
+
+def _is_wanted(name: str) -> bool:
+    return name.endswith(".obj") or name == LANDMARKS
+
+
+def _vertices(vertices: np.ndarray, name: str) -> np.ndarray:
+    if len(vertices) != VERTEX_COUNT:
         raise InputError(
-            f"'{path}' has no identity*.obj or no expression shapes; fetch ICT-FaceKit again from {SOURCE}."
+            f"ICT-FaceKit's {name} has {len(vertices)} vertices, expected {VERTEX_COUNT}; it is truncated."
         )
-    landmarks = np.array(json.loads(read("vertex_indices.json"))["idx_to_landmark_verts"])
+    return vertices
+
+
+def _landmarks(content: bytes) -> np.ndarray:
+    data = decode_json(content)
+    indices = data.get("idx_to_landmark_verts") if isinstance(data, dict) else None
+    if (
+        not isinstance(indices, list) or len(indices) != LANDMARK_COUNT
+        or not all(type(index) is int and 0 <= index < VERTEX_COUNT for index in indices)
+    ):  # fmt: skip
+        raise ValueError(f"{LANDMARKS} has no list idx_to_landmark_verts of {LANDMARK_COUNT} vertices")
+    return np.array(indices)
+
+
+def _assemble(published: _Published) -> FaceModel:
+    neutral, texture = published.neutral.vertices, published.neutral.texture
+    polygons, polygon_uvs = published.neutral.polygons, published.neutral.polygon_texture
+    identity_files = sorted(name for name in published.shapes if name.startswith("identity"))
+    expression_files = sorted(name for name in published.shapes if name not in identity_files)
+    if not identity_files or not expression_files:
+        raise ValueError("it has no identity*.obj or no expression shapes")
 
     centimetre = 0.01
     centre = neutral[:NARROW_FACE].mean(0)
 
     def basis(files: Iterable[str]) -> np.ndarray:
-        return np.stack([(_parse_vertices(read(name), name) - neutral) * centimetre for name in files]).astype(
-            np.float32
-        )
+        return np.stack([(published.shapes[name] - neutral) * centimetre for name in files]).astype(np.float32)
 
     vertices = ((neutral - centre) * centimetre).astype(np.float32)
     expression_names = tuple(Path(name).stem for name in expression_files)
@@ -90,6 +136,7 @@ def _load(path: Path) -> FaceModel:
     _turn_eyeballs(vertices, expression_names, expressions)
     part, uvs = _parts_and_atlas(texture, polygon_uvs)
     mean, albedo = _albedo(vertices, polygons, part)
+    landmarks = published.landmarks
     return FaceModel(
         name="ICT-FaceKit", license=LICENSE, source=SOURCE,
         vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
@@ -124,66 +171,6 @@ def _turn_eyeballs(vertices: np.ndarray, names: tuple[str, ...], basis: np.ndarr
         middle = np.linalg.lstsq(sphere, (back**2).sum(axis=1), rcond=None)[0][:3]
         turned = (ball - middle) @ Rotation.from_rotvec(rotation).as_matrix().T + middle
         basis[names.index(name), start:end] += (turned - ball).astype(np.float32)
-
-
-def _open(path: Path) -> tuple[list[str], Reader]:
-    """The .obj names of a folder or an archive, and a function that reads one of its files."""
-    if path.is_dir():
-        root = path / "FaceXModel" if (path / "FaceXModel").is_dir() else path
-        files = {item.name: item for item in root.iterdir()}
-        return _checked(path, files.keys()), lambda name: files[name].read_bytes()
-    if not path.is_file():
-        raise InputError(f"The ICT-FaceKit path '{path}' does not exist; give its folder or an archive of it.")
-    contents: dict[str, bytes] = {}
-    try:
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                contents = {
-                    Path(n).name: archive.read(n) for n in archive.namelist() if "FaceXModel/" in n and n[-1] != "/"
-                }
-        else:
-            with tarfile.open(path) as archive:
-                for member in archive:
-                    stream = archive.extractfile(member) if "FaceXModel/" in member.name and member.isfile() else None
-                    if stream is not None:
-                        contents[Path(member.name).name] = stream.read()
-    except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"The ICT-FaceKit archive '{path}' cannot be read ({reason}); fetch it again from {SOURCE}."
-        ) from error
-    return _checked(path, contents.keys()), contents.__getitem__
-
-
-def _checked(path: Path, names: Iterable[str]) -> list[str]:
-    found = set(names)
-    for needed in ("generic_neutral_mesh.obj", "vertex_indices.json"):
-        if needed not in found:
-            raise InputError(f"'{path}' has no FaceXModel/{needed}; expected ICT-FaceKit as published at {SOURCE}.")
-    return [name for name in found if name.endswith(".obj")]
-
-
-def _parse_vertices(text: bytes, name: str) -> np.ndarray:
-    """(n, 3) float64 positions of an .obj in its own unit."""
-    lines = [line[2:] for line in text.split(b"\n") if line.startswith(b"v ")]
-    if len(lines) != VERTEX_COUNT:
-        raise InputError(f"ICT-FaceKit's {name} has {len(lines)} vertices, expected {VERTEX_COUNT}; it is truncated.")
-    return np.loadtxt(io.BytesIO(b"\n".join(lines)), usecols=(0, 1, 2), ndmin=2)
-
-
-def _parse_neutral(text: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, texture points, polygons and their texture indices (fourth -1 for triangles)."""
-    vertices = _parse_vertices(text, "generic_neutral_mesh.obj")
-    texture, polygons, polygon_uvs = [], [], []
-    for line in text.decode("ascii", "replace").splitlines():
-        if line.startswith("vt "):
-            texture.append([float(value) for value in line.split()[1:3]])
-        elif line.startswith("f "):
-            corners = [corner.split("/") for corner in line.split()[1:]]
-            padding = [-1] * (4 - len(corners))
-            polygons.append([int(corner[0]) - 1 for corner in corners] + padding)
-            polygon_uvs.append([int(corner[1]) - 1 for corner in corners] + padding)
-    return vertices, np.array(texture), np.array(polygons, np.int32), np.array(polygon_uvs, np.int32)
 
 
 def _parts_and_atlas(texture: np.ndarray, polygon_uvs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.paths import user_path
+from facestage.contract.wording import quoted
 from facestage.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
@@ -30,12 +32,37 @@ def load_model(specification: str) -> FaceModel:
     if kind == "default" and not argument:
         return _cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
-        return FaceModel.load(user_path(argument, "face model's path"))
+        return FaceModel.load(_path(argument))
     loaders = {"ict": _load_ict, "flame": _load_flame, "bfm": _load_bfm, "gnm": _load_gnm, "rig": _load_rig}
     if kind in loaders and argument:
-        path = user_path(argument, "face model's path").resolve()
-        return _cached(kind, f"{path}|{_fingerprint(path)}|{_source_fingerprint()}", lambda: loaders[kind](path))
+        path = _path(argument)
+        key = f"{path}|{_fingerprint(path)}|{_source_fingerprint()}"
+        return _cached(kind, key, lambda: _converted(loaders[kind], path))
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
+
+
+def _path(text: str) -> Path:
+    """The absolute path that a user gave. Raises InputError for one that cannot be."""
+    path = user_path(text, "face model's path")
+    try:
+        return path.resolve()
+    # A loop of links.
+    except (RuntimeError, OSError) as error:
+        raise InputError(f"The path {quoted(text)} of the face model cannot be used: {error}.") from error
+
+
+def _converted(load: Callable[[Path], FaceModel], path: Path) -> FaceModel:
+    """The model of a foreign file. Its parts may be as published and its numbers still be no face's."""
+    try:
+        return load(path)
+    except (ValueError, ArithmeticError, LookupError, TypeError) as error:
+        raise InputError(
+            f"The face model '{path}' is damaged, its numbers are no face's ({_short(error)}); fetch it again."
+        ) from error
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 def _build_default() -> FaceModel:
@@ -76,10 +103,14 @@ def _load_gnm(path: Path) -> FaceModel:
 
 def _fingerprint(path: Path) -> str:
     """Changes when the file, or a file that its loader looks for beside it, or the folder's first level changes."""
-    folder = path if path.is_dir() else path.parent
+    # What cannot be looked at is the loader's to name.
+    try:
+        items = sorted(path.iterdir()) if path.is_dir() else None
+    except OSError:
+        items = None
+    folder = path.parent if items is None else path
     watched = [path, *(folder / name for name in _BESIDE)]
-    if path.is_dir():
-        watched += sorted(item for item in path.iterdir() if item.suffix.lower() in _MODEL_SUFFIXES)
+    watched += [item for item in items or () if item.suffix.lower() in _MODEL_SUFFIXES]
     return "|".join(_state(item) for item in watched)
 
 
@@ -103,11 +134,9 @@ def _source_fingerprint() -> str:
 def _cached(name: str, key: str, build: Callable[[], FaceModel]) -> FaceModel:
     """The model from the cache, or built and then cached; an unwritable cache only costs time."""
     path = cache_folder() / "models" / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz"
-    if path.is_file():
-        try:
+    with contextlib.suppress(InputError, OSError):
+        if path.is_file():
             return FaceModel.load(path)
-        except InputError:
-            path.unlink(missing_ok=True)
     model = build()
     try:
         model.save(path)

@@ -73,7 +73,7 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes, monkeypatch: py
 def test_a_named_file_must_exist(tmp_path: Path):
     with pytest.raises(InputError, match=r"none\.task' does not exist"):
         model_file.open_model(tmp_path / "none.task")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         model_file.open_model(tmp_path)
 
 

@@ -211,5 +211,5 @@ def test_a_web_page_is_named_as_one(tmp_path: Path):
 def test_a_missing_file_is_named(tmp_path: Path):
     with pytest.raises(InputError, match=r"none\.pkl' does not exist"):
         read_pickle(tmp_path / "none.pkl", "FLAME model")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_pickle(tmp_path, "FLAME model")
