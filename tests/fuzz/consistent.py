@@ -39,7 +39,8 @@ def check(value: Any, kind: Any, what: str) -> None:
     elif origin is tuple:
         _check_tuple(value, typing.get_args(kind), what)
     elif origin is list:
-        require(type(value) is list, f"{what} is a {type(value).__name__}, not a list")
+        # Where nothing is added, a tuple serves as well.
+        require(type(value) in (list, tuple), f"{what} is a {type(value).__name__}, not a list")
         for item in value:
             check(item, typing.get_args(kind)[0], f"{what}[]")
     elif origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):

@@ -15,7 +15,7 @@ from fuzz.consistent import check, check_array, check_dataclass, require
 
 
 def install_small_default_model() -> None:
-    """Let ``default`` be a face of 168 vertices, so that what is carried over from it costs milliseconds."""
+    """Let ``default`` be a face of 529 vertices, so that what is carried over from it costs milliseconds."""
     from facestage.models import registry
     from fuzz.seeds_contract import small_default
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import shutil
 import warnings
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -13,10 +16,20 @@ from fuzz.consistent import check_array, check_dataclass, require
 from fuzz.readers import read_any_arrays
 
 
-def read_rig(folder: Path) -> None:
-    from facestage.models.rig import load_rig
+def check_loaded(specification: str, folder: Path) -> None:
+    """The model as every command loads it, its conversion kept beside the input's folder as long as it is looked at."""
+    from facestage.models.registry import load_model
 
-    check_model(load_rig(folder / "rig.npz"))
+    kept = folder.parent / "converted"
+    with mock.patch.dict(os.environ, FACESTAGE_CACHE=str(kept)):
+        try:
+            check_model(load_model(specification))
+        finally:
+            shutil.rmtree(kept, ignore_errors=True)
+
+
+def read_rig(folder: Path) -> None:
+    check_loaded(f"rig:{folder / 'rig.npz'}", folder)
 
 
 def read_face_model(folder: Path) -> None:
@@ -43,39 +56,29 @@ def read_pickled(folder: Path) -> None:
 
 
 def read_flame(folder: Path) -> None:
-    from facestage.models.flame import load_flame
-
-    check_model(load_flame(folder))
+    check_loaded(f"flame:{folder}", folder)
 
 
 def read_bfm(folder: Path) -> None:
-    from facestage.models.bfm import load_bfm
-
-    check_model(load_bfm(folder))
+    check_loaded(f"bfm:{folder}", folder)
 
 
 def read_gnm(folder: Path) -> None:
-    from facestage.models.gnm import load_gnm
-
-    check_model(load_gnm(folder))
+    check_loaded(f"gnm:{folder}", folder)
 
 
 def read_ict(folder: Path) -> None:
-    from facestage.models.ict import load_ict
-
     files = [path for path in folder.iterdir() if path.name.startswith("ict")]
-    check_model(load_ict(files[0] if files else folder / "ict"))
+    check_loaded(f"ict:{files[0] if files else folder / 'ict'}", folder)
 
 
 def read_bomb(folder: Path) -> None:
     """A file that is larger than it seems, by the reader that its name tells."""
-    from facestage.models.bfm import load_bfm
-
     for path in sorted(folder.iterdir()):
         if path.name.startswith("ict"):
             read_ict(folder)
         elif path.suffix == ".h5":
-            load_bfm(path)
+            check_loaded(f"bfm:{path}", folder)
         else:
             {".npz": read_any_arrays, ".pkl": read_pickled, ".png": read_photo}[path.suffix](folder)
 

@@ -196,7 +196,7 @@ def tiny_model() -> FaceModel:
 
 def small_default() -> FaceModel:
     """What stands for the default model: with the regions that are carried over from it."""
-    model = tiny_model()
+    model = synthetic_face(23, 23)
     return replace(model, regions={**model.regions, "face": np.arange(len(model.vertices), dtype=np.int32)})
 
 

@@ -170,8 +170,9 @@ def bombs() -> list[Case]:
         {"a.pkl": b"\x80\x04r\xff\xff\xff\x0f."},
         {"a.pkl": b"\x80\x02]" + b"".join(b"q%c0](h%ch%ce" % (k, k, k) for k in range(1, 60)) + b"."},
         {"a.h5": hdf5_of_nothing()},
-        {"a.png": large_png(16000)},
-        {"a.png": large_png(65000)},
+        {"a.png": large_png(13_300)},
+        {"a.png": large_png(16_000)},
+        {"a.png": large_png(65_000)},
     ]
 
 

@@ -108,6 +108,7 @@ TARGETS = {
             seeds_models.geometry_messages,
             models.read_geometry,
             30,
+            plain=True,
         ),
         _target("photo", "facestage.image_io", seeds_images.photographs, models.read_photo, 110),
         _target("exr", "facestage.image_io", seeds_images.exr_photographs, models.read_photo, 60),
