@@ -34,7 +34,6 @@ COMMANDS = (
     "render result --out new.png --lights lights.json --weights weights.json --spp 4",
     "render result --cache",
     "model npz:face.npz --out new.npz",
-    "model rig:rig.npz",
     "model default",
     "bench --case job --model default --out new --quick --seed 3",
     "bench --plan --out new --device cpu",

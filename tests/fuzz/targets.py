@@ -76,7 +76,7 @@ TARGETS = {
             30,
         ),
         _target("rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50),
-        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 2),
+        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 1),
         _target(
             "face-model",
             f"{CONTRACT}.face_model {MODELS}.registry",
@@ -97,7 +97,7 @@ TARGETS = {
         _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100),
         _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
         _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, models.read_flame, 1),
-        _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, models.read_bfm, 20),
+        _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, models.read_bfm, 12),
         _target("gnm", f"{MODELS}.gnm", seeds_models.gnm_files, models.read_gnm, 4),
         _target("ict", f"{MODELS}.ict", seeds_models.ict_files, models.read_ict, 8),
         _target("bomb", "", seeds_models.bombs, models.read_bomb, 1, warm=False),
@@ -122,7 +122,7 @@ TARGETS = {
             plain=True,
         ),
         _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True),
-        _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 20),
+        _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 12),
     )
 }
 
