@@ -43,7 +43,7 @@ LINEAR_REC709 = "linear Rec. 709"
 # What damaged bytes make Pillow's decoders raise, beside what it says that they do.
 _UNREADABLE = (
     OSError, SyntaxError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, EOFError, RuntimeError,
-    MemoryError, struct.error,
+    MemoryError, AssertionError, struct.error,
 )  # fmt: skip
 
 

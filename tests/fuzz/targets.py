@@ -52,8 +52,20 @@ _RESULT_FILES = ("result.json", "result.npz", "albedo.exr", "specular.exr", "rou
 TARGETS = {
     target.name: target
     for target in (
-        _target("json", f"{CONTRACT}.storage {CONTRACT}.reading", seeds_contract.any_json, readers.read_any_json, 60),
-        _target("arrays", f"{CONTRACT}.storage", seeds_contract.any_arrays, readers.read_any_arrays, 120),
+        _target(
+            "json",
+            f"{CONTRACT}.storage {CONTRACT}.reading {CONTRACT}.json_text",
+            seeds_contract.any_json,
+            readers.read_any_json,
+            60,
+        ),
+        _target(
+            "arrays",
+            f"{CONTRACT}.storage {CONTRACT}.array_archive",
+            seeds_contract.any_arrays,
+            readers.read_any_arrays,
+            120,
+        ),
         _target("job", f"{CONTRACT}.job", seeds_contract.job_folders, readers.read_job, 90),
         _target("result", f"{CONTRACT}.result", seeds_contract.result_folders, readers.read_result, 90),
         _target("person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60),
@@ -97,9 +109,20 @@ TARGETS = {
         _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100),
         _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
         _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, models.read_flame, 1),
-        _target("bfm", f"{MODELS}.bfm", seeds_models.bfm_files, models.read_bfm, 12),
-        _target("gnm", f"{MODELS}.gnm", seeds_models.gnm_files, models.read_gnm, 4),
-        _target("ict", f"{MODELS}.ict", seeds_models.ict_files, models.read_ict, 8),
+        _target(
+            "bfm", f"{MODELS}.bfm {MODELS}.hdf5_file facestage.in_child", seeds_models.bfm_files, models.read_bfm, 6
+        ),
+        _target(
+            "bfm-mat", f"{MODELS}.bfm {MODELS}.mat_file facestage.in_child", seeds_models.mat_files, models.read_bfm, 8
+        ),
+        _target("gnm", f"{MODELS}.gnm {MODELS}.published_file", seeds_models.gnm_files, models.read_gnm, 4),
+        _target(
+            "ict",
+            f"{MODELS}.ict {MODELS}.obj_text {MODELS}.published_archive",
+            seeds_models.ict_files,
+            models.read_ict,
+            8,
+        ),
         _target("bomb", "", seeds_models.bombs, models.read_bomb, 1, warm=False),
         _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10),
         _target(
@@ -111,7 +134,13 @@ TARGETS = {
             plain=True,
         ),
         _target("photo", "facestage.image_io", seeds_images.photographs, models.read_photo, 110),
-        _target("exr", "facestage.image_io", seeds_images.exr_photographs, models.read_photo, 60),
+        _target(
+            "exr",
+            f"facestage.image_io facestage.exr_pixels {CONTRACT}.exr_header",
+            seeds_images.exr_photographs,
+            models.read_photo,
+            60,
+        ),
         _target(
             "profile",
             "facestage.color_profile",

@@ -39,16 +39,15 @@ READING = {
 # Modules that read only what Facestage or the system itself wrote.
 OWN_FILES = {
     "facestage.contract.quality": "its own quality.json",
-    "facestage.fit.run": "a result that it has written itself",
-    "facestage.models.head.identity": "data of the project",
     "facestage.models.shipped_landmarks": "data of the project",
     "facestage.report.page": "pictures that it has drawn",
     "facestage.report.person_page": "pictures that it has drawn",
     "facestage.bench.relighting": "a table that it writes",
     "facestage.bench.report": "pictures that it has drawn",
-    "facestage.bench.table": "pictures that it has drawn",
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",
+    "facestage.fit.memory": "the system's own account of memory",
+    "facestage.quiet": "the null device",
     "facestage.landmarks.face_detector": "a member of the bundle whose SHA-256 is checked",
     "facestage.landmarks.face_mesh": "a member of the bundle whose SHA-256 is checked",
 }
