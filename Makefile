@@ -11,7 +11,7 @@ VENV := .venv/bin/python
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test mutants lint format types ci doctor extension clean
+.PHONY: help setup demo test fuzz mutants lint format types ci doctor extension clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,6 +28,10 @@ test: setup ## Run all tests
 
 mutants: setup ## Say which small errors no test would see (an hour or more; docs/testing.md)
 	@$(VENV) tools/mutate.py
+
+# make fuzz INPUTS=1000000, SECONDS=3600, SEED=1, TARGET="job photo"; REPEAT=job/0/123 reads one input again.
+fuzz: setup ## Read 100,000 damaged inputs; keep what is found (docs/testing.md)
+	@cd tests && $(abspath $(VENV)) -m fuzz $(if $(INPUTS),--inputs $(INPUTS)) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(SEED),--seed $(SEED)) $(if $(TARGET),--target $(TARGET)) $(if $(REPEAT),--repeat $(REPEAT))
 
 lint: setup ## Check style, and the walls between the rooms
 	@$(VENV) -m ruff check .

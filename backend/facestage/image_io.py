@@ -43,7 +43,7 @@ LINEAR_REC709 = "linear Rec. 709"
 # What damaged bytes make Pillow's decoders raise, beside what it says that they do.
 _UNREADABLE = (
     OSError, SyntaxError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, EOFError, RuntimeError,
-    MemoryError, struct.error,
+    MemoryError, AssertionError, struct.error,
 )  # fmt: skip
 
 
@@ -148,7 +148,9 @@ def _codes(file: BinaryIO, image: Any, deep: bool) -> np.ndarray:
     if deep:
         # Pillow drops half the bits of color; OpenCV does not.
         file.seek(0)
-        codes = opencv().imdecode(np.frombuffer(file.read(PHOTO_LIMIT), np.uint8), -1)
+        content = np.frombuffer(file.read(PHOTO_LIMIT), np.uint8)
+        with quiet_standard_error():  # libpng says there what it makes of a damaged end
+            codes = opencv().imdecode(content, -1)
         if codes is not None and codes.dtype == np.uint16 and codes.shape[:2] == image.size[::-1] and codes.ndim == 3:
             return np.asarray(codes[..., 2::-1])
     return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))

@@ -8,7 +8,6 @@ a child process first, and the answer is remembered until the library or the ren
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import platform
 import re
@@ -22,7 +21,7 @@ from pathlib import Path
 
 from facestage.child import python_code
 from facestage.contract.errors import BackendUnavailableError, FacestageError, InputError
-from facestage.contract.storage import write_json
+from facestage.contract.storage import read_json, write_json
 from facestage.folders import cache_folder
 
 LLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
@@ -306,8 +305,8 @@ def _memory() -> Path:
 def _remembered() -> list[str]:
     """Keys of what worked before; failures are tried again, since the user may have mended them."""
     try:
-        works = json.loads(_memory().read_text(encoding="utf-8"))["works"]
-    except (OSError, FacestageError, ValueError, KeyError, TypeError):
+        works = read_json(_memory(), "memory of what works").get("works")
+    except (OSError, FacestageError):
         return []
     return [str(key) for key in works] if isinstance(works, list) else []
 

@@ -56,14 +56,17 @@ def read_canonical(data: bytes) -> CanonicalFace:
         mesh = next(content for field, _, content in _fields(data) if field == MESH)
         numbers = b"".join(content for field, _, content in _fields(mesh) if field == VERTICES)
         corners = [number for field, number, _ in _fields(mesh) if field == TRIANGLES]
-        vertices = np.frombuffer(numbers, "<f4").reshape(-1, 5)[:, :3].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # what is no number is refused below
+            vertices = np.frombuffer(numbers, "<f4").reshape(-1, 5)[:, :3].astype(np.float64)
         triangles = np.array(corners, np.int64).reshape(-1, 3)
-    except (LookupError, StopIteration, ValueError) as error:
+    except (LookupError, StopIteration, ValueError, OverflowError) as error:
         raise InputError(
             f"The landmark model's face geometry cannot be read ({error}); fetch the model again."
         ) from error
     if len(vertices) != SURFACE_COUNT or not len(triangles) or triangles.max() >= SURFACE_COUNT:
         raise InputError(f"The landmark model's face has {len(vertices)} points, expected {SURFACE_COUNT}.")
+    if not np.isfinite(vertices).all():
+        raise InputError("The landmark model's face has points that are no numbers; fetch the model again.")
     return CanonicalFace(vertices, triangles)
 
 

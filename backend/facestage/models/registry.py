@@ -46,8 +46,9 @@ def _path(text: str) -> Path:
     path = user_path(text, "face model's path")
     try:
         return path.resolve()
-    except (RuntimeError, OSError) as error:  # a loop of links
-        raise InputError(f"The face model's path {quoted(text)} cannot be followed.") from error
+    # A loop of links.
+    except (RuntimeError, OSError) as error:
+        raise InputError(f"The path {quoted(text)} of the face model cannot be used: {error}.") from error
 
 
 def _converted(load: Callable[[Path], FaceModel], path: Path) -> FaceModel:

@@ -1,0 +1,99 @@
+"""Checkpoints and command lines."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.joint_checkpoint import JointCheckpoint
+from facestage.fit.parameters import State
+from fuzz.case import Case
+from fuzz.seeds_contract import (
+    LIGHTS,
+    camera,
+    face_models,
+    job_folders,
+    numbers,
+    render_folders,
+    rig_files,
+    rigid,
+    written,
+)
+from fuzz.seeds_images import encoded, picture
+
+COMMANDS = (
+    "fit photo.png --out new --landmarks landmarks.json --camera camera.json --model npz:face.npz --lights 4",
+    "fit photo.png --out new --focal-px 60 --freeze pose roughness --seed 3 --device cpu --plan full --budget draft",
+    "fit photo.png photo.png --same-person --out new --landmarks landmarks.json --landmarks landmarks.json --resume",
+    "fit --job job --out new --truth truth.npz --plan lean",
+    "fit --job job job --same-person --out new",
+    "detect missing.png --out new.json --face 2",
+    "detect photo.png --out new.json --picture new.jpg --all",
+    "render result --out new.png --lights lights.json --weights weights.json --spp 4",
+    "render result --cache",
+    "model npz:face.npz --out new.npz",
+    "model default",
+    "bench --case job --model default --out new --quick --seed 3",
+    "bench --plan --out new --device cpu",
+    "stress --list",
+    "stress --case grazing-light --out new",
+    "doctor",
+    "--version",
+)
+
+
+def checkpoint() -> Checkpoint:
+    state = State(
+        rigid(1)[:3, :3],
+        np.array([0, 0, -0.6]),
+        camera(),
+        numbers(1, 3),
+        numbers(2, 2),
+        numbers(3, 3 * LIGHTS),
+        numbers(4, LIGHTS, 2),
+        numbers(5, 4),
+        0.4,
+        np.full((2, 2), 0.5),
+    )
+    trace = [{"stage": "pose", "iteration": 1, "energy": 2.5}]
+    return Checkpoint(
+        "fingerprint",
+        2,
+        3,
+        (1e-3, 2.0),
+        1.5,
+        12.5,
+        rigid(3),
+        np.array([True, False, True]),
+        state,
+        trace,
+        np.array([False, False, True]),
+        np.zeros((4, 5), bool),
+        np.array([True, True, False]),
+    )
+
+
+def checkpoints() -> list[Case]:
+    return [written(checkpoint().save)]
+
+
+def joint_checkpoints() -> list[Case]:
+    joint = JointCheckpoint((checkpoint(), checkpoint()), ("", "another person"), (True, False), False)
+    return [written(joint.save)]
+
+
+def command_lines() -> list[Case]:
+    """Every command, in a folder with a file of every kind that it may name."""
+    from PIL import Image
+
+    folder: Case = {"photo.png": encoded(Image.fromarray(picture()), "PNG"), **face_models()[0], **rig_files()[0]}
+    folder |= {f"job/{name}": data for name, data in job_folders()[0].items()}
+    render = render_folders()[0]
+    beside = ("lights.json", "weights.json")
+    folder |= {name if name in beside else f"result/{name}": data for name, data in render.items()}
+    folder["camera.json"] = json.dumps(camera().to_json()).encode()
+    points = [[8.0 + k % 8, 5.0 + k // 8] for k in range(68)]
+    folder["landmarks.json"] = json.dumps({"scheme": "ibug68", "points": points}).encode()
+    return [{"arguments.argv": json.dumps(line.split()).encode()} | folder for line in COMMANDS]

@@ -1,0 +1,162 @@
+"""The table of readers: what each is fed, how often, and which modules it covers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fuzz import readers, seeds_contract, seeds_fit, seeds_images, seeds_models
+from fuzz import readers_command as command
+from fuzz import readers_models as models
+from fuzz.case import Case
+from fuzz.choice import choices_of
+from fuzz.mutate_case import damaged
+
+CONTRACT, MODELS = "facestage.contract", "facestage.models"
+
+
+@dataclass(frozen=True)
+class Target:
+    """One reader. Of every sum(shares) inputs it gets ``share``: cheap readers get many."""
+
+    name: str
+    covers: tuple[str, ...]  # the modules whose reading it exercises
+    seeds: Callable[[], list[Case]]
+    read: Callable[[Path], None]
+    share: int
+    # Beside FacestageError: what the reader says that it raises.
+    refusals: tuple[type[Exception], ...] = ()
+    fixed: tuple[str, ...] = ()  # files that are not damaged
+    plain: bool = False  # the reader is given bytes, so that there is no pipe or folder to find
+    warm: bool = True  # its seeds may be read without limits, for what is imported and cached
+
+    def case(self, seeds: list[Case], seed: int, number: int) -> Case | None:
+        """Input ``number`` of the run ``seed``; None where its choices do not suffice."""
+        return choices_of(f"{self.name}/{seed}/{number}", lambda choose: damaged(choose, seeds, self.fixed, self.plain))
+
+
+def _target(
+    name: str,
+    covers: str,
+    seeds: Callable[[], list[Case]],
+    read: Callable[[Path], None],
+    share: int,
+    **options: Any,
+) -> Target:
+    return Target(name, tuple(covers.split()), seeds, read, share, **options)
+
+
+_RESULT_FILES = ("result.json", "result.npz", "albedo.exr", "specular.exr", "roughness.exr")
+TARGETS = {
+    target.name: target
+    for target in (
+        _target(
+            "json",
+            f"{CONTRACT}.storage {CONTRACT}.reading {CONTRACT}.json_text",
+            seeds_contract.any_json,
+            readers.read_any_json,
+            60,
+        ),
+        _target(
+            "arrays",
+            f"{CONTRACT}.storage {CONTRACT}.array_archive",
+            seeds_contract.any_arrays,
+            readers.read_any_arrays,
+            120,
+        ),
+        _target("job", f"{CONTRACT}.job", seeds_contract.job_folders, readers.read_job, 90),
+        _target("result", f"{CONTRACT}.result", seeds_contract.result_folders, readers.read_result, 90),
+        _target("person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60),
+        _target("landmarks", f"{CONTRACT}.landmarks", seeds_contract.landmark_files, readers.read_landmarks, 50),
+        _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40),
+        _target("event", f"{CONTRACT}.events", seeds_contract.event_lines, readers.read_event, 40, plain=True),
+        _target(
+            "relight",
+            f"{CONTRACT}.relight_cache",
+            seeds_contract.relit_folders,
+            readers.read_relight,
+            40,
+            fixed=_RESULT_FILES,
+        ),
+        _target(
+            "render",
+            "facestage.fit.relight facestage.cli",
+            seeds_contract.render_folders,
+            command.read_render,
+            30,
+        ),
+        _target("rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50),
+        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 1),
+        _target(
+            "face-model",
+            f"{CONTRACT}.face_model {MODELS}.registry",
+            seeds_contract.face_models,
+            models.read_face_model,
+            40,
+        ),
+        _target("truth", "facestage.fit.truth", seeds_contract.truth_files, readers.read_truth, 40),
+        _target("memory", "facestage.native", seeds_contract.memories, readers.read_memory, 30),
+        _target("checkpoint", "facestage.fit.checkpoint", seeds_fit.checkpoints, readers.read_checkpoint, 30),
+        _target(
+            "joint-checkpoint",
+            "facestage.fit.joint_checkpoint",
+            seeds_fit.joint_checkpoints,
+            readers.read_joint_checkpoint,
+            20,
+        ),
+        _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100),
+        _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
+        _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, models.read_flame, 1),
+        _target(
+            "bfm", f"{MODELS}.bfm {MODELS}.hdf5_file facestage.in_child", seeds_models.bfm_files, models.read_bfm, 6
+        ),
+        _target(
+            "bfm-mat", f"{MODELS}.bfm {MODELS}.mat_file facestage.in_child", seeds_models.mat_files, models.read_bfm, 8
+        ),
+        _target("gnm", f"{MODELS}.gnm {MODELS}.published_file", seeds_models.gnm_files, models.read_gnm, 4),
+        _target(
+            "ict",
+            f"{MODELS}.ict {MODELS}.obj_text {MODELS}.published_archive",
+            seeds_models.ict_files,
+            models.read_ict,
+            8,
+        ),
+        _target("bomb", "", seeds_models.bombs, models.read_bomb, 1, warm=False),
+        _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10),
+        _target(
+            "geometry",
+            "facestage.landmarks.canonical",
+            seeds_models.geometry_messages,
+            models.read_geometry,
+            30,
+            plain=True,
+        ),
+        _target("photo", "facestage.image_io", seeds_images.photographs, models.read_photo, 110),
+        _target(
+            "exr",
+            f"facestage.image_io facestage.exr_pixels {CONTRACT}.exr_header",
+            seeds_images.exr_photographs,
+            models.read_photo,
+            60,
+        ),
+        _target(
+            "profile",
+            "facestage.color_profile",
+            seeds_images.profiles,
+            models.read_profile,
+            50,
+            refusals=(ValueError,),
+            plain=True,
+        ),
+        _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True),
+        _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 12),
+    )
+}
+
+
+def counts(inputs: int) -> dict[str, int]:
+    """How many of ``inputs`` each target gets; at least one."""
+    total = sum(target.share for target in TARGETS.values())
+    return {name: max(1, round(inputs * target.share / total)) for name, target in TARGETS.items()}
