@@ -112,7 +112,8 @@ def run(options: argparse.Namespace) -> int:
 
 def cancelled(options: argparse.Namespace) -> str:
     """What a stopped fit says: whether there is a checkpoint to go on from."""
-    out = options.out.resolve()
-    if any(out.with_name(f"{out.name}.partial").glob("*checkpoint.npz")):
+    from facestage.contract.partial import has_checkpoint, partial_folder
+
+    if has_checkpoint(partial_folder(options.out.resolve())):
         return "cancelled; the last checkpoint is kept, --resume continues from it."
     return "cancelled before the first checkpoint; run it again to start over."
