@@ -90,8 +90,22 @@ def test_a_landmark_may_lie_half_a_picture_outside(place: list[float], inside: b
 def test_the_median_may_lie_on_the_border():
     points = face().points - np.median(face().points, axis=0) + 1e-9
     face(points=points).check_inside(100, 100)
-    with pytest.raises(InputError, match="far outside"):
-        face(points=points - 0.5).check_inside(100, 100)
+    for shift in ([0.5, 0.0], [0.0, 0.5]):
+        with pytest.raises(InputError, match="far outside"):
+            face(points=points - shift).check_inside(100, 100)
+        with pytest.raises(InputError, match="far outside"):
+            face(points=points + 100.0 + np.array(shift)).check_inside(100, 100)
+
+
+@pytest.mark.parametrize(("size", "enough"), [(3.9, False), (4.1, True)])
+def test_a_face_spans_four_pixels_wherever_it_lies(size: float, enough: bool):
+    points = face().points
+    points = [60, 10] + size * (points - points.min(axis=0)) / np.ptp(points, axis=0)
+    if enough:
+        face(points=points).check_inside(100, 100)
+        return
+    with pytest.raises(InputError, match="less than 4 pixels"):
+        face(points=points).check_inside(100, 100)
 
 
 def test_a_weight_of_zero_is_a_weight():

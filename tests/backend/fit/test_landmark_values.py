@@ -84,3 +84,17 @@ def test_the_robust_energy_is_what_the_weights_pull_down(scene: Scene):
     wanted = 4.5 * (placed.share * np.log1p(squared / 9)).sum()
     assert placed.robust_energy(scene.state) == pytest.approx(wanted)
     np.testing.assert_allclose(placed.robust_weights(residual), np.repeat(placed.share / (1 + squared / 9), 2))
+
+
+def test_what_slid_to_the_outline_shows(scene: Scene):
+    """However far it is turned away where it slid to, it is no guess; and no surer than it is on the skin."""
+    state = moved(scene.state, pose=[0, np.radians(40), 0, 0, 0, 0])
+    landmarks, scheme = scene.landmarks(state), scheme_of("ibug68")
+    seen = LandmarkTerm(scene.geometry, landmarks, SIGMA).at(state)
+    unseen = LandmarkTerm(scene.geometry, replace(landmarks, visible=~np.isin(np.arange(68), CONTOUR)), SIGMA).at(state)
+    distance = np.linalg.norm(seen.project(state) - unseen.project(state), axis=1)[CONTOUR]
+    slid = CONTOUR[distance > 1e-6]
+    assert 0 < len(slid) < len(CONTOUR)
+    deviation = 1 / np.linalg.svd(seen.whitening[slid], compute_uv=False) / (SIGMA * scheme.deviation[slid, None])
+    assert (deviation > 1 - 1e-6).all()
+    assert (deviation < max(scheme.across, scheme.along) + 1e-6).all()
