@@ -58,11 +58,6 @@ def doctor_command(backend: list[str]) -> list[str]:
     return [*backend, "doctor"]
 
 
-def partial_folder(out: Path) -> Path:
-    """Where an interrupted fit keeps its checkpoints."""
-    return out.with_name(f"{out.name}.partial")
-
-
 def _resolved(text: str, origin: str) -> list[str]:
     """A command line or the path of one program, checked to exist."""
     whole = Path(text).expanduser()

@@ -1,6 +1,5 @@
 """What runs the backend: build the rig (which asks it for the face model), fit, check. Modal, never blocking."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
@@ -13,7 +12,7 @@ from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.result import CONVERGED, Result
 
-from .backend import doctor_command, fit_command, model_command, partial_folder
+from .backend import doctor_command, fit_command, model_command
 from .landmarks import remember_landmarks
 from .preferences import addon_preferences, backend_command, work_folder
 from .process import CANCELLED, BackendProcess, Outcome
@@ -192,7 +191,6 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         backend = backend_command(context)
         if not self.resume:
             read_job(context.scene).save(folder / "job")
-            shutil.rmtree(partial_folder(folder / "result"), ignore_errors=True)
         return fit_command(backend, folder / "job", folder / "result", self.resume)
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 import bpy
 
 from facestage.contract.errors import InputError
+from facestage.contract.partial import partial_folder
 from facestage.contract.paths import is_file, is_folder
 from facestage.contract.relight_cache import RELIGHT_CACHE
 
-from .backend import partial_folder
 from .operators import REPORT, result_folder
 from .operators_model import model_label, model_license
 from .preferences import draw_wrapped, work_folder

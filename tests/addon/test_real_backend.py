@@ -12,8 +12,9 @@ import pytest
 
 from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.partial import partial_folder
 from facestage.contract.result import Result
-from facestage_blender.backend import find_backend, fit_command, model_command, partial_folder
+from facestage_blender.backend import find_backend, fit_command, model_command
 
 pytestmark = pytest.mark.slow
 SIZE = 96

@@ -10,6 +10,7 @@ import numpy as np
 from marshmallow import ValidationError, validates_schema
 
 from facestage.contract.array_field import WHOLE, Array, rigid
+from facestage.contract.atomic import read_consistently
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
 from facestage.contract.fields import Choice, Items, Name, Number, Part, Plain, Table, Text, Whole
@@ -115,7 +116,10 @@ class Result:
 
         What comes back can be applied: shapes agree, numbers are finite and within bounds, transforms are rigid.
         """
-        folder = Path(folder)
+        return read_consistently(Path(folder), cls._read)
+
+    @classmethod
+    def _read(cls, folder: Path) -> Result:
         if not is_folder(folder):
             raise InputError(f"The result folder '{folder}' does not exist; run a fit first.")
         data = read_json(folder / "result.json", "result file")

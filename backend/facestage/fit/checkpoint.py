@@ -1,10 +1,16 @@
-"""What a fit needs to go on after it was stopped: written after every step, whole or not at all."""
+"""What a fit needs to go on after it was stopped: written after every step, whole or not at all.
+
+A checkpoint holds where the last accepted step began. It is taken again, so that what follows from it (the normal
+equations, the model's answer, whether the phase is over) is known as if nothing had happened; and all that a phase
+prepares before its first step is prepared again from what it was prepared from.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,102 +18,136 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.partial import CHECKPOINT
 from facestage.contract.storage import finite, read_arrays, write_arrays
 from facestage.fit.parameters import State
+from facestage.fit.plan import Ledger, Work
 from facestage.fit.schedule import Stage
 from facestage.fit.solver import Damping
-from facestage.fit.view import View
+from facestage.fit.view import Memory, View
 
-FILE = "checkpoint.npz"
+SCHEMA_VERSION = 2
+
+
+@dataclass(frozen=True)
+class Within:
+    """Where a phase was after so many steps."""
+
+    step: int
+    state: State  # at the size of the phase
+    damping: tuple[float, float]
+    resting: np.ndarray  # (N,) lights that rest; none when empty
+
+    @classmethod
+    def of(cls, step: int, state: State, damping: Damping, stage: Stage) -> Within:
+        """After ``step`` of ``stage``."""
+        return cls(step, state, (damping.value, damping.growth), stage.resting)
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The state after ``step`` accepted steps of phase number ``phase``, and what the rest depends on."""
+    """Where phase number ``phase`` of a photo began, and how far it was."""
 
     fingerprint: str  # of the job; a checkpoint of another job must not be continued
     phase: int
-    step: int
-    damping: tuple[float, float]
-    light_scale: float
     seconds: float
-    camera_to_stage: np.ndarray  # (4, 4)
-    strong: np.ndarray  # (N,) bool, the lights whose position is fitted
-    state: State
+    start: State | None  # where the landmark stage ended, once it has
+    began: State  # where the phase began, at the photo's full size
+    memory: Memory  # of the view, there
+    ledger: Ledger
     trace: list[dict[str, Any]]
-    resting: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))  # (N,) lights that rest; none when empty
-    hidden: np.ndarray | None = None  # (h, w) bool at the size of the first photo phase
-    casting: np.ndarray | None = None  # (N,) bool, lights whose shadows the phase follows as they move
+    within: Within | None = None  # None before its first step, and for a photo that takes no part
 
     @classmethod
     def of(
-        cls, view: View, phase: int, step: int, damping: Damping, seconds: float, state: State,
-        trace: list[dict[str, Any]], stage: Stage | None,
+        cls, view: View, phase: int, seconds: float, start: State | None, state: State, trace: list[dict[str, Any]]
     ) -> Checkpoint:  # fmt: skip
-        """What ``view`` and the phase's ``stage``, if it takes part in it, remember after ``step``."""
-        anchor = view.camera_to_stage if view.camera_to_stage is not None else np.full((4, 4), np.nan)
+        """Before anything of the phase is done."""
         return cls(
-            view.problem.fingerprint, phase, step, (damping.value, damping.growth), view.light_scale, seconds, anchor,
-            view.strong, state, trace, np.zeros(0, bool) if stage is None else stage.resting, view.visible.hidden,
-            None if stage is None or stage.energy.photo is None else stage.energy.photo.casting,
-        )  # fmt: skip
+            view.problem.fingerprint, phase, seconds, start, state, view.memory, deepcopy(view.plan.ledger), list(trace)
+        )
+
+    def after(self, within: Within, view: View, seconds: float, trace: list[dict[str, Any]]) -> Checkpoint:
+        """The same phase after some steps."""
+        return replace(self, within=within, ledger=deepcopy(view.plan.ledger), seconds=seconds, trace=list(trace))
 
     def restore(self, view: View) -> None:
-        """Let ``view`` remember again what it did."""
-        view.light_scale, view.strong, view.visible.hidden = self.light_scale, self.strong, self.hidden
-        if np.isfinite(self.camera_to_stage).all():
-            view.camera_to_stage = self.camera_to_stage
+        """Let ``view`` remember what it did where the phase began."""
+        view.memory = self.memory
+        view.plan.ledger = deepcopy(self.ledger)
 
-    def restore_stage(self, stage: Stage) -> None:
-        """The same for the stage of the phase that was left in the middle."""
+    def enter(self, stage: Stage) -> tuple[State, int]:
+        """Let the phase's ``stage``, as it began, be where it was; the state there and the number of the next step."""
+        assert self.within is not None
+        stage.damping = Damping(*self.within.damping)
+        stage.counted = deepcopy(self.ledger)
         if stage.energy.photo is not None:
-            stage.energy.photo.resting = self.resting if len(self.resting) else None
-            stage.energy.photo.casting = self.casting
+            stage.energy.photo.resting = self.within.resting if len(self.within.resting) else None
+        return self.within.state, self.within.step + 1
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The checkpoint as named arrays."""
+        within = self.within
+        states = {"began": self.began, "start": self.start, "within": None if within is None else within.state}
         meta = {
-            "fingerprint": self.fingerprint, "phase": self.phase, "step": self.step, "damping": self.damping,
-            "light_scale": self.light_scale, "seconds": self.seconds, "camera": self.state.camera.to_json(),
-            "roughness": self.state.roughness, "trace": self.trace,
+            "schema": SCHEMA_VERSION, "fingerprint": self.fingerprint, "phase": self.phase, "seconds": self.seconds,
+            "trace": self.trace, "ledger": ledger_to_json(self.ledger), "light_scale": self.memory.light_scale,
+            "penumbra": self.memory.penumbra,
+            "within": None if within is None else {"step": within.step, "damping": within.damping},
+            "states": {
+                name: {"camera": state.camera.to_json(), "roughness": state.roughness}
+                for name, state in states.items() if state is not None
+            },
         }  # fmt: skip
-        arrays = {name: getattr(self.state, name) for name in _STATE_ARRAYS}
-        arrays |= {
-            "resting": self.resting, "strong": self.strong, "camera_to_stage": self.camera_to_stage,
-            "meta": np.array(json.dumps(finite(meta))),
+        arrays = {"meta": np.array(json.dumps(finite(meta))), "strong": self.memory.strong}
+        for name, state in states.items():
+            if state is not None:
+                arrays |= {f"{name}/{own}": getattr(state, own) for own in _STATE_ARRAYS}
+        optional = {
+            "camera_to_stage": self.memory.camera_to_stage, "hidden": self.memory.hidden,
+            "resting": None if within is None else within.resting,
         }  # fmt: skip
-        for name in ("hidden", "casting"):
-            if getattr(self, name) is not None:
-                arrays[name] = getattr(self, name)
-        return arrays
+        return arrays | {name: array for name, array in optional.items() if array is not None}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], folder: Path) -> Checkpoint:
         """The reverse of :meth:`arrays`; ``folder`` is named when something is missing."""
         try:
             meta = json.loads(str(arrays["meta"]))
-            state = State(
-                camera=Camera.from_json(meta["camera"]), roughness=float(meta["roughness"]),
-                **{name: arrays[name] for name in _STATE_ARRAYS},
+            if not isinstance(meta, dict) or meta.get("schema") != SCHEMA_VERSION:
+                raise other_version(folder)
+            states = {
+                name: State(
+                    camera=Camera.from_json(own["camera"]), roughness=float(own["roughness"]),
+                    **{array: arrays[f"{name}/{array}"] for array in _STATE_ARRAYS},
+                )
+                for name, own in meta["states"].items()
+            }  # fmt: skip
+            memory = Memory(
+                float(meta["light_scale"]), meta["penumbra"], arrays.get("camera_to_stage"), arrays["strong"],
+                arrays.get("hidden"),
             )  # fmt: skip
+            within = None
+            if meta["within"] is not None:
+                value, growth = map(float, meta["within"]["damping"])
+                within = Within(int(meta["within"]["step"]), states["within"], (value, growth), arrays["resting"])
             return cls(
-                meta["fingerprint"], meta["phase"], meta["step"], tuple(meta["damping"]), meta["light_scale"],
-                meta["seconds"], arrays["camera_to_stage"], arrays["strong"], state, meta["trace"],
-                arrays["resting"], arrays.get("hidden"), arrays.get("casting"),
+                str(meta["fingerprint"]), int(meta["phase"]), float(meta["seconds"]), states.get("start"),
+                states["began"], memory, ledger_from_json(meta["ledger"]), list(meta["trace"]), within,
             )  # fmt: skip
-        except (KeyError, ValueError, TypeError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
             raise damaged(folder, error) from error
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
-        write_arrays(folder / FILE, self.arrays(), compress=False)
+        write_arrays(folder / CHECKPOINT, self.arrays(), compress=False)
 
     @classmethod
     def load(cls, folder: Path) -> Checkpoint | None:
         """The checkpoint in ``folder``, or None when there is none."""
-        if not (folder / FILE).is_file():
+        if not (folder / CHECKPOINT).is_file():
             return None
-        return cls.from_arrays(read_arrays(folder / FILE, "checkpoint"), folder)
+        return cls.from_arrays(read_arrays(folder / CHECKPOINT, "checkpoint"), folder)
 
     def check_fingerprint(self, fingerprint: str, folder: Path) -> None:
         """Raise InputError when the checkpoint belongs to another job than the one of this ``fingerprint``."""
@@ -118,9 +158,30 @@ class Checkpoint:
             )
 
 
+def ledger_to_json(ledger: Ledger) -> dict[str, Any]:
+    """The ledger as plain JSON."""
+    return {
+        "work": {kind: [work.seconds, work.units] for kind, work in ledger.work.items()},
+        "skipped": [[rule, kind, units] for (rule, kind), units in ledger.skipped.items()],
+    }
+
+
+def ledger_from_json(data: Mapping[str, Any]) -> Ledger:
+    """The reverse of :func:`ledger_to_json`. Raises KeyError, TypeError or ValueError for anything else."""
+    work = {str(kind): Work(float(seconds), float(units)) for kind, (seconds, units) in data["work"].items()}
+    return Ledger(work, {(str(rule), str(kind)): float(units) for rule, kind, units in data["skipped"]})
+
+
 def damaged(folder: Path, error: Exception) -> InputError:
     """What is said of a checkpoint that cannot be understood."""
     return InputError(f"The checkpoint in '{folder}' is damaged ({error}); start again without --resume.")
+
+
+def other_version(folder: Path) -> InputError:
+    """What is said of a checkpoint that another version of the program wrote."""
+    return InputError(
+        f"The checkpoint in '{folder}' was written by another version of Facestage; start again without --resume."
+    )
 
 
 _STATE_ARRAYS = ("rotation", "translation", "identity", "expression", "lights", "light_position", "albedo", "specular")

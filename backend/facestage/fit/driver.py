@@ -8,17 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.checkpoint import Checkpoint, Within
 from facestage.fit.checks import Ending, conclude, photo_doubt
 from facestage.fit.fitted import Fitted, Progress
 from facestage.fit.parameters import State, with_shape
-from facestage.fit.phases import SHAPE, Schedule, default_schedule
+from facestage.fit.phases import SHAPE, Phase, Schedule, default_schedule
 from facestage.fit.problem import Problem
 from facestage.fit.schedule import Iteration, Stage
 from facestage.fit.shading import ForwardModel
-from facestage.fit.solver import Damping
 from facestage.fit.trace import trace_row
 from facestage.fit.truth import Truth
 from facestage.fit.view import View
@@ -41,65 +38,69 @@ class FitRun:
         self.phases = (schedule or default_schedule(problem.job)).phases
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
+        self._last: Iteration | None = None
+        self._started = 0.0
 
     def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
-        view, started = self.view, time.monotonic()
-        state, first_phase, first_step, damping = view.start_state(), 0, 1, Damping()
+        view, self._started = self.view, time.monotonic()
+        state, first, start = view.start_state(), 0, None
         if checkpoint is not None:
             checkpoint.check_fingerprint(self.problem.fingerprint, self.folder)
-            state, first_phase, first_step = checkpoint.state, checkpoint.phase, checkpoint.step + 1
-            damping = Damping(*checkpoint.damping)
+            state, first, start = checkpoint.began, checkpoint.phase, checkpoint.start
             self.trace = list(checkpoint.trace)
             checkpoint.restore(view)
-            started -= checkpoint.seconds
-        last: Iteration | None = None
-        landmarks_only = [number for number, phase in enumerate(self.phases) if phase.face_px is None]
-        start = self._landmark_state() if first_phase > max(landmarks_only, default=-1) else None
-        for number in range(first_phase, len(self.phases)):
-            phase = self.phases[number]
-            if time.monotonic() > deadline and number > 1:
+            self._started -= checkpoint.seconds
+        landmarks_end = max((number for number, phase in enumerate(self.phases) if phase.face_px is None), default=-1)
+        for number in range(first, len(self.phases)):
+            # The step that a checkpoint was before is taken whatever the time.
+            if time.monotonic() > deadline and number > max(first, 1):
                 break
-            if first_step == 1:
-                view.choose_lamps(state)
-            stage = view.solver_stage(phase, state)
-            if stage is None:
-                continue
-            if phase.face_px is not None and first_step == 1:
-                state = view.with_initial_lights(stage, state)
-            if number == first_phase and first_step > 1 and checkpoint is not None:
-                stage.damping = damping
-                checkpoint.restore_stage(stage)
-            for item in stage.run(view.scaled(phase, state), self.problem.job.seed + number, deadline, first_step):
-                state, last = view.full_size(phase, item.state, state), item
-                seconds = time.monotonic() - started
-                self.trace.append(trace_row(self.problem, phase, item, stage, state, seconds, self.truth))
-                self._save(number, item, state, seconds, stage)
-                self.listen(self._progress(number, item, stage, state, seconds))
-            first_step = 1
-            if number == max(landmarks_only, default=-1):
+            before = Checkpoint.of(view, number, self._seconds(), start, state, self.trace)
+            if checkpoint is not None and number == first:
+                before = checkpoint
+            state, runs = self._phase(before, deadline)
+            if runs and number == landmarks_end:
                 start = state
         start = start or state
-        clause, statistic = photo_doubt(view, start, state, last, self.trace[-1].get("psnr") if self.trace else None)
+        psnr = self.trace[-1].get("psnr") if self.trace else None
+        clause, statistic = photo_doubt(view, start, state, self._last, psnr)
         if clause:
-            state, last = self._hold_shape(start, state, last, deadline, started)
-        ending = Ending(self.phases[-1], start, state, last, self.trace, clause, statistic)
+            state = self._hold_shape(start, state, deadline)
+        ending = Ending(self.phases[-1], start, state, self._last, self.trace, clause, statistic)
         ended = time.monotonic()
-        return conclude(view, ending, ended - started, ended <= deadline)
+        return conclude(view, ending, ended - self._started, ended <= deadline)
 
-    def _landmark_state(self) -> State:
-        """Where the phases without the photo end, for a run that was resumed after them."""
-        state = self.view.start_state()
-        for number, phase in enumerate(self.phases):
-            stage = self.view.solver_stage(phase, state) if phase.face_px is None else None
-            if stage is not None:
-                for item in stage.run(state, self.problem.job.seed + number, np.inf):
-                    state = item.state
+    def _phase(self, before: Checkpoint, deadline: float) -> tuple[State, bool]:
+        """The phase that ``before`` is at the beginning, or in the middle of: where it ends, and whether it runs."""
+        view, number, state = self.view, before.phase, before.began
+        phase = self.phases[number]
+        view.choose_lamps(state)
+        stage = view.solver_stage(phase, state)
+        if stage is None:
+            return state, False
+        if phase.face_px is not None:
+            state = view.with_initial_lights(stage, state)
+        scaled, step = view.scaled(phase, state), 1
+        if before.within is not None:
+            scaled, step = before.enter(stage)
+            state = view.full_size(phase, scaled, state)
+        for item in stage.run(scaled, self.problem.job.seed + number, deadline, step):
+            # Where an accepted step began is saved once it is accepted.
+            before.save(self.folder)
+            state = self._took(phase, item, stage, state)
+            within = Within.of(item.number, item.state, item.damping, stage)
+            before = before.after(within, view, self._seconds(), self.trace)
+            self.listen(self._progress(number, item, stage, state))
+        return state, True
+
+    def _took(self, phase: Phase, item: Iteration, stage: Stage, state: State) -> State:
+        """A step of ``phase`` from ``state``: the state after it, at the photo's full size, put into the trace."""
+        state, self._last = self.view.full_size(phase, item.state, state), item
+        self.trace.append(trace_row(self.problem, phase, item, stage, state, self._seconds(), self.truth))
         return state
 
-    def _hold_shape(
-        self, start: State, end: State, last: Iteration | None, deadline: float, started: float
-    ) -> tuple[State, Iteration | None]:
+    def _hold_shape(self, start: State, end: State, deadline: float) -> State:
         """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the checkpoint."""
         state = with_shape(end, start)
         for number, phase in enumerate(self.phases):
@@ -111,19 +112,16 @@ class FitRun:
             if stage is None:
                 continue
             for item in stage.run(self.view.scaled(held, state), self.problem.job.seed + number, deadline):
-                state, last = self.view.full_size(held, item.state, state), item
-                seconds = time.monotonic() - started
-                self.trace.append(trace_row(self.problem, held, item, stage, state, seconds, self.truth))
-        return state, last
+                state = self._took(held, item, stage, state)
+        return state
 
-    def _save(self, number: int, item: Iteration, state: State, seconds: float, stage: Stage) -> None:
-        phase, step = (number + 1, 0) if item.finished else (number, item.number)
-        Checkpoint.of(self.view, phase, step, item.damping, seconds, state, self.trace, stage).save(self.folder)
+    def _seconds(self) -> float:
+        return time.monotonic() - self._started
 
-    def _progress(self, number: int, item: Iteration, stage: Stage, state: State, seconds: float) -> Progress:
-        phase = self.phases[number]
+    def _progress(self, number: int, item: Iteration, stage: Stage, state: State) -> Progress:
+        phase, row = self.phases[number], self.trace[-1]
         done = sum(earlier.share for earlier in self.phases[:number])
         done += phase.share * (1.0 if item.finished else item.number / phase.steps)
         photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
-        rms = self.trace[-1].get("photo_rms")
+        rms, seconds = row.get("photo_rms"), row["seconds"]
         return Progress(phase.name, item.number, done, seconds, rms, item.evaluation, photo, state)

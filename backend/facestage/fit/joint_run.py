@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.fit.checkpoint import Checkpoint
-from facestage.fit.fitted import Fitted, Progress
+from facestage.fit.fitted import Fitted
 from facestage.fit.joint import SHARED, JointIteration, JointStage, with_shared
 from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.member import Member
+from facestage.fit.joint_progress import JointProgress, Teller
+from facestage.fit.member import Member, MissingStepError
 from facestage.fit.parameters import Layout, with_shape
 from facestage.fit.phases import SHAPE, Phase, Schedule, default_schedule
 from facestage.fit.problem import Problem
@@ -24,15 +24,6 @@ from facestage.fit.shading import ForwardModel
 from facestage.fit.solver import Damping
 from facestage.fit.truth import Truth
 from facestage.fit.view import View
-
-
-@dataclass(frozen=True)
-class JointProgress:
-    """What a listener hears: a step of one photo alone, or of all photos together, told by one of them."""
-
-    photo: int  # 1, 2, ...
-    together: bool
-    progress: Progress
 
 
 @dataclass(frozen=True)
@@ -56,38 +47,57 @@ class JointRun:
         schedule: Schedule | None = None,
     ) -> None:
         """One problem, renderer and truth per photo; the problems share one face geometry."""
-        self.members = []
-        for number, (problem, forward, truth) in enumerate(zip(problems, forwards, truths, strict=True), 1):
-            view = View(problem, forward)
-            state = view.start_state()
-            phases = (schedule or default_schedule(problem.job)).phases
-            self.members.append(Member(number, view, phases, truth, state, state, state))
+        self._given = tuple(zip(problems, forwards, truths, strict=True))
+        self._schedule = schedule
+        self.members = self._new_members()
         self.phases = self.members[0].phases
-        self.folder, self.listen = folder, listen
+        self.folder = folder
         # No photo was believed: the shape is the landmarks'.
         self.shape_held = False
         # The last step, for what all photos together say of each one's parameters.
         self._final: tuple[JointStage, JointIteration, list[Member]] | None = None
-        self._started, self._deadline, self._fraction = 0.0, np.inf, 0.0
-        self._quiet = False  # while what a checkpoint has seen already is done again
+        self._started, self._deadline = 0.0, np.inf
+        self._teller = Teller(listen, self.phases, len(self.members))
 
     def run(self, deadline: float, checkpoint: JointCheckpoint | None = None) -> JointFitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
-        self._started, self._deadline = time.monotonic(), deadline
-        first, step = sum(phase.face_px is None for phase in self.phases), 1
         if checkpoint is not None:
             self._check(checkpoint)
-            self._started -= checkpoint.photos[0].seconds
-        self._quiet = checkpoint is not None
-        odd = self._landmarks()
-        self._quiet = False
+            try:
+                return self._run(deadline, checkpoint)
+            except MissingStepError:
+                # A photo took no step after it left the others, and its last one was before the checkpoint: rare
+                # enough to begin anew, which ends at the same place.
+                self.members, self.shape_held, self._final = self._new_members(), False, None
+        return self._run(deadline, None)
+
+    def _new_members(self) -> list[Member]:
+        members = []
+        for number, (problem, forward, truth) in enumerate(self._given, 1):
+            view = View(problem, forward)
+            state = view.start_state()
+            phases = (self._schedule or default_schedule(problem.job)).phases
+            members.append(Member(number, view, phases, truth, state, state, state))
+        return members
+
+    def _run(self, deadline: float, checkpoint: JointCheckpoint | None) -> JointFitted:
+        self._started, self._deadline = time.monotonic(), deadline
         if checkpoint is not None:
-            first, step = self._restore(checkpoint)
+            self._started -= checkpoint.photos[0].seconds
+        self._teller.quiet = checkpoint is not None
+        odd = self._landmarks()
+        self._teller.quiet = False
+        first = sum(phase.face_px is None for phase in self.phases)
+        if checkpoint is not None:
+            self._restore(checkpoint, first)
+            # The step that a checkpoint was before is taken whatever the time.
+            first = checkpoint.photos[0].phase
+            self._photo_phase(first, checkpoint)
+            first += 1
         for number in range(first, len(self.phases)):
             if time.monotonic() > deadline:
                 break
-            self._photo_phase(number, step, checkpoint if step > 1 else None)
-            step = 1
+            self._photo_phase(number, None)
         shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
             if not member.joined:
@@ -117,23 +127,23 @@ class JointRun:
             member.state = with_shared(member.state, shared)
         for number, phase in enumerate(self.phases):
             if phase.face_px is None and not set(SHARED).isdisjoint(phase.blocks):
-                self._descend(number, 1, None)
+                self._descend(number, None)
         for member in self.members:
             member.together = member.state
         return odd
 
-    def _photo_phase(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:
+    def _photo_phase(self, number: int, checkpoint: JointCheckpoint | None) -> None:
         """A phase with the photos; again, without the least believed photo, when one is not believed after it."""
         while True:
             final = self._final
-            before = [(member, member.state, member.last) for member in self.members if member.joined]
-            self._descend(number, first_step, checkpoint)
+            before = [(member, member.state, member.last, member.missing) for member in self.members if member.joined]
+            self._descend(number, checkpoint)
             leaving = self._least_believed(self.phases[number])
             if leaving is None:
                 return
             self._final = final
-            for member, state, last in before:
-                member.state, member.last = state, last
+            for member, state, last, missing in before:
+                member.state, member.last, member.missing = state, last, missing
             leaving.joined = False
             if not any(member.joined for member in self.members):
                 # Light and skin are fitted to the landmarks' shape.
@@ -141,44 +151,48 @@ class JointRun:
                 for member in self.members:
                     if not member.stranger:
                         member.joined, member.state = True, with_shape(member.state, member.together)
-            first_step, checkpoint = 1, None
+            checkpoint = None
 
-    def _descend(self, number: int, first_step: int, checkpoint: JointCheckpoint | None) -> None:
-        """All photos that take part, through phase ``number`` together; ``checkpoint`` if it was left in the middle."""
+    def _descend(self, number: int, checkpoint: JointCheckpoint | None) -> None:
+        """All photos that take part, through phase ``number`` together; from ``checkpoint`` if it was left there."""
+        before = checkpoint or JointCheckpoint.of(self.members, number, self._seconds(), self.shape_held)
         joined = [member for member in self.members if member.joined]
         phases = {member.number: member.phase(number, self.shape_held) for member in joined}
-        found = {member.number: self._stage(member, phases[member.number], first_step) for member in joined}
+        found = {member.number: self._stage(member, phases[member.number]) for member in joined}
         stages = {photo: stage for photo, stage in found.items() if stage is not None}
         joined = [member for member in joined if member.number in stages]
         if not joined:
             return
         joint = JointStage(list(stages.values()))
-        if checkpoint is not None:
-            joint.damping = Damping(*checkpoint.photos[0].damping)
-            for photo, stage in stages.items():
-                checkpoint.photos[photo - 1].restore_stage(stage)
-        scaled = tuple(member.view.scaled(phases[member.number], member.state) for member in joined)
-        for item in joint.run(scaled, joined[0].problem.job.seed + number, self._deadline, first_step):
+        scaled, step = [], 1
+        for member in joined:
+            phase, own = phases[member.number], before.photos[member.number - 1]
+            scaled.append(member.view.scaled(phase, member.state))
+            if own.within is not None:
+                scaled[-1], step = own.enter(stages[member.number])
+                member.state = member.view.full_size(phase, scaled[-1], member.state)
+                joint.damping = Damping(*own.within.damping)
+        for item in joint.run(tuple(scaled), joined[0].problem.job.seed + number, self._deadline, step):
+            # Where an accepted step began is saved once it is accepted; landmarks are done again.
+            if self.phases[number].face_px is not None:
+                before.save(self.folder)
             self._final = (joint, item, joined)
             for member, part in zip(joined, item.parts, strict=True):
-                phase = phases[member.number]
-                member.state, member.last = member.view.full_size(phase, part.state, member.state), part
-                if not self._quiet:
-                    member.record(phase, part, stages[member.number], time.monotonic() - self._started)
-            if phases[joined[0].number].face_px is not None:
-                self._save(number, item, stages)
+                member.took(phases[member.number], part)
+                if not self._teller.quiet:
+                    member.record(phases[member.number], part, stages[member.number], self._seconds())
+            before = before.after(item, stages, self.members, self._seconds())
             # Each step shows another photo.
             shown = item.number % len(joined)
             photo = joined[shown].number
-            self._tell(joined[shown], number, phases[photo], item.parts[shown], stages[photo], together=True)
+            self._teller.tell(joined[shown], number, phases[photo], item.parts[shown], stages[photo], together=True)
 
-    def _stage(self, member: Member, phase: Phase, first_step: int) -> Stage | None:
-        """A photo's stage for a phase, with its lamps chosen and lit at the phase's first step."""
-        starts = first_step == 1 and phase.face_px is not None
-        if starts:
+    def _stage(self, member: Member, phase: Phase) -> Stage | None:
+        """A photo's stage for a phase, with its lamps chosen and lit where the phase looks at the photo."""
+        if phase.face_px is not None:
             member.view.choose_lamps(member.state)
         stage = member.view.solver_stage(phase, member.state)
-        if stage is not None and starts:
+        if stage is not None and phase.face_px is not None:
             member.state = member.with_initial_lights(stage)
         return stage
 
@@ -205,44 +219,12 @@ class JointRun:
 
     def _heard_alone(self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage) -> None:
         """A step that a photo took without the others."""
-        if not self._quiet:
-            member.record(phase, item, stage, time.monotonic() - self._started)
-        self._tell(member, number, phase, item, stage, together=False)
+        if not self._teller.quiet:
+            member.record(phase, item, stage, self._seconds())
+        self._teller.tell(member, number, phase, item, stage, together=False)
 
-    def _tell(
-        self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage, together: bool
-    ) -> None:  # fmt: skip
-        if self._quiet:
-            return
-        if together:
-            done = sum(earlier.share for earlier in self.phases[:number])
-            done += phase.share * (1.0 if item.finished else item.number / phase.steps)
-        else:
-            landmarks = sum(one.share for one in self.phases if one.face_px is None)
-            done = landmarks * (member.number - 1) / len(self.members)
-        # What is done again is no step back.
-        self._fraction = max(self._fraction, done)
-        photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
-        row = member.trace[-1]
-        progress = Progress(
-            phase.name, item.number, self._fraction, row["seconds"], row.get("photo_rms"), item.evaluation, photo,
-            member.state,
-        )  # fmt: skip
-        self.listen(JointProgress(member.number, together, progress))
-
-    def _save(self, number: int, item: JointIteration, stages: dict[int, Stage]) -> None:
-        """``stages`` by the number of the photo."""
-        phase, step = (number + 1, 0) if item.finished else (number, item.number)
-        seconds = time.monotonic() - self._started
-        photos = []
-        for member in self.members:
-            stage = stages.get(member.number)
-            photos.append(
-                Checkpoint.of(member.view, phase, step, item.damping, seconds, member.state, member.trace, stage)
-            )
-        doubts = tuple(member.doubt for member in self.members)
-        joined = tuple(member.joined for member in self.members)
-        JointCheckpoint(tuple(photos), doubts, joined, self.shape_held).save(self.folder)
+    def _seconds(self) -> float:
+        return time.monotonic() - self._started
 
     def _check(self, checkpoint: JointCheckpoint) -> None:
         """Raise InputError unless ``checkpoint`` is of these photos."""
@@ -254,11 +236,13 @@ class JointRun:
         for photo, member in zip(checkpoint.photos, self.members, strict=True):
             photo.check_fingerprint(member.problem.fingerprint, self.folder)
 
-    def _restore(self, checkpoint: JointCheckpoint) -> tuple[int, int]:
-        """Phase and step to go on with."""
+    def _restore(self, checkpoint: JointCheckpoint, first: int) -> None:
+        """Let everybody be where the checkpoint's phase began; ``first``: the first phase with the photos."""
         self.shape_held = checkpoint.shape_held
         for index, (photo, member) in enumerate(zip(checkpoint.photos, self.members, strict=True)):
             photo.restore(member.view)
-            member.state, member.trace = photo.state, list(photo.trace)
+            member.state, member.trace = photo.began, list(photo.trace)
             member.joined, member.doubt = checkpoint.joined[index], checkpoint.doubts[index]
-        return checkpoint.photos[0].phase, checkpoint.photos[0].step + 1
+            member.statistic = checkpoint.statistics[index]
+            # The landmarks' last step is known; one who left with them took no other.
+            member.missing = photo.phase > first and not member.stranger

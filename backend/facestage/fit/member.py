@@ -23,6 +23,11 @@ from facestage.fit.trace import trace_row
 from facestage.fit.truth import Truth
 from facestage.fit.view import View
 
+
+class MissingStepError(Exception):
+    """Something is asked of a photo's last step, which was taken before the checkpoint that the run went on from."""
+
+
 # Told of each accepted step: the photo, the number of the phase, the phase, the step and its stage.
 Tell = Callable[["Member", int, Phase, Iteration, Stage], None]
 
@@ -40,6 +45,7 @@ class Member:
     together: State  # where the landmark stage of all photos ended
     trace: list[dict[str, Any]] = field(default_factory=list)
     last: Iteration | None = None
+    missing: bool = False  # ``last`` was before the checkpoint that the run goes on from, and is not known
     joined: bool = True  # takes part in the joint fit
     stranger: bool = False  # left out because its landmarks may be another person's
     doubt: str = ""  # why the photo is not believed about the shape
@@ -85,6 +91,7 @@ class Member:
 
     def disbelief(self) -> tuple[float, str]:
         """How little the photo is believed about the shape where it stands, above 0 if not at all, and why."""
+        self._need_last_step()
         psnr = self.trace[-1].get("psnr") if self.trace else None
         clause, self.statistic = photo_doubt(self.view, self.start, self.state, self.last, psnr)
         if not clause:
@@ -110,8 +117,12 @@ class Member:
             if phase.face_px is not None:
                 self.state = self.with_initial_lights(stage)
             for item in stage.run(self.view.scaled(alone, self.state), self.problem.job.seed + number, deadline):
-                self.state, self.last = self.view.full_size(alone, item.state, self.state), item
+                self.took(alone, item)
                 tell(self, number, alone, item, stage)
+
+    def took(self, phase: Phase, item: Iteration) -> None:
+        """A step of ``phase``."""
+        self.state, self.last, self.missing = self.view.full_size(phase, item.state, self.state), item, False
 
     def record(self, phase: Phase, item: Iteration, stage: Stage, seconds: float) -> None:
         """Add a row to the trace."""
@@ -119,9 +130,14 @@ class Member:
 
     def concluded(self, shape_held: bool, seconds: float, in_time: bool) -> Fitted:
         """The fit as it ended, see :func:`conclude`."""
+        self._need_last_step()
         phase = self.phase(len(self.phases) - 1, shape_held)
         ending = Ending(phase, self.start, self.state, self.last, self.trace, self.doubt, self.statistic)
         return conclude(self.view, ending, seconds, in_time)
+
+    def _need_last_step(self) -> None:
+        if self.missing:
+            raise MissingStepError
 
 
 def _without(blocks: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:

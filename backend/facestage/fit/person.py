@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,19 +11,22 @@ import numpy as np
 
 from facestage.contract import person as contract
 from facestage.contract.atomic import atomic_folder
-from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
+from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
+from facestage.contract.result_files import is_result_file
 from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.joint_run import JointFitted, JointProgress, JointRun
+from facestage.fit.joint_progress import JointProgress
+from facestage.fit.joint_run import JointFitted, JointRun
 from facestage.fit.merged_maps import MergedMaps
 from facestage.fit.output import finish, write_result
 from facestage.fit.person_advice import company, person_verdict
 from facestage.fit.person_photos import at_own_size, check_jobs, face_px, read_photos
+from facestage.fit.place import claimed
 from facestage.fit.refine import Refined, refine, texture_size
-from facestage.fit.run import PREVIEW_INTERVAL, prepare_partial, seconds_to_fit
+from facestage.fit.run import PREVIEW_INTERVAL, kept_unless_refused, seconds_to_fit
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
 from facestage.image_io import write_exr
@@ -46,30 +48,37 @@ def fit_person(
     began = time.monotonic()
     check_jobs(jobs)
     emit(Event(STARTED, message=f"Reading {len(jobs)} photos of one person"))
+
+    def emit_timed(event: Event) -> None:
+        emit(replace(event, seconds=time.monotonic() - began))
+
+    with claimed(out, contract.FILE) as partial:
+        person = _fit(jobs, out, partial, resume, emit_timed, landmark_model)
+    emit_timed(Event(DONE, "done", 0, None, 0.0, 0.0, 1.0, message=person.advice))
+    return person
+
+
+def _fit(
+    jobs: Sequence[Job], out: Path, partial: Path, resume: bool, emit: Callable[[Event], None],
+    landmark_model: Path | None,
+) -> Person:  # fmt: skip
+    """All of the fit in a place that no other run writes to."""
+    began = time.monotonic()
     problems = read_photos(jobs, emit, landmark_model)
     truths = [Truth(job.truth, problems[0].geometry) if job.truth else None for job in jobs]
     start_renderer(jobs[0].device)
-    partial = prepare_partial(out, contract.FILE)
     forwards = [ForwardModel(problem.geometry, problem.lights) for problem in problems]
     cold_start = time.monotonic() - began
     budgets = [job.budget_seconds for job in jobs if job.budget_seconds is not None]
     budget = max(budgets) if budgets else None
     deadline = time.monotonic() + seconds_to_fit(budget, len(jobs))
-    run = JointRun(problems, forwards, partial, truths, _Listener(len(jobs), partial, emit, began))
-    try:
+    run = JointRun(problems, forwards, partial, truths, _Listener(len(jobs), partial, emit))
+    with kept_unless_refused(partial, resume):
         fitted = run.run(deadline, JointCheckpoint.load(partial) if resume else None)
-    except InputError:
-        # Going on would be refused again; a checkpoint that was there before may belong to jobs that are fine.
-        if not resume:
-            shutil.rmtree(partial, ignore_errors=True)
-        raise
-    with atomic_folder(out) as folder:
-        person = _write(
-            folder, run, fitted, cold_start, lambda event: emit(replace(event, seconds=time.monotonic() - began))
-        )
+    with atomic_folder(out, is_result_file) as folder:
+        person = _write(folder, run, fitted, cold_start, emit)
     if all(one.in_time for one in fitted.photos):
-        shutil.rmtree(partial, ignore_errors=True)
-    emit(Event(DONE, "done", 0, None, time.monotonic() - began, 0.0, 1.0, message=person.advice))
+        forget_checkpoint(partial)
     return replace(person, folder=out)
 
 
@@ -138,8 +147,8 @@ def _person(run: JointRun, fitted: JointFitted, results: Sequence[Result], timin
 class _Listener:
     """Turns progress into events that say which photo, with a preview picture now and then."""
 
-    def __init__(self, photos: int, partial: Path, emit: Callable[[Event], None], began: float) -> None:
-        self.photos, self.partial, self.emit, self.began = photos, partial, emit, began
+    def __init__(self, photos: int, partial: Path, emit: Callable[[Event], None]) -> None:
+        self.photos, self.file, self.emit = photos, partial / PREVIEW, emit
         self.preview: str | None = None
         self._last_preview = -np.inf
 
@@ -148,8 +157,8 @@ class _Listener:
         due = now - self._last_preview > PREVIEW_INTERVAL
         if due and progress.evaluation is not None and progress.photo is not None:
             self._last_preview = now
-            self.preview = str(self.partial / "preview.png")
-            write_preview(Path(self.preview), progress.photo, progress.photo + progress.evaluation.residual)
+            self.preview = str(self.file)
+            write_preview(self.file, progress.photo, progress.photo + progress.evaluation.residual)
         step = f"{progress.phase}, step {progress.iteration}"
         if joint.together:
             words = f"Fitting {self.photos} photos together: {step} (photo {joint.photo} is shown)"
@@ -158,7 +167,7 @@ class _Listener:
         left = progress.seconds * (1 - progress.fraction) / max(progress.fraction, 1e-3)
         self.emit(
             Event(
-                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, now - self.began, left,
+                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, 0.0, left,
                 FITTED_FRACTION * progress.fraction, self.preview, words,
             )
         )  # fmt: skip

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +14,15 @@ from facestage.contract.atomic import atomic_folder
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.job import Job
+from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.result import Result
+from facestage.contract.result_files import RESULT, is_result_file
 from facestage.fit.checkpoint import Checkpoint
 from facestage.fit.driver import FitRun
 from facestage.fit.fitted import Progress
 from facestage.fit.output import finish, write_result
-from facestage.fit.problem import Problem, read_problem
+from facestage.fit.place import claimed
+from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
 from facestage.fit.truth import Truth
 from facestage.render.variant import start_renderer
@@ -28,11 +31,6 @@ from facestage.report import write_preview
 # Writing textures, pictures and the report is part of the budget.
 FINISH_SHARE, FINISH_SECONDS_MAX = 0.3, 10.0
 PREVIEW_INTERVAL = 2.0
-
-
-def partial_folder(out: Path) -> Path:
-    """Where a fit into ``out`` keeps its checkpoint and preview until it is done."""
-    return out.with_name(f"{out.name}.partial")
 
 
 def fit_job(
@@ -50,59 +48,51 @@ def fit_job(
     def emit_timed(event: Event) -> None:
         emit(replace(event, seconds=time.monotonic() - began))
 
-    problem = read_problem(job, emit_timed, landmark_model)
+    with claimed(out, RESULT) as partial:
+        result = _fit(job, out, partial, resume, emit_timed, landmark_model)
+    emit_timed(Event(DONE, "done", 0, None, 0.0, 0.0, 1.0, message=result.advice))
+    return result
+
+
+def _fit(
+    job: Job, out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], landmark_model: Path | None
+) -> Result:
+    """All of the fit in a place that no other run writes to."""
+    began = time.monotonic()
+    problem = read_problem(job, emit, landmark_model)
     job = problem.job
     model = problem.geometry.model
     emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
-    partial = prepare_partial(out, "result.json")
     forward = ForwardModel(problem.geometry, problem.lights)
     cold_start = time.monotonic() - began
     deadline = time.monotonic() + seconds_to_fit(job.budget_seconds)
-    listener = _Listener(problem, forward, partial, emit, began, job.budget_seconds)
-    run = FitRun(problem, forward, partial, truth, listener)
-    try:
+    run = FitRun(problem, forward, partial, truth, _Listener(partial, emit))
+    with kept_unless_refused(partial, resume):
         fitted = run.run(deadline, Checkpoint.load(partial) if resume else None)
+    emit(Event(PROGRESS, "pictures", 0, None, 0.0, None, 0.92, message="Drawing textures and pictures"))
+    finished = finish(problem, forward, fitted, truth)
+    timings = {"cold_start": cold_start, "optimisation": fitted.seconds, "checks": fitted.check_seconds}
+    with atomic_folder(out, is_result_file) as folder:
+        result = write_result(folder, problem, fitted, finished, timings)
+    if fitted.in_time:
+        forget_checkpoint(partial)
+    return replace(result, folder=out)
+
+
+@contextmanager
+def kept_unless_refused(partial: Path, resume: bool) -> Iterator[None]:
+    """Around a run, which begins without the checkpoint of an earlier one unless it is to ``resume`` from it."""
+    if not resume:
+        forget_checkpoint(partial)
+    try:
+        yield
     except InputError:
         # Going on would be refused again; a checkpoint that was there before may belong to a job that is fine.
         if not resume:
-            shutil.rmtree(partial, ignore_errors=True)
+            forget_checkpoint(partial)
         raise
-    emit(
-        Event(
-            PROGRESS, "pictures", 0, None, time.monotonic() - began, None, 0.92, message="Drawing textures and pictures"
-        )
-    )
-    finished = finish(problem, forward, fitted, truth)
-    timings = {"cold_start": cold_start, "optimisation": fitted.seconds, "checks": fitted.check_seconds}
-    with atomic_folder(out) as folder:
-        result = write_result(folder, problem, fitted, finished, timings)
-    result = replace(result, folder=out)
-    if fitted.in_time:
-        shutil.rmtree(partial, ignore_errors=True)
-    emit(Event(DONE, "done", 0, None, time.monotonic() - began, 0.0, 1.0, message=result.advice))
-    return result
-
-
-def prepare_partial(out: Path, marker: str) -> Path:
-    """The partial folder of ``out``, made. Raises InputError unless ``out`` is free, or holds an earlier ``marker``."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"The output '{out}' is a file; expected a folder name.")
-    # The result replaces the folder: never one that holds anything but an earlier result.
-    if out.is_dir() and any(out.iterdir()) and not (out / marker).is_file():
-        raise InputError(f"The output folder '{out}' holds files that are not a result; choose a new or empty folder.")
-    partial = partial_folder(out)
-    try:
-        partial.mkdir(parents=True, exist_ok=True)
-        probe = partial / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that you may write to."
-        ) from error
-    return partial
 
 
 def seconds_to_fit(budget: float | None, photos: int = 1) -> float:
@@ -115,12 +105,8 @@ def seconds_to_fit(budget: float | None, photos: int = 1) -> float:
 class _Listener:
     """Turns progress into events, with a preview picture now and then."""
 
-    def __init__(
-        self, problem: Problem, forward: ForwardModel, partial: Path, emit: Callable[[Event], None], began: float,
-        budget: float | None,
-    ) -> None:  # fmt: skip
-        self.problem, self.forward, self.partial = problem, forward, partial
-        self.emit, self.began, self.budget = emit, began, budget
+    def __init__(self, partial: Path, emit: Callable[[Event], None]) -> None:
+        self.file, self.emit = partial / PREVIEW, emit
         self.preview: str | None = None
         self._last_preview = -np.inf
 
@@ -132,20 +118,14 @@ class _Listener:
             and now - self._last_preview > PREVIEW_INTERVAL
         ):
             self._last_preview = now
-            self.preview = str(self.partial / "preview.png")
+            self.preview = str(self.file)
             photo = progress.photo
-            write_preview(Path(self.preview), photo, photo + progress.evaluation.residual)
+            write_preview(self.file, photo, photo + progress.evaluation.residual)
         left = progress.seconds * (1 - progress.fraction) / max(progress.fraction, 1e-3)
+        words = f"Fitting: {progress.phase}, step {progress.iteration}"
         self.emit(
             Event(
-                PROGRESS,
-                progress.phase,
-                progress.iteration,
-                progress.photo_rms,
-                now - self.began,
-                left,
-                0.9 * progress.fraction,
-                self.preview,
-                f"Fitting: {progress.phase}, step {progress.iteration}",
+                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, 0.0, left, 0.9 * progress.fraction,
+                self.preview, words,
             )
-        )
+        )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from facestage.fit.descent import CONVERGED_SHARE, Descent
 from facestage.fit.energy import Energy, Evaluation, common_energy
 from facestage.fit.parameters import State
+from facestage.fit.plan import Ledger
 from facestage.fit.solver import Damping
 
 
@@ -38,6 +39,8 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter."""
         super().__init__(steps, low, high, tolerance, Damping())
         self.name, self.blocks, self.energy, self.freeze = name, blocks, energy, freeze
+        # What the ledger says after the next evaluation, which a run that was stopped has made, and counted, before.
+        self.counted: Ledger | None = None
 
     @property
     def active(self) -> np.ndarray:
@@ -48,7 +51,10 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         """None in a stage without a photo."""
         if self.energy.photo is None or self.energy.stage is None:
             return None
-        return self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
+        evaluation = self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
+        if self.counted is not None:
+            self.energy.photo.plan.ledger, self.counted = self.counted, None
+        return evaluation
 
     def system(self, state: State, evaluation: Evaluation | None) -> System:
         """The energy's quadratic model."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,17 @@ LANDMARK_SIGMA_SHARE = 0.0085
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 
 
+@dataclass(frozen=True)
+class Memory:
+    """What a view knows from the phases before."""
+
+    light_scale: float
+    penumbra: float | None
+    camera_to_stage: np.ndarray | None  # (4, 4)
+    strong: np.ndarray  # (N,) bool, the lights whose position is fitted
+    hidden: np.ndarray | None  # (h, w) bool at the size of the first photo phase; None before it was looked for
+
+
 class View:
     """A problem with its renderer: makes the solver's stages for any phase and state.
 
@@ -46,6 +57,16 @@ class View:
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.samples_factor = self._samples_factor()
         self.plan = Plan(Rules.of(problem.job.plan))
+
+    @property
+    def memory(self) -> Memory:
+        """What later phases depend on beside the state."""
+        return Memory(self.light_scale, self.penumbra, self.camera_to_stage, self.strong, self.visible.hidden)
+
+    @memory.setter
+    def memory(self, known: Memory) -> None:
+        self.light_scale, self.penumbra, self.strong = known.light_scale, known.penumbra, known.strong
+        self.camera_to_stage, self.visible.hidden = known.camera_to_stage, known.hidden
 
     def start_state(self) -> State:
         """Where a fit starts: the job's own values, else the landmarks' pose and the mean of everything."""

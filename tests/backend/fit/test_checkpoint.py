@@ -14,13 +14,16 @@ from facestage.contract.errors import InputError
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.partial import CHECKPOINT
 from facestage.contract.storage import read_arrays, write_arrays
-from facestage.fit.checkpoint import FILE, Checkpoint
+from facestage.fit.checkpoint import Checkpoint, Within
 from facestage.fit.driver import FitRun
 from facestage.fit.fitted import Fitted, Progress
 from facestage.fit.parameters import Layout, State
+from facestage.fit.plan import Ledger, Work
 from facestage.fit.problem import read_problem
 from facestage.fit.shading import ForwardModel
+from facestage.fit.view import Memory
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
@@ -59,17 +62,19 @@ def interrupted(job: Job, folder: Path, steps: int) -> None:
 
 
 def assert_same(found: Fitted, wanted: Fitted) -> None:
-    layout = Layout(wanted.state)
-    for name, where in layout.slices.items():
-        np.testing.assert_allclose(
-            layout.values(found.state)[where], layout.values(wanted.state)[where], rtol=1e-7, atol=1e-9, err_msg=name
-        )
-    np.testing.assert_allclose(found.state.model_to_camera, wanted.state.model_to_camera, atol=1e-9)
-    np.testing.assert_allclose(found.camera_to_stage, wanted.camera_to_stage, atol=1e-9)
-    np.testing.assert_allclose(found.stage.radiance, wanted.stage.radiance, rtol=1e-7)
-    assert [(row["stage"], row["iteration"]) for row in found.trace] == [
-        (row["stage"], row["iteration"]) for row in wanted.trace
-    ]
+    for name in State.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(found.state, name), getattr(wanted.state, name), err_msg=name)
+    np.testing.assert_array_equal(found.camera_to_stage, wanted.camera_to_stage)
+    np.testing.assert_array_equal(found.stage.radiance, wanted.stage.radiance)
+    assert found.energy == wanted.energy and found.condition == wanted.condition
+    assert found.certainty.unobserved == wanted.certainty.unobserved
+    for name, deviation in wanted.certainty.deviations.items():
+        np.testing.assert_array_equal(found.certainty.deviations[name], deviation, err_msg=name)
+    assert [row | {"seconds": 0} for row in found.trace] == [row | {"seconds": 0} for row in wanted.trace]
+    assert found.ledger.skipped == wanted.ledger.skipped
+    assert {kind: work.units for kind, work in found.ledger.work.items()} == {
+        kind: work.units for kind, work in wanted.ledger.work.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -88,14 +93,14 @@ def test_the_schedule_runs_every_phase(whole: Fitted):
     assert seconds == sorted(seconds)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 0.999])
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 1.0])
 def test_stopped_anywhere_it_ends_at_the_same_place(
     case: Case, whole: Fitted, small_maps: None, tmp_path: Path, share: float
 ):
     steps = max(1, int(share * len(whole.trace)))
     interrupted(job_of(case), tmp_path, steps)
     checkpoint = Checkpoint.load(tmp_path)
-    assert checkpoint is not None and len(checkpoint.trace) == steps
+    assert checkpoint is not None and len(checkpoint.trace) == steps - 1, "where the last step began"
     assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
 
 
@@ -134,42 +139,66 @@ def test_the_budget_may_change(case: Case, small_maps: None, tmp_path: Path):
     run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, Checkpoint.load(tmp_path))
 
 
+@pytest.mark.parametrize("budget", [0.0, FOREVER])
+def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
+    case: Case, whole: Fitted, small_maps: None, tmp_path: Path, budget: float
+):
+    interrupted(job_of(case), tmp_path, len(whole.trace))
+    fitted = run_of(job_of(case), tmp_path).run(budget, Checkpoint.load(tmp_path))
+    assert fitted.energy == whole.energy and fitted.certainty.deviations
+
+
+def a_checkpoint(scene: Scene) -> Checkpoint:
+    """With something in every field."""
+    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool))
+    ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
+    row = {"stage": "pose", "seconds": 0.1}
+    within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
+    return Checkpoint("abc", 3, 7.25, scene.state, scene.state, memory, ledger, [row], within)
+
+
 def test_round_trip(scene: Scene, tmp_path: Path):
-    saved = Checkpoint(
-        "abc",
-        3,
-        2,
-        (1e-4, 8.0),
-        2.5,
-        7.25,
-        np.eye(4),
-        np.zeros(4, bool),
-        scene.state,
-        [{"stage": "pose", "seconds": 0.1}],
-    )
+    saved = a_checkpoint(scene)
     saved.save(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == [FILE]
+    assert [path.name for path in tmp_path.iterdir()] == [CHECKPOINT]
     loaded = Checkpoint.load(tmp_path)
-    assert loaded is not None
-    for name in ("fingerprint", "phase", "step", "damping", "light_scale", "seconds", "trace"):
+    assert loaded is not None and loaded.within is not None and saved.within is not None
+    for name in ("fingerprint", "phase", "seconds", "trace", "ledger"):
         assert getattr(loaded, name) == getattr(saved, name)
-    for name in State.__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(loaded.state, name), getattr(saved.state, name))
+    for one, other in ((loaded.memory, saved.memory), (loaded.within, saved.within)):
+        for name in other.__dataclass_fields__:
+            if name != "state":
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for state in (loaded.start, loaded.began, loaded.within.state):
+        for name in State.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(state, name), getattr(scene.state, name))
+
+
+def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Path):
+    memory = Memory(1.0, None, None, np.zeros(4, bool), None)
+    Checkpoint("abc", 0, 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
+    loaded = Checkpoint.load(tmp_path)
+    assert loaded is not None and loaded.start is None and loaded.within is None
+    assert loaded.memory.penumbra is None and loaded.memory.camera_to_stage is None and loaded.memory.hidden is None
 
 
 def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     assert Checkpoint.load(tmp_path) is None
-    (tmp_path / FILE).write_bytes(b"half")
+    (tmp_path / CHECKPOINT).write_bytes(b"half")
     with pytest.raises(InputError, match="checkpoint"):
         Checkpoint.load(tmp_path)
-    Checkpoint("abc", 3, 2, (1e-4, 8.0), 2.5, 7.25, np.eye(4), np.zeros(4, bool), scene.state, []).save(tmp_path)
-    arrays = read_arrays(tmp_path / FILE, "checkpoint")
+    a_checkpoint(scene).save(tmp_path)
+    arrays = read_arrays(tmp_path / CHECKPOINT, "checkpoint")
     meta = json.loads(str(arrays["meta"]))
-    del meta["damping"]
+    del meta["ledger"]
     for change in ({"meta": np.array(json.dumps(meta))}, {"meta": np.array("{")}):
-        write_arrays(tmp_path / FILE, arrays | change)
+        write_arrays(tmp_path / CHECKPOINT, arrays | change)
         with pytest.raises(InputError, match=r"damaged.*without --resume"):
             Checkpoint.load(tmp_path)
-    write_arrays(tmp_path / FILE, {name: array for name, array in arrays.items() if name != "rotation"})
+    write_arrays(tmp_path / CHECKPOINT, {name: array for name, array in arrays.items() if name != "began/rotation"})
     with pytest.raises(InputError, match=r"damaged.*rotation"):
         Checkpoint.load(tmp_path)
+    for other in ({"schema": 1}, {}, []):
+        write_arrays(tmp_path / CHECKPOINT, arrays | {"meta": np.array(json.dumps(other))})
+        with pytest.raises(InputError, match=r"another version.*without --resume"):
+            Checkpoint.load(tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.job import PARAMETERS, Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
+from facestage.contract.partial import partial_folder
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
+from facestage.contract.result_files import is_result_file
 from facestage.fit import schedule
-from facestage.fit.run import fit_job, partial_folder
+from facestage.fit.run import fit_job
 from facestage.image_io import read_exr
 from reference.synthetic_case import Case
 
@@ -268,9 +270,10 @@ def test_a_folder_that_is_no_result_is_never_replaced(job: Job, tmp_path: Path):
 
 def test_an_earlier_result_is_replaced(job: Job, tmp_path: Path):
     fit_job(job, tmp_path / "out")
-    (tmp_path / "out" / "stale.txt").touch()
+    (tmp_path / "out" / "relit_from_below.png").touch()
     fit_job(job, tmp_path / "out")
-    assert "stale.txt" not in names(tmp_path / "out") and "result.json" in names(tmp_path / "out")
+    assert "relit_from_below.png" not in names(tmp_path / "out") and "result.json" in names(tmp_path / "out")
+    assert [name for name in names(tmp_path / "out") if not is_result_file(PurePath(name))] == []
 
 
 @pytest.mark.parametrize("place", [(3.0, 0, -0.6), (0, 0, 0.6)])

@@ -13,12 +13,13 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.partial import partial_folder
 from facestage.contract.result import CONVERGED, STOPPED
 from facestage.fit.guard import doubt, landmark_statistic, statistic_limit
 from facestage.fit.lens_check import DOUBTFUL, check_lens
 from facestage.fit.parameters import Layout, State
 from facestage.fit.phases import SHAPE
-from facestage.fit.run import fit_job, partial_folder
+from facestage.fit.run import fit_job
 from facestage.fit.schedule import Stage
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene, moved

@@ -17,13 +17,15 @@ from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.partial import partial_folder
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
+from facestage.contract.result_files import is_result_file
 from facestage.fit.metrics import aligned_distance
 from facestage.fit.person import fit_person
 from facestage.fit.problem import read_problem
 from facestage.fit.relight import render_result
-from facestage.fit.run import fit_job, partial_folder
+from facestage.fit.run import fit_job
 from facestage.image_io import read_exr
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
@@ -125,6 +127,8 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(folder: Path, job
     with Image.open(folder / "person.png") as picture:
         assert picture.width > picture.height > 300
     assert not partial_folder(folder).exists()
+    files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert [str(path) for path in files if not is_result_file(path)] == []
 
 
 @pytest.mark.usefixtures("quick")
