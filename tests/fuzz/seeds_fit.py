@@ -6,9 +6,11 @@ import json
 
 import numpy as np
 
-from facestage.fit.checkpoint import Checkpoint
+from facestage.fit.checkpoint import Checkpoint, Within
 from facestage.fit.joint_checkpoint import JointCheckpoint
 from facestage.fit.parameters import State
+from facestage.fit.plan import Ledger, Work
+from facestage.fit.view import Memory
 from fuzz.case import Case
 from fuzz.seeds_contract import (
     LIGHTS,
@@ -44,8 +46,8 @@ COMMANDS = (
 )
 
 
-def checkpoint() -> Checkpoint:
-    state = State(
+def _state() -> State:
+    return State(
         rigid(1)[:3, :3],
         np.array([0, 0, -0.6]),
         camera(),
@@ -57,30 +59,23 @@ def checkpoint() -> Checkpoint:
         0.4,
         np.full((2, 2), 0.5),
     )
+
+
+def checkpoint(step: int | None = 3) -> Checkpoint:
+    """In the middle of a phase, or (None) before its first step."""
+    memory = Memory(1.5, 0.1, rigid(3), np.array([True, False, True]), np.zeros((4, 5), bool))
+    ledger = Ledger({"rays": Work(1.5, 20.0)}, {("resting lights", "rays"): 5.0})
+    within = None if step is None else Within(step, _state(), (1e-3, 2.0), np.array([False, False, True]))
     trace = [{"stage": "pose", "iteration": 1, "energy": 2.5}]
-    return Checkpoint(
-        "fingerprint",
-        2,
-        3,
-        (1e-3, 2.0),
-        1.5,
-        12.5,
-        rigid(3),
-        np.array([True, False, True]),
-        state,
-        trace,
-        np.array([False, False, True]),
-        np.zeros((4, 5), bool),
-        np.array([True, True, False]),
-    )
+    return Checkpoint("fingerprint", 2, 12.5, _state(), _state(), memory, ledger, trace, within)
 
 
 def checkpoints() -> list[Case]:
-    return [written(checkpoint().save)]
+    return [written(checkpoint().save), written(checkpoint(None).save)]
 
 
 def joint_checkpoints() -> list[Case]:
-    joint = JointCheckpoint((checkpoint(), checkpoint()), ("", "another person"), (True, False), False)
+    joint = JointCheckpoint((checkpoint(), checkpoint(None)), ("", "a"), (0.5, 2.0), (True, False), False)
     return [written(joint.save)]
 
 

@@ -19,7 +19,10 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.partial import CHECKPOINT
-from facestage.contract.storage import finite, read_arrays, write_arrays
+from facestage.contract.schema import checked, decoded_meta, sections
+from facestage.contract.storage import finite as finite_json
+from facestage.contract.storage import read_arrays, write_arrays
+from facestage.fit.checkpoint_schema import CheckpointArrays, finite
 from facestage.fit.parameters import State
 from facestage.fit.plan import Ledger, Work
 from facestage.fit.schedule import Stage
@@ -27,6 +30,7 @@ from facestage.fit.solver import Damping
 from facestage.fit.view import Memory, View
 
 SCHEMA_VERSION = 2
+AGAIN = "start again without --resume"
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class Checkpoint:
                 for name, state in states.items() if state is not None
             },
         }  # fmt: skip
-        arrays = {"meta": np.array(json.dumps(finite(meta))), "strong": self.memory.strong}
+        arrays = {"meta": np.array(json.dumps(finite_json(meta))), "strong": self.memory.strong}
         for name, state in states.items():
             if state is not None:
                 arrays |= {f"{name}/{own}": getattr(state, own) for own in _STATE_ARRAYS}
@@ -112,30 +116,31 @@ class Checkpoint:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], folder: Path) -> Checkpoint:
         """The reverse of :meth:`arrays`; ``folder`` is named when something is missing."""
+        subject = f"The checkpoint in '{folder}'"
+        meta = decoded_meta(str(arrays.get("meta")), subject, AGAIN)
+        if meta.get("schema") != SCHEMA_VERSION:
+            raise other_version(folder)
+        given = checked(CheckpointArrays(), sections(arrays, "began", "start", "within"), subject, AGAIN)
         try:
-            meta = json.loads(str(arrays["meta"]))
-            if not isinstance(meta, dict) or meta.get("schema") != SCHEMA_VERSION:
-                raise other_version(folder)
             states = {
                 name: State(
-                    camera=Camera.from_json(own["camera"]), roughness=float(own["roughness"]),
-                    **{array: arrays[f"{name}/{array}"] for array in _STATE_ARRAYS},
+                    camera=Camera.from_json(own["camera"]), roughness=finite(own["roughness"]), **given[name],
                 )
                 for name, own in meta["states"].items()
             }  # fmt: skip
             memory = Memory(
-                float(meta["light_scale"]), meta["penumbra"], arrays.get("camera_to_stage"), arrays["strong"],
-                arrays.get("hidden"),
+                finite(meta["light_scale"]), None if meta["penumbra"] is None else finite(meta["penumbra"]),
+                given.get("camera_to_stage"), given["strong"], given.get("hidden"),
             )  # fmt: skip
             within = None
             if meta["within"] is not None:
-                value, growth = map(float, meta["within"]["damping"])
-                within = Within(int(meta["within"]["step"]), states["within"], (value, growth), arrays["resting"])
+                value, growth = map(finite, meta["within"]["damping"])
+                within = Within(int(meta["within"]["step"]), states["within"], (value, growth), given["resting"])
             return cls(
-                str(meta["fingerprint"]), int(meta["phase"]), float(meta["seconds"]), states.get("start"),
-                states["began"], memory, ledger_from_json(meta["ledger"]), list(meta["trace"]), within,
+                str(meta["fingerprint"]), int(meta["phase"]), finite(meta["seconds"]), states.get("start"),
+                states["began"], memory, ledger_from_json(meta["ledger"]), [dict(row) for row in meta["trace"]], within,
             )  # fmt: skip
-        except (KeyError, ValueError, TypeError, AttributeError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
             raise damaged(folder, error) from error
 
     def save(self, folder: Path) -> None:
@@ -168,13 +173,13 @@ def ledger_to_json(ledger: Ledger) -> dict[str, Any]:
 
 def ledger_from_json(data: Mapping[str, Any]) -> Ledger:
     """The reverse of :func:`ledger_to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-    work = {str(kind): Work(float(seconds), float(units)) for kind, (seconds, units) in data["work"].items()}
-    return Ledger(work, {(str(rule), str(kind)): float(units) for rule, kind, units in data["skipped"]})
+    work = {str(kind): Work(finite(seconds), finite(units)) for kind, (seconds, units) in data["work"].items()}
+    return Ledger(work, {(str(rule), str(kind)): finite(units) for rule, kind, units in data["skipped"]})
 
 
 def damaged(folder: Path, error: Exception) -> InputError:
     """What is said of a checkpoint that cannot be understood."""
-    return InputError(f"The checkpoint in '{folder}' is damaged ({error}); start again without --resume.")
+    return InputError(f"The checkpoint in '{folder}' is damaged ({error}); {AGAIN}.")
 
 
 def other_version(folder: Path) -> InputError:

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.partial import PERSON_CHECKPOINT
+from facestage.contract.schema import decoded_meta
 from facestage.contract.storage import read_arrays, write_arrays
-from facestage.fit.checkpoint import SCHEMA_VERSION, Checkpoint, Within, damaged, other_version
+from facestage.fit.checkpoint import AGAIN, SCHEMA_VERSION, Checkpoint, Within, damaged, other_version
+from facestage.fit.checkpoint_schema import finite
 from facestage.fit.joint import JointIteration
 from facestage.fit.member import Member
 from facestage.fit.schedule import Stage
@@ -63,15 +65,15 @@ class JointCheckpoint:
         if not (folder / PERSON_CHECKPOINT).is_file():
             return None
         arrays = read_arrays(folder / PERSON_CHECKPOINT, "checkpoint")
+        meta = decoded_meta(str(arrays.get("meta")), f"The checkpoint in '{folder}'", AGAIN)
+        if meta.get("schema") != SCHEMA_VERSION:
+            raise other_version(folder)
         try:
-            meta = json.loads(str(arrays["meta"]))
-            if not isinstance(meta, dict) or meta.get("schema") != SCHEMA_VERSION:
-                raise other_version(folder)
             doubts, joined = tuple(map(str, meta["doubts"])), tuple(map(bool, meta["joined"]))
-            statistics, held = tuple(map(float, meta["statistics"])), bool(meta["shape_held"])
+            statistics, held = tuple(map(finite, meta["statistics"])), bool(meta["shape_held"])
             if not len(doubts) == len(joined) == len(statistics) > 1:
                 raise ValueError("lists of different lengths")
-        except (KeyError, ValueError, TypeError) as error:
+        except (KeyError, ValueError, TypeError, OverflowError) as error:
             raise damaged(folder, error) from error
         photos = []
         for number in range(len(doubts)):
