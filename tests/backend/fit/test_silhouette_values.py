@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.energy import Photo
-from facestage.fit.silhouette import Silhouette, SilhouetteTerm
+from facestage.fit.silhouette import Silhouette, SilhouetteTerm, _mesh_edges
 from facestage.fit.surface_points import SurfacePoints
 from reference.synthetic_scene import Scene
 
@@ -88,3 +88,15 @@ def test_a_point_counts_for_its_stretch_of_outline_and_less_when_far(scene: Scen
     np.testing.assert_allclose(outline.weights(np.array([0.0, 3.0, -3.0, 9.0])), [0.25, 0.125, 0.125, 0.025])
     wanted = 4.5 * 0.25 * np.log([2, 2, 10]).sum()
     assert outline.robust_energy(np.array([0.0, 3.0, -3.0, 9.0])) == pytest.approx(wanted)
+
+
+def test_edges_are_those_that_two_triangles_share():
+    """A strip of three triangles has two; of those, the ones with a fitted side count."""
+    triangles = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4]])
+    edges, sides = _mesh_edges(triangles, np.array([True, True, True]))
+    assert {(*edge, *sorted(side)) for edge, side in zip(edges.tolist(), sides.tolist(), strict=True)} == {
+        (1, 2, 0, 1), (2, 3, 1, 2),
+    }  # fmt: skip
+    edges, _ = _mesh_edges(triangles, np.array([True, False, False]))
+    assert edges.tolist() == [[1, 2]]
+    assert not len(_mesh_edges(triangles, np.zeros(3, bool))[0])
