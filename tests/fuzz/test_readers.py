@@ -14,7 +14,7 @@ from fuzz.targets import TARGETS, counts
 from fuzz.worker import FINDING
 
 REGRESSIONS = Path(__file__).with_name("regressions")
-INPUTS, SEED, JOBS = 1200, 1, 2
+INPUTS, SEED, JOBS = 800, 1, 2
 # Calls that read what may come from a user.
 READING = {
     "read_text",
@@ -47,6 +47,8 @@ OWN_FILES = {
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",
     "facestage.fit.memory": "the system's own account of memory",
+    "facestage.contract.durable": "folders, to have them written",
+    "facestage.contract.temporaries": "locks of its own",
     "facestage.quiet": "the null device",
     "facestage.landmarks.face_detector": "a member of the bundle whose SHA-256 is checked",
     "facestage.landmarks.face_mesh": "a member of the bundle whose SHA-256 is checked",
