@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.camera import PIXELS_MAX, SIDE_MAX
+from facestage.contract.exr_header import ExrHeader, read_header
 from facestage.contract.reading import GIB, read_bytes
-from facestage.exr_header import ExrHeader, read_header
 from facestage.in_child import ChildLimits, ReaderFailedError, read_in_child
 from facestage.opencv import opencv
 

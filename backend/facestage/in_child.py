@@ -23,6 +23,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from facestage.child import python_code
 from facestage.contract.errors import InputError
 from facestage.contract.reading import GIB, MIB
 
@@ -31,9 +32,7 @@ _LINE_BYTES, _REASON_LETTERS = 1 * MIB, 300
 _PLAIN_TYPE = re.compile(r"[<|][iufb][1248]")
 # The child may wait for the disk or for other processes: only then does it take longer than its processor time.
 _PATIENCE = 20.0
-# Isolated: neither the current folder nor the user's variables say what is imported. The package's folder is the last
-# place, for a package that is not installed.
-_START = "import sys; sys.path.append(sys.argv.pop(1)); from facestage.in_child import main; main(sys.argv[1:])"
+_START = "import sys; from facestage.in_child import main; main(sys.argv[1:])"
 # One thread, because each reserves memory; no plugins, which would be foreign code.
 _SURROUNDINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "HDF5_PLUGIN_PRELOAD": "::"}
 
@@ -64,10 +63,9 @@ def read_in_child(reader: Reader, path: Path, names: Sequence[str], limits: Chil
     """
     path = Path(path).resolve()
     seconds = limits.seconds_for(path.stat().st_size)
-    command = [
-        sys.executable, "-I", "-c", _START, str(Path(__file__).parents[1]),
-        reader.__module__, reader.__qualname__, str(limits.memory), str(seconds), str(path), *names,
-    ]  # fmt: skip
+    command = python_code(
+        _START, reader.__module__, reader.__qualname__, str(limits.memory), str(seconds), str(path), *names
+    )
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         env={**os.environ, **_SURROUNDINGS},

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from facestage.contract.errors import InputError
-from facestage.exr_header import DEEP, MULTIPART, TILED, read_header
+from facestage.contract.exr_header import DEEP, MULTIPART, TILED, read_header
 from facestage.image_io import PROFILE_LIMIT, read_photograph, write_exr
 
 PIXELS = np.random.default_rng(0).integers(0, 256, (12, 20, 3)).astype(np.uint8)
