@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import re
 import struct
 import warnings
@@ -40,9 +41,9 @@ CLIP_LEVEL = 0.996
 EXR_MAX = 1e9
 LINEAR_REC709 = "linear Rec. 709"
 
-# What damaged bytes make Pillow's decoders raise, beside what it says that they do.
 # What Pillow logs of a damaged file, Python prints where no log was set up; the error that it raises says it too.
 logging.getLogger("PIL").addHandler(logging.NullHandler())
+# What damaged bytes make Pillow's decoders raise, beside what it says that they do.
 _UNREADABLE = (
     OSError, SyntaxError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, EOFError, RuntimeError,
     MemoryError, AssertionError, struct.error,

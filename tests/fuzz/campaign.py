@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,7 +60,7 @@ class Campaign:
 
     def run(
         self,
-        plan: dict[str, Iterable[int]],
+        plan: Mapping[str, Iterable[int]],
         seed: int,
         jobs: int,
         home: Path,

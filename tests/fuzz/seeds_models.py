@@ -55,7 +55,7 @@ def flame_files() -> list[Case]:
     }
     small["J_regressor"] = sparse.csc_matrix(numbers(3, 5, 4))
     dense = {
-        name: value.toarray() if sparse.issparse(value) else value
+        name: np.asarray(value.toarray() if isinstance(value, sparse.csc_matrix) else value)
         for name, value in small.items()
         if name not in ("bs_style", "bs_type")
     }
