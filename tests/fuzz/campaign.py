@@ -138,7 +138,7 @@ def described(outcome: Outcome) -> str:
     )
 
 
-def _interleaved(plan: dict[str, Iterable[int]]) -> list[tuple[str, list[int]]]:
+def _interleaved(plan: Mapping[str, Iterable[int]]) -> list[tuple[str, list[int]]]:
     """Batches, the targets in turn, so that a run that is cut short has read of each."""
     batches = []
     for target, numbers in plan.items():

@@ -27,6 +27,7 @@ LOCAL, CENTRAL, END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
 LOCAL_FIELDS = ((4, 2), (6, 2), (8, 2), (14, 4), (18, 4), (22, 4), (26, 2), (28, 2))
 CENTRAL_FIELDS = ((6, 2), (8, 2), (10, 2), (16, 4), (20, 4), (24, 4), (28, 2), (30, 2), (32, 2), (38, 4), (42, 4))
 END_FIELDS = ((4, 2), (8, 2), (10, 2), (12, 4), (16, 4), (20, 2))
+UNPACKED_MAX = 64 << 20  # bytes of an archive that is taken apart
 BOMB = 2700  # MiB that a few MiB unpack to
 
 
@@ -44,6 +45,8 @@ def zip_bytes(members: Members, method: int = zipfile.ZIP_STORED) -> bytes:
 
 def zip_members(data: bytes) -> Members:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if sum(info.file_size for info in archive.infolist()) > UNPACKED_MAX:
+            raise zipfile.BadZipFile("a bomb, which is damaged as it is")
         return [(info.filename, archive.read(info)) for info in archive.infolist()]
 
 
@@ -72,7 +75,16 @@ def mangle_zip(choose: Choose, data: bytes) -> bytes:
         return _headers(choose, data)
     try:
         members = zip_members(data)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError, EOFError, ValueError, lzma.LZMAError):
+    except (
+        zipfile.BadZipFile,
+        NotImplementedError,
+        RuntimeError,
+        OSError,
+        EOFError,
+        ValueError,
+        lzma.LZMAError,
+        zlib.error,
+    ):
         return mangle_bytes(choose, data)
     for _ in range(choose.one_of((1, 1, 1, 2))):
         members = _members(choose, members)
@@ -164,12 +176,16 @@ def tar_bytes(members: Members) -> bytes:
 def _unpacked(data: bytes) -> tuple[Callable[[bytes], bytes], bytes]:
     try:
         if data.startswith(b"\xfd7zXZ"):
-            return (lambda inner: lzma.compress(inner, preset=0)), lzma.decompress(data)
+            return (lambda inner: lzma.compress(inner, preset=0)), lzma.LZMADecompressor().decompress(
+                data, UNPACKED_MAX
+            )
         if data.startswith(b"\x1f\x8b"):
-            return (lambda inner: gzip.compress(inner, 1, mtime=0)), gzip.decompress(data)
+            return (lambda inner: gzip.compress(inner, 1, mtime=0)), zlib.decompressobj(31).decompress(
+                data, UNPACKED_MAX
+            )
         if data.startswith(b"BZh"):
-            return bz2.compress, bz2.decompress(data)
-    except (OSError, EOFError, lzma.LZMAError, ValueError):
+            return bz2.compress, bz2.BZ2Decompressor().decompress(data, UNPACKED_MAX)
+    except (OSError, EOFError, lzma.LZMAError, ValueError, zlib.error):
         pass
     return (lambda inner: inner), data
 

@@ -21,6 +21,7 @@ from facestage.contract.storage import read_arrays, write_arrays
 SCHEMA_VERSION = 1
 PARTS = ("skin", "eyes", "mouth", "teeth", "other")
 SKIN, EYES, MOUTH, TEETH, OTHER = range(len(PARTS))
+WEIGHT_MAX = 10  # of a corner of a landmark, which may lie a little outside its triangle
 PRIORS = ("box", "gaussian")
 
 
@@ -87,6 +88,10 @@ class FaceModel:
         for scheme, table in self.landmarks.items():
             if table.ndim != 2 or table.shape[1] != 6 or not _within(table[:, :3], n):
                 raise InputError(f"Face model '{self.name}': landmarks '{scheme}' refer to a point outside 0..{n - 1}.")
+            if not np.allclose(table[:, 3:].sum(axis=1), 1, atol=1e-2) or (np.abs(table[:, 3:]) > WEIGHT_MAX).any():
+                raise InputError(
+                    f"Face model '{self.name}': landmarks '{scheme}' have weights that do not add up to 1."
+                )
         for region, indices in self.regions.items():
             if not _within(indices, n):
                 raise InputError(f"Face model '{self.name}': region '{region}' refers to a point outside 0..{n - 1}.")

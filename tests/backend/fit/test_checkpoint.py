@@ -191,14 +191,19 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     arrays = read_arrays(tmp_path / CHECKPOINT, "checkpoint")
     meta = json.loads(str(arrays["meta"]))
     del meta["ledger"]
-    for change in ({"meta": np.array(json.dumps(meta))}, {"meta": np.array("{")}):
+    for text in (json.dumps(meta), "{", "[]", '{"schema": 2, "trace": ' + "[" * 5000):
+        change = {"meta": np.array(text)}
         write_arrays(tmp_path / CHECKPOINT, arrays | change)
         with pytest.raises(InputError, match=r"damaged.*without --resume"):
             Checkpoint.load(tmp_path)
+    for spoiled in (np.full((3, 3), np.nan), np.eye(4), np.full((3, 3), "x")):
+        write_arrays(tmp_path / CHECKPOINT, arrays | {"began/rotation": spoiled})
+        with pytest.raises(InputError, match=r"rotation.*without --resume"):
+            Checkpoint.load(tmp_path)
     write_arrays(tmp_path / CHECKPOINT, {name: array for name, array in arrays.items() if name != "began/rotation"})
-    with pytest.raises(InputError, match=r"damaged.*rotation"):
+    with pytest.raises(InputError, match=r"lacks began\.rotation"):
         Checkpoint.load(tmp_path)
-    others: list[object] = [{"schema": 1}, {}, []]
+    others: list[dict[str, int]] = [{"schema": 1}, {}]
     for other in others:
         write_arrays(tmp_path / CHECKPOINT, arrays | {"meta": np.array(json.dumps(other))})
         with pytest.raises(InputError, match=r"another version.*without --resume"):
