@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,7 +60,7 @@ class Campaign:
 
     def run(
         self,
-        plan: dict[str, Iterable[int]],
+        plan: Mapping[str, Iterable[int]],
         seed: int,
         jobs: int,
         home: Path,
@@ -138,7 +138,7 @@ def described(outcome: Outcome) -> str:
     )
 
 
-def _interleaved(plan: dict[str, Iterable[int]]) -> list[tuple[str, list[int]]]:
+def _interleaved(plan: Mapping[str, Iterable[int]]) -> list[tuple[str, list[int]]]:
     """Batches, the targets in turn, so that a run that is cut short has read of each."""
     batches = []
     for target, numbers in plan.items():

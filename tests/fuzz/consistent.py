@@ -52,7 +52,7 @@ def check(value: Any, kind: Any, what: str) -> None:
         require(type(value) is int, f"{what} is {value!r:.60}, not a whole number")
     elif kind is np.ndarray:
         check_array(value, what)
-    elif dataclasses.is_dataclass(kind):
+    elif isinstance(kind, type) and dataclasses.is_dataclass(kind):
         require(isinstance(value, kind), f"{what} is a {type(value).__name__}, not a {kind.__name__}")
         check_dataclass(value)
     elif kind is Path:

@@ -140,7 +140,8 @@ def _headers(choose: Choose, data: bytes) -> bytes:
 
 
 def _found(data: bytearray, mark: bytes) -> list[int]:
-    starts, start = [], data.find(mark)
+    starts: list[int] = []
+    start = data.find(mark)
     while start >= 0 and len(starts) < 200:
         starts.append(start)
         start = data.find(mark, start + 4)

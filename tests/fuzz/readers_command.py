@@ -27,10 +27,11 @@ def read_render(folder: Path) -> None:
     """``facestage render`` with light and weight files, up to the renderer."""
     from facestage.fit import relight
     from facestage.image_io import read_exr
+    from facestage.models.registry import load_model
 
     def stand_in(result: Any, *_samples: Any, **_options: Any) -> np.ndarray:
         check_result(result)
-        relight.load_model(result.model)
+        load_model(result.model)
         for name in ("albedo.exr", "specular.exr", "roughness.exr"):
             if (result.folder / name).is_file():
                 check_array(read_exr(result.folder / name), name)

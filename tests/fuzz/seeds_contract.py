@@ -95,7 +95,7 @@ def result() -> Result:
         model_origin={"name": "a", "license": "b", "source": "c"},
         versions={"numpy": "1"},
         seed=3,
-        arrays={"condition": np.float64(17.0)},
+        arrays={"condition": np.array(17.0)},
     )
 
 

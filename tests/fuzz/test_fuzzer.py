@@ -30,23 +30,23 @@ def outcomes(hand: Hand, target: str, count: int = 1) -> list[Outcome]:
 
 
 @pytest.mark.parametrize("name", [name for name, kind in planted.KINDS.items() if kind])
-def test_every_planted_fault_is_found(hand: Hand, name: str):
+def test_every_planted_fault_is_found(hand: Hand, name: str) -> None:
     # Of the inputs for "traceback" some hold the byte that it stumbles over.
     found = [one for one in outcomes(hand, name, 40 if name == "traceback" else 1) if one.verdict == FINDING]
     assert found and {one.kind for one in found} == {planted.KINDS[name]}
 
 
-def test_what_is_right_is_no_finding(hand: Hand):
+def test_what_is_right_is_no_finding(hand: Hand) -> None:
     assert {one.verdict for one in outcomes(hand, "fine", 5)} == {ACCEPTED}
     assert {one.verdict for one in outcomes(hand, "refuses", 5)} == {REFUSED}
 
 
-def test_the_run_goes_on_after_a_crash(hand: Hand):
+def test_the_run_goes_on_after_a_crash(hand: Hand) -> None:
     assert [one.number for one in outcomes(hand, "crash", 3)] == [0, 1, 2]
     assert outcomes(hand, "fine")[0].verdict == ACCEPTED
 
 
-def test_a_finding_is_shrunk_to_what_it_needs(hand: Hand, tmp_path: Path):
+def test_a_finding_is_shrunk_to_what_it_needs(hand: Hand, tmp_path: Path) -> None:
     found = next(one for one in outcomes(hand, "traceback", 200) if one.verdict == FINDING)
     case = planted.TARGETS["traceback"].case([{"a.bin": bytes(range(64))}], 0, found.number)
     assert case is not None
@@ -54,7 +54,7 @@ def test_a_finding_is_shrunk_to_what_it_needs(hand: Hand, tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["json", "job", "pickle", "photo", "command"])
-def test_an_input_is_known_by_its_number(name: str):
+def test_an_input_is_known_by_its_number(name: str) -> None:
     target = TARGETS[name]
     seeds, again = target.seeds(), target.seeds()
     assert seeds == again, "seeds hold something of the day that they were made"
@@ -64,7 +64,7 @@ def test_an_input_is_known_by_its_number(name: str):
     assert cases != [target.case(seeds, 4, number) for number in range(8)]
 
 
-def test_a_case_survives_being_kept(tmp_path: Path):
+def test_a_case_survives_being_kept(tmp_path: Path) -> None:
     case: Case = {"a/b.json": b"{}", "c": b"", f"d{FIFO}": b"", f"e{ENDLESS}": b"", f"f{FOLDER}": b"", f"g{LOOP}": b""}
     keep(case, tmp_path / "kept")
     assert read_back(tmp_path / "kept") == case
@@ -73,7 +73,7 @@ def test_a_case_survives_being_kept(tmp_path: Path):
     assert (tmp_path / "laid/e").readlink() == Path("/dev/zero") and (tmp_path / "laid/g").is_symlink()
 
 
-def test_findings_of_one_cause_are_told_once():
+def test_findings_of_one_cause_are_told_once() -> None:
     campaign = Campaign()
     one = Outcome("json", 0, 7, FINDING, "KeyError", "a.py:f", "text")
     assert campaign.add(one)
@@ -82,7 +82,7 @@ def test_findings_of_one_cause_are_told_once():
     assert campaign.findings[one.signature].number == 3 and campaign.repeats[one.signature] == 2
 
 
-def test_every_reader_gets_its_share():
+def test_every_reader_gets_its_share() -> None:
     shares = counts(100_000)
     assert abs(sum(shares.values()) - 100_000) < len(shares)
     assert min(shares.values()) > 50

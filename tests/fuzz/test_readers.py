@@ -67,12 +67,12 @@ def kept() -> list[Path]:
 
 
 @pytest.mark.parametrize("folder", kept(), ids=lambda folder: f"{folder.parent.name}-{folder.name}")
-def test_what_was_found_once_is_read_or_refused(hand: Hand, folder: Path):
+def test_what_was_found_once_is_read_or_refused(hand: Hand, folder: Path) -> None:
     outcome = hand.read_folder(folder.parent.name, folder)
     assert outcome.verdict != FINDING, described(outcome)
 
 
-def test_a_short_run_over_every_reader_finds_nothing(tmp_path: Path):
+def test_a_short_run_over_every_reader_finds_nothing(tmp_path: Path) -> None:
     campaign = Campaign()
     plan = {name: range(count) for name, count in counts(INPUTS).items()}
     campaign.run(plan, SEED, JOBS, tmp_path, print)
@@ -84,7 +84,7 @@ def test_a_short_run_over_every_reader_finds_nothing(tmp_path: Path):
         assert tally.accepted and tally.refused, f"{name}: {tally}"
 
 
-def test_every_module_that_reads_is_in_the_table(repository: Path):
+def test_every_module_that_reads_is_in_the_table(repository: Path) -> None:
     covered = {module for target in TARGETS.values() for module in target.covers}
     reading = {}
     backend = repository / "backend"
