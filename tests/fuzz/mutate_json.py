@@ -35,7 +35,7 @@ _RAW = (
     '"' + "a/" * 2500 + '"',
     "[" + "0," * 200_000 + "0]",
 )
-_VALUES: tuple[object, ...] = (
+_VALUES: tuple[Any, ...] = (
     None,
     True,
     False,

@@ -10,6 +10,7 @@ import pickle
 import struct
 import tarfile
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -49,13 +50,13 @@ def pickles() -> list[Case]:
 
 def flame_files() -> list[Case]:
     """A model of few vertices, which is read as a whole and refused for its shapes."""
-    arrays = flame_arrays() | {"shapedirs": numbers(1, 4, 3, 2), "posedirs": numbers(2, 4, 3, 2)}
+    arrays: dict[str, Any] = flame_arrays() | {"shapedirs": numbers(1, 4, 3, 2), "posedirs": numbers(2, 4, 3, 2)}
     small = {
         name: value[:4] if isinstance(value, np.ndarray) and len(value) > 9 else value for name, value in arrays.items()
     }
     small["J_regressor"] = sparse.csc_matrix(numbers(3, 5, 4))
-    dense = {
-        name: np.asarray(value.toarray() if isinstance(value, sparse.csc_matrix) else value)
+    dense: dict[str, Any] = {
+        name: value.toarray() if hasattr(value, "toarray") else value
         for name, value in small.items()
         if name not in ("bs_style", "bs_type")
     }
@@ -67,9 +68,9 @@ def flame_files() -> list[Case]:
 
 def whole_flame() -> list[Case]:
     """A model of the published size whose modes are zeros, with the landmarks and UVs that may lie beside it."""
-    arrays = flame_arrays()
+    arrays: dict[str, Any] = flame_arrays()
     dense = {name: np.asarray(arrays[name]) for name in ("v_template", "f", "weights", "kintree_table")}
-    dense["J_regressor"] = arrays["J_regressor"].toarray()  # type: ignore[attr-defined]
+    dense["J_regressor"] = arrays["J_regressor"].toarray()
     dense["v_template"] = dense["v_template"].astype(np.float32)
     dense["weights"] = dense["weights"].astype(np.float16)
     count = len(dense["v_template"])

@@ -151,7 +151,13 @@ TARGETS = {
             plain=True,
         ),
         _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True),
-        _target("command", "facestage.cli", seeds_fit.command_lines, command.run_command, 12),
+        _target(
+            "command",
+            "facestage.cli facestage.cli.render facestage.cli.streams",
+            seeds_fit.command_lines,
+            command.run_command,
+            12,
+        ),
     )
 }
 
