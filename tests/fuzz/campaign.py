@@ -145,5 +145,5 @@ def _interleaved(plan: Mapping[str, Iterable[int]]) -> list[tuple[str, list[int]
         listed = list(numbers)
         parts = max(1, -(-len(listed) // BATCH))
         cut = [listed[k * len(listed) // parts : (k + 1) * len(listed) // parts] for k in range(parts)]
-        batches += [((k + 0.5) / parts, target, part) for k, part in enumerate(cut) if part]
+        batches += [(k / parts, target, part) for k, part in enumerate(cut) if part]
     return [(target, part) for _, target, part in sorted(batches, key=lambda batch: batch[:2])]
