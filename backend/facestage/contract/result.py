@@ -138,6 +138,7 @@ class Result:
         identity_names, expression_names = tuple(found.pop("identity")), tuple(found.pop("expression"))
         del found["schema"]
         found["left_out"] = list(found["left_out"])
+        found["unobserved"] = {block: list(names) for block, names in found["unobserved"].items()}
         return cls(
             camera=Camera(**found.pop("camera")), stage=LightStage(**given.pop("stage")),
             roughness=float(given.pop("roughness")), arrays=given.pop("extra"), identity_names=identity_names,

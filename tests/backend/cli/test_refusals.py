@@ -57,7 +57,7 @@ BAD_OPTIONS: dict[str, tuple[Callable[[Case, Path], dict[str, str | Path | None]
     "text renamed .exr": (lambda _, d: {"image": write(d / "t.exr", "hello " * 99)}, ["t.exr", "OpenEXR"]),
     "empty photo": (lambda _, d: {"image": write(d / "e.png", b"")}, ["e.png", "empty"]),
     "NaN photo": (lambda _, d: {"image": nan_exr(d / "n.exr")}, ["n.exr", "no usable pixel"]),
-    "folder as photo": (lambda _, d: {"image": d}, ["does not exist"]),
+    "folder as photo": (lambda _, d: {"image": d}, ["is a folder", "expected a file"]),
     "missing landmarks": (lambda _, d: {"--landmarks": d / "none.json"}, ["landmark file", "none.json", "not exist"]),
     "face that is not counted from 1": (lambda _, d: {"--landmarks": None, "--face": "0"}, ["face is 0", "1"]),
     "missing landmark model": (

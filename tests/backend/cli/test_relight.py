@@ -69,7 +69,7 @@ def test_relit_from_the_cache_equals_traced(
 ):
     samples = RelightCache.load(Result.load(folder)).samples
     expected = traced(folder, radiance, samples)
-    monkeypatch.setattr(relight, "render_picture", lambda *_: pytest.fail("traced in spite of the cache"))
+    monkeypatch.setattr(relight, "render_picture", lambda *_, **__: pytest.fail("traced in spite of the cache"))
     picture = render(folder, radiance)
     print(f"cached against traced: {worst(picture, expected):.1e} of the brightest, allowed {HALF:.1e}")
     assert worst(picture, expected) < HALF

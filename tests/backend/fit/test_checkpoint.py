@@ -134,9 +134,10 @@ def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, chan
 def test_the_budget_may_change(case: Case, tmp_path: Path):
     interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
     checkpoint = Checkpoint.load(tmp_path)
-    assert checkpoint is not None and len(checkpoint.trace) == 2
+    # The second step, where it was stopped, is taken again.
+    assert checkpoint is not None and len(checkpoint.trace) == 1
     found = run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, checkpoint)
-    assert found.trace[:2] == checkpoint.trace
+    assert found.trace[:1] == checkpoint.trace and len(found.trace) > 1
 
 
 @pytest.mark.parametrize("budget", [0.0, FOREVER])
