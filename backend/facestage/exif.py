@@ -7,6 +7,7 @@ focal_px = f35 * diagonal_px / 43.27; some makers mean the width, which for a se
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -40,7 +41,7 @@ def focal_prior(exif: Any, width: int, height: int) -> FocalPrior | None:
     """
     try:
         tags = exif.get_ifd(EXIF_IFD)
-    except (KeyError, ValueError, TypeError, SyntaxError, OSError):
+    except (LookupError, ValueError, TypeError, SyntaxError, OSError, ArithmeticError, struct.error):
         return None
     return _from_sensor(tags, width, height) or _from_35mm(tags, width, height)
 

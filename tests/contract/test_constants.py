@@ -39,11 +39,13 @@ def test_bounds_of_the_skin_are_those_that_written_results_keep_to():
     assert (brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX, brdf.SPECULAR_MAX, brdf.ALBEDO_MAX) == (0.05, 1.0, 2.0, 0.999)
 
 
-def test_a_camera_has_at_most_65536_pixels_along_a_side_and_at_least_one():
-    assert Camera(65536, 65536, 1.0, (0.0, 0.0)).scaled(1e-9).width == 1
-    for width, height in ((65537, 1), (1, 65537), (0, 1), (1, 0)):
-        with pytest.raises(InputError, match="1 to 65536"):
+def test_a_camera_has_at_most_16384_pixels_along_a_side_134_million_in_all_and_at_least_one():
+    assert Camera(16384, 8192, 1.0, (0.0, 0.0)).scaled(1e-9).width == 1
+    for width, height in ((16385, 1), (1, 16385), (0, 1), (1, 0)):
+        with pytest.raises(InputError, match="1 to 16384"):
             Camera(width, height, 1.0, (0.0, 0.0))
+    with pytest.raises(InputError, match="134"):
+        Camera(16384, 8193, 1.0, (0.0, 0.0))
 
 
 def test_an_event_says_nothing_that_it_was_not_told():

@@ -41,10 +41,10 @@ def test_the_json_names_every_weight_and_light(tmp_path: Path, result: Result):
     np.testing.assert_allclose(data["pose"]["model_to_camera"], result.model_to_camera)
 
 
-def test_an_energy_that_is_no_number_is_null(tmp_path: Path, result: Result):
-    replace(result, errors={"psnr": float("nan")}).write_into(tmp_path)
-    assert "NaN" not in (tmp_path / "result.json").read_text()
-    assert Result.load(tmp_path).errors == {"psnr": None}
+def test_an_error_that_is_no_number_is_written_as_null_and_not_read(tmp_path: Path, result: Result):
+    replace(result, errors={"psnr": float("nan"), "albedo": 0.5}).write_into(tmp_path)
+    assert json.loads((tmp_path / "result.json").read_text())["errors"] == {"psnr": None, "albedo": 0.5}
+    assert Result.load(tmp_path).errors == {"albedo": 0.5}
 
 
 def test_model_to_stage_chains_the_transforms(result: Result):

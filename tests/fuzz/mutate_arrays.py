@@ -74,7 +74,7 @@ def mangle_npy(choose: Choose, data: bytes) -> bytes:
         return _header(choose, data)
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError):
+    except (ValueError, TypeError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError):
         return mangle_bytes(choose, data)
     if array.dtype.kind == "U" and array.ndim == 0:
         # A text of JSON.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -137,7 +138,8 @@ def read_exif(folder: Path) -> None:
 
     exif = Image.Exif()
     # What Pillow itself refuses, reading the photo refuses.
-    with contextlib.suppress(SyntaxError, ValueError, OSError, KeyError, TypeError), warnings.catch_warnings():
+    refused = (SyntaxError, ValueError, OSError, KeyError, TypeError, struct.error)
+    with contextlib.suppress(*refused), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         exif.load((folder / "a.exif").read_bytes())
         exif.get_ifd(0x8769)

@@ -79,6 +79,10 @@ class FaceModel:
             array = getattr(self, attribute)
             if array.size and (array.max() >= limit or array[:, :3].min() < 0 or array.min() < -1):
                 raise InputError(f"Face model '{self.name}': {attribute} refers to a point outside 0..{limit - 1}.")
+        if ((self.polygons[:, 3] < 0) != (self.polygon_uvs[:, 3] < 0)).any():
+            raise InputError(
+                f"Face model '{self.name}': polygon_uvs has triangles where polygons has quads; expected the same."
+            )
         # The fit works on the logarithm of the albedo.
         if n and not (self.albedo_mean.min() > 0 and self.albedo_mean.max() < 1):
             raise InputError(

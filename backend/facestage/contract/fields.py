@@ -166,6 +166,17 @@ class Table(Checked):
         return {name: _entry(name, self.entry, item) for name, item in value.items()}
 
 
+class Figures(Table):
+    """An object of names with a number each. A null, which is how NaN is written, is as good as missing."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(Number(allow_none=True), **options)
+
+    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> dict[str, Any]:
+        found = super()._deserialize(value, attr, data, **kwargs)
+        return {name: number for name, number in found.items() if number is not None}
+
+
 class Plain(Checked):
     """Anything that JSON can say, for what is only shown."""
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from facestage.contract.array_field import Array
-from facestage.contract.fields import Choice, Flag, Items, Name, Number, Part, PathText, Table, Text, Whole
+from facestage.contract.fields import Choice, Figures, Flag, Items, Name, Number, Part, PathText, Text, Whole
 from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
 from facestage.contract.schema import FileSchema, check_version, checked
 from facestage.contract.storage import read_json, write_json
@@ -76,7 +76,7 @@ class PersonPhotoSchema(FileSchema):
     status = Choice(STATUSES)
     advice = Text()
     shares_shape = Flag()
-    errors = Table(Number(allow_none=True))
+    errors = Figures()
 
 
 class PersonSchema(FileSchema):
@@ -93,4 +93,4 @@ class PersonSchema(FileSchema):
     albedo = Array(("albedo",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
     specular = Array(("texels", "texels"), minimum=0, maximum=SPECULAR_FILE_MAX)
     roughness = Number(0, 1)
-    timings = Table(Number(allow_none=True))
+    timings = Figures()

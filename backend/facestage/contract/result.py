@@ -13,7 +13,7 @@ from facestage.contract.array_field import WHOLE, Array, rigid
 from facestage.contract.atomic import read_consistently
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Choice, Items, Name, Number, Part, Plain, Table, Text, Whole
+from facestage.contract.fields import Choice, Figures, Items, Name, Number, Part, Plain, Table, Text, Whole
 from facestage.contract.job import SEED_MAX
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
 from facestage.contract.paths import is_folder
@@ -157,9 +157,9 @@ class ResultSchema(FileSchema):
     seed = Whole(0, SEED_MAX)
     identity = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX)
     expression = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX)
-    energy = Table(Number(allow_none=True))
-    errors = Table(Number(allow_none=True))
-    timings = Table(Number(allow_none=True))
+    energy = Figures()
+    errors = Figures()
+    timings = Figures()
     left_out = Items(Table(Plain()))
     unobserved = Table(Items(Text()), load_default=dict)
     null_directions = Table(Plain(), load_default=dict)

@@ -72,13 +72,15 @@ def decoded_meta(text: str, subject: str, remedy: str) -> dict[str, Any]:
 def sections(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, Any]:
     """Arrays of an .npz with those called NAME/... as an object NAME of their own; without any, there is none."""
     result: dict[str, Any] = {}
+    plain: dict[str, Any] = {}
     for key, array in arrays.items():
         name, slash, rest = key.partition("/")
         if slash and name in names:
             result.setdefault(name, {})[rest] = array
         else:
-            result[key] = array
-    return result
+            plain[key] = array
+    # An array with the name of an object takes its place, and is refused there.
+    return result | plain
 
 
 def _problem(messages: Any, schema: Schema) -> str:

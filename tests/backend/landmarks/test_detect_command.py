@@ -120,7 +120,8 @@ def test_a_job_without_landmarks_gets_those_of_the_face_it_names(group: Path, tm
 def test_landmarks_that_the_model_knows_are_taken_as_they_are():
     model = synthetic_face()
     points = Landmarks("mediapipe478", np.random.default_rng(0).uniform(0, 9, (478, 2)), np.ones(478, bool))
-    knows_both = replace(model, landmarks=dict(model.landmarks) | {"mediapipe478": np.zeros((478, 6))})
+    first_corners = np.tile([0, 0, 0, 1, 0, 0], (478, 1))
+    knows_both = replace(model, landmarks=dict(model.landmarks) | {"mediapipe478": first_corners})
     assert known_to(knows_both, points) is points
     assert known_to(replace(model, landmarks={}), points) is points
     assert known_to(model, to_ibug68(points)).scheme == "ibug68"
