@@ -77,8 +77,13 @@ def mangle_npy(choose: Choose, data: bytes) -> bytes:
     except (ValueError, TypeError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError):
         return mangle_bytes(choose, data)
     if array.dtype.kind == "U" and array.ndim == 0:
+        try:
+            text = str(array).encode()
+        # Letters that Python has not; numpy finds them where it shows them.
+        except (SystemError, ValueError):
+            return mangle_bytes(choose, data)
         # A text of JSON.
-        return npy_bytes(np.array(mangle_json(choose, str(array).encode()).decode("utf-8", "replace")))
+        return npy_bytes(np.array(mangle_json(choose, text).decode("utf-8", "replace")))
     return npy_bytes(mangle_array(choose, array))
 
 
