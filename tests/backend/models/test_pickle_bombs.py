@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tracemalloc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +12,7 @@ from scipy import sparse
 from facestage.contract.errors import InputError
 from facestage.models.pickle_machine import OPCODE_LIMIT
 from facestage.models.restricted_pickle import ARRAY_BYTES, read_pickle
+from reference.memory import memory
 
 
 def refusal(folder: Path, content: bytes) -> str:
@@ -23,17 +21,6 @@ def refusal(folder: Path, content: bytes) -> str:
         read_pickle(folder / "x.pkl", "model")
     assert "\n" not in str(caught.value)
     return str(caught.value)
-
-
-@contextmanager
-def memory(limit: float) -> Iterator[None]:
-    """What runs within takes at most ``limit`` bytes at once."""
-    tracemalloc.start()
-    try:
-        yield
-        assert tracemalloc.get_traced_memory()[1] < limit
-    finally:
-        tracemalloc.stop()
 
 
 def shared(kind: type, levels: int) -> object:

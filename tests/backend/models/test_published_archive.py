@@ -10,9 +10,8 @@ import lzma
 import os
 import struct
 import tarfile
-import tracemalloc
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ import pytest
 from facestage.contract.errors import InputError
 from facestage.models.ict import load_ict
 from facestage.models.published_archive import COUNT_LIMIT, FILE_LIMIT, published_files
+from reference.memory import memory
 
 FOLDER = "Model"
 PACKERS: dict[str, Callable[[bytes], bytes]] = {
@@ -38,17 +38,6 @@ def refusal(path: Path) -> str:
         read(path)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
     return str(caught.value)
-
-
-@contextlib.contextmanager
-def memory(limit: float) -> Iterator[None]:
-    """What runs within takes at most ``limit`` bytes at once."""
-    tracemalloc.start()
-    try:
-        yield
-        assert tracemalloc.get_traced_memory()[1] < limit
-    finally:
-        tracemalloc.stop()
 
 
 def tar(entries: dict[str, bytes], **change: object) -> bytes:
