@@ -11,6 +11,7 @@ import pytest
 
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
+from reference.fit_scene import fit_scene
 
 GREY = ((128 / 255 + 0.055) / 1.055) ** 2.4  # the photo's, linear
 
@@ -18,21 +19,13 @@ GREY = ((128 / 255 + 0.055) / 1.055) ** 2.4  # the photo's, linear
 @pytest.fixture
 def applied(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path) -> Iterator[object]:
     """A scene with an applied result that has no relight cache yet."""
-    import bpy
 
     from facestage_blender import preview
 
     stand_in("works")
     scene.facestage.output = str(tmp_path / "work")
     scene.facestage.light_count = 5
-    for answer in (
-        bpy.ops.facestage.choose_photo(filepath=str(photo)),
-        bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file)),
-        bpy.ops.facestage.build_stage(),
-        bpy.ops.facestage.build_rig(),
-        bpy.ops.facestage.fit(),
-    ):
-        assert answer == {"FINISHED"}
+    fit_scene(photo, landmark_file)
     yield scene
     preview.stop()
 

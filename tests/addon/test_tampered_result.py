@@ -14,6 +14,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.result import Result
 from facestage.contract.storage import read_arrays
+from reference.fit_scene import fit_scene
 from reference.tampering import ARRAY_CHANGES, FILES, copy_of, tamperings
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and /dev/zero are of Unix")
@@ -22,19 +23,11 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and /de
 @pytest.fixture
 def fitted(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path) -> tuple[Any, Path]:
     """A scene with a result applied, and the result's folder."""
-    import bpy
 
     stand_in("works")
     scene.facestage.output = str(tmp_path / "work")
     scene.facestage.light_count = 3
-    for answer in (
-        bpy.ops.facestage.choose_photo(filepath=str(photo)),
-        bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file)),
-        bpy.ops.facestage.build_stage(),
-        bpy.ops.facestage.build_rig(),
-        bpy.ops.facestage.fit(),
-    ):
-        assert answer == {"FINISHED"}
+    fit_scene(photo, landmark_file)
     return scene, tmp_path / "work" / "result"
 
 
