@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from facestage.contract.face_model import EYES, SKIN
 from facestage.contract.storage import read_arrays, write_arrays
-from facestage.fit.geometry import FaceGeometry
+from facestage.fit.face.geometry import FaceGeometry
 from facestage.models.registry import load_model
 
 COUNT, FIRST_IRIS = 478, 468

@@ -3,7 +3,7 @@
 A mutant lives in the memory of a child that runs the module's tests; the working tree is never changed. The child
 is forked from a process that has imported what takes long and has started no renderer, whose threads no fork survives.
 
-    python tools/mutate.py --modules fit.guard contract.camera --count 20
+    python tools/mutate.py --modules fit.trust.guard contract.camera --count 20
 
 Two libraries were tried first. mutmut could not collect these tests, and forks after it has run them, renderer and all;
 cosmic-ray changes the files in place, changes numbers by one only, and pays seconds of imports for each mutant.
@@ -39,22 +39,22 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"contract.{name}": (CONTRACT + "test_constants.py", f"{CONTRACT}test_{name}.py")
         for name in ("camera", "events", "landmarks", "light_stage", "quality")
     },
-    "fit.checks": (FIT + "test_guard_values.py", FIT + "test_guard.py"),
-    "fit.descent": (FIT + "test_descent.py",),
-    "fit.energy": (FIT + "test_energy_values.py", FIT + "test_photometric.py", FIT + "test_plan.py"),
-    "fit.guard": (FIT + "test_guard_values.py", FIT + "test_guard.py"),
-    "fit.landmark_term": (
-        FIT + "test_landmark_values.py", FIT + "test_landmark_term.py", FIT + "test_contour_lines.py",
+    "fit.trust.checks": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
+    "fit.solve.descent": (FIT + "solve/test_descent.py",),
+    "fit.energy.photo_term": (FIT + "energy/test_energy_values.py", FIT + "energy/test_photometric.py", FIT + "energy/test_plan.py"),
+    "fit.trust.guard": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
+    "fit.energy.landmark_term": (
+        FIT + "energy/test_landmark_values.py", FIT + "energy/test_landmark_term.py", FIT + "face/test_contour_lines.py",
     ),
-    "fit.noise": (FIT + "test_noise_values.py", FIT + "test_noise.py"),
-    "fit.normal_equations": (FIT + "test_normal_equations.py",),
-    "fit.photometric": (FIT + "test_normal_equations.py", FIT + "test_photometric.py"),
-    "fit.plan": (FIT + "test_energy_values.py", FIT + "test_plan.py"),
-    "fit.priors": (FIT + "test_prior_values.py", FIT + "test_priors.py"),
-    "fit.schedule": (FIT + "test_plan.py", FIT + "test_recovery.py"),
-    "fit.shadow_edges": (FIT + "test_shadow_edges.py",),
-    "fit.silhouette": (FIT + "test_silhouette_values.py", FIT + "test_silhouette.py"),
-    "fit.solver": (FIT + "test_solver.py",),
+    "fit.energy.noise": (FIT + "energy/test_noise_values.py", FIT + "energy/test_noise.py"),
+    "fit.energy.normal_equations": (FIT + "energy/test_normal_equations.py",),
+    "fit.energy.photo_jacobian": (FIT + "energy/test_normal_equations.py", FIT + "energy/test_photometric.py"),
+    "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
+    "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
+    "fit.stages.stage": (FIT + "energy/test_plan.py", FIT + "stages/test_recovery.py"),
+    "fit.energy.shadow_edges": (FIT + "energy/test_shadow_edges.py",),
+    "fit.energy.silhouette": (FIT + "energy/test_silhouette_values.py", FIT + "energy/test_silhouette.py"),
+    "fit.solve.bounded_step": (FIT + "solve/test_solver.py",),
 }  # fmt: skip
 HEAVY = (
     "numpy", "scipy.linalg", "scipy.ndimage", "scipy.sparse", "scipy.stats", "scipy.spatial.transform",

@@ -17,9 +17,9 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.storage import read_arrays
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.shading import sample_bilinear
-from facestage.fit.truth import Truth
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.given.truth import Truth
 from facestage.models.registry import load_model
 from reference.known import known
 

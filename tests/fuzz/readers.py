@@ -109,8 +109,8 @@ def read_event(folder: Path) -> None:
 @cache
 def _truth_scene() -> tuple[Any, Any]:
     from facestage.contract.camera import Camera
-    from facestage.fit.geometry import FaceGeometry
-    from facestage.fit.parameters import State
+    from facestage.fit.face.geometry import FaceGeometry
+    from facestage.fit.face.state import State
     from fuzz.seeds_contract import tiny_model
 
     model = tiny_model()
@@ -131,7 +131,7 @@ def _truth_scene() -> tuple[Any, Any]:
 
 def read_truth(folder: Path) -> None:
     from facestage.contract.light_stage import fibonacci_stage
-    from facestage.fit.truth import Truth
+    from facestage.fit.given.truth import Truth
 
     geometry, state = _truth_scene()
     truth = Truth(folder / "truth.npz", geometry)
@@ -158,7 +158,7 @@ def read_memory(folder: Path) -> None:
 
 
 def read_checkpoint(folder: Path) -> None:
-    from facestage.fit.checkpoint import Checkpoint
+    from facestage.fit.runs.checkpoint import Checkpoint
 
     found = Checkpoint.load(folder)
     if found is not None:
@@ -166,7 +166,7 @@ def read_checkpoint(folder: Path) -> None:
 
 
 def read_joint_checkpoint(folder: Path) -> None:
-    from facestage.fit.joint_checkpoint import JointCheckpoint
+    from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 
     found = JointCheckpoint.load(folder)
     if found is not None:

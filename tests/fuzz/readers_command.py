@@ -25,7 +25,7 @@ class RefusedError(Exception):
 
 def read_render(folder: Path) -> None:
     """``facestage render`` with light and weight files, up to the renderer."""
-    from facestage.fit import relight
+    from facestage.fit.result import relight
     from facestage.image_io import read_exr
     from facestage.models.registry import load_model
 
@@ -81,9 +81,9 @@ def _stand_ins() -> Iterator[None]:
         return 0
 
     names = {
-        "facestage.fit.run": ("fit_job",),
-        "facestage.fit.person": ("fit_person",),
-        "facestage.fit.relight": ("make_cache", "render_result"),
+        "facestage.fit.result.run": ("fit_job",),
+        "facestage.fit.result.person": ("fit_person",),
+        "facestage.fit.result.relight": ("make_cache", "render_result"),
         "facestage.bench.run": ("run_bench",),
         "facestage.bench.plan_savings": ("run_plan_savings",),
         "facestage.stress.run": ("list_cases", "run_stress"),

@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 
-from facestage.fit.checkpoint import Checkpoint, Within
-from facestage.fit.joint_checkpoint import JointCheckpoint
-from facestage.fit.parameters import State
-from facestage.fit.plan import Ledger, Work
-from facestage.fit.view import Memory
+from facestage.fit.energy.plan import Ledger, Work
+from facestage.fit.face.state import State
+from facestage.fit.runs.checkpoint import Checkpoint, Within
+from facestage.fit.runs.joint_checkpoint import JointCheckpoint
+from facestage.fit.stages.view import Memory
 from fuzz.case import Case
 from fuzz.seeds_contract import (
     LIGHTS,

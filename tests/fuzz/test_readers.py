@@ -46,7 +46,7 @@ OWN_FILES = {
     "facestage.bench.report": "pictures that it has drawn",
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",
-    "facestage.fit.memory": "the system's own account of memory",
+    "facestage.fit.result.memory": "the system's own account of memory",
     "facestage.contract.durable": "folders, to have them written",
     "facestage.contract.temporaries": "locks of its own",
     "facestage.quiet": "the null device",

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facestage.fit.parameters import Layout, State
-from facestage.fit.photometric import Jacobian
-from facestage.fit.schedule import Stage
+from facestage.fit.energy.photo_jacobian import Jacobian
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.stages.stage import Stage
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,10 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.result import Result
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.parameters import LightParameters, State
-from facestage.fit.shading import ForwardModel
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
 from facestage.render.variant import start_renderer
 from reference.synthetic_scene import Scene
 
@@ -71,8 +72,8 @@ def projected_landmarks(scene: Scene) -> Landmarks:
 
 def fit_error(folder: Path, scene: Scene) -> tuple[float, Result]:
     """Mean distance (m) of a quick fit to the scene's own picture over the narrow face, similarity-aligned; the fit."""
-    from facestage.fit.metrics import aligned_distance
-    from facestage.fit.run import fit_job
+    from facestage.fit.given.metrics import aligned_distance
+    from facestage.fit.result.run import fit_job
 
     scene.model.save(folder / "model.npz")
     job = replace(landmark_job(folder, scene, f"npz:{folder / 'model.npz'}"), quality="draft", budget_seconds=6.0)

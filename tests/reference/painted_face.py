@@ -8,11 +8,12 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import ON, LightStage
-from facestage.fit.atlas import Atlas
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.parameters import LightParameters, State
-from facestage.fit.shading import ForwardModel, Image, Surface, sample_bilinear
-from facestage.fit.shown import Shown
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel, Image, Surface, sample_bilinear
+from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.shown import Shown
 from facestage.models.registry import load_model
 from facestage.render.tracer import Asked
 

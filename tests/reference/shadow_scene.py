@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.light_stage import LightStage
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.parameters import LightParameters, State
-from facestage.fit.shading import ForwardModel
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
 from reference.meshes import stage_at
 from reference.synthetic_scene import Scene
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from facestage.fit.fineness import Fineness
+from facestage.fit.given.fineness import Fineness
 
 SMALL = Fineness(specular_size=6, texture_min=64, texture_max=64, gloss_texture=32)
 # Two steps in each phase with a photo never settle.

@@ -13,13 +13,17 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.energy import Energy, Photo, PhotoTerm
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.landmark_term import LandmarkTerm
-from facestage.fit.parameters import Layout, LightParameters, State
-from facestage.fit.priors import Priors
-from facestage.fit.schedule import Iteration, Stage
-from facestage.fit.shading import ForwardModel
+from facestage.fit.energy.landmark_term import LandmarkTerm
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.priors import Priors
+from facestage.fit.energy.terms import Energy
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.photo import Photo
+from facestage.fit.stages.stage import Iteration, Stage
 from reference.synthetic_face import synthetic_face
 
 SIDE = 96

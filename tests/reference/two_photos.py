@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.fit.parameters import LightParameters
-from facestage.fit.shading import ForwardModel
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.forward.shading import ForwardModel
 from reference.synthetic_scene import Scene
 
 

@@ -25,16 +25,17 @@ from facestage.bench.solver import LIGHT_PHASE, finished_track, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract import brdf
 from facestage.contract.errors import InputError
-from facestage.fit.driver import FitRun
-from facestage.fit.energy import Energy
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.landmark_term import PlacedLandmarks
-from facestage.fit.parameters import BLOCKS, Layout, State
-from facestage.fit.phases import Phase, Schedule
-from facestage.fit.problem import FINE_FACE_PX, Problem
-from facestage.fit.shading import ForwardModel, bilinear_weights
-from facestage.fit.silhouette import Silhouette
-from facestage.fit.truth import Truth
+from facestage.fit.energy.landmark_term import PlacedLandmarks
+from facestage.fit.energy.silhouette import Silhouette
+from facestage.fit.energy.terms import Energy
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel, bilinear_weights
+from facestage.fit.given.problem import FINE_FACE_PX, Problem
+from facestage.fit.given.truth import Truth
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.phases import Phase, Schedule
 from facestage.render.gradient_scene import GradientScene, SceneValues, Target
 
 WEIGHTS_EVERY = 25  # iterations between estimates of the photo's noise

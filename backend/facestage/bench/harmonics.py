@@ -18,13 +18,14 @@ from facestage.bench.solver import LIGHT_PHASE, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract import brdf
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.driver import FitRun
-from facestage.fit.energy import Evaluation, PhotoTerm
-from facestage.fit.parameters import CHANNELS, State
-from facestage.fit.phases import SHAPE, SKIN, Schedule
-from facestage.fit.problem import Problem
-from facestage.fit.schedule import Stage
-from facestage.fit.shading import ForwardModel, Surface
+from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
+from facestage.fit.face.light_parameters import CHANNELS
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel, Surface
+from facestage.fit.given.problem import Problem
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.phases import SHAPE, SKIN, Schedule
+from facestage.fit.stages.stage import Stage
 from facestage.render.tracer import PLAIN, Asked, LightTerms
 
 COEFFICIENTS = 9

@@ -16,16 +16,17 @@ from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
-from facestage.fit.driver import FitRun
-from facestage.fit.fineness import USUAL, Fineness
-from facestage.fit.fitted import Fitted
-from facestage.fit.light_position import AXES
-from facestage.fit.parameters import Layout, State
-from facestage.fit.phases import Schedule
-from facestage.fit.plan import Plan, Rules
-from facestage.fit.problem import read_problem
-from facestage.fit.shading import ForwardModel
-from facestage.fit.truth import Truth
+from facestage.fit.energy.plan import Plan, Rules
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.forward.lamp_derivatives import AXES
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.problem import read_problem
+from facestage.fit.given.truth import Truth
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.phases import Schedule
+from facestage.fit.trust.fitted import Fitted
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 from facestage.stress.scene import Scene, exposed, job_of, plain_scene, render, with_stage, write_png

@@ -13,10 +13,10 @@ import numpy as np
 from facestage.bench.trace import Track
 from facestage.contract.atomic import atomic_file
 from facestage.contract.light_stage import LightStage
-from facestage.fit.atlas import Atlas
-from facestage.fit.parameters import State
-from facestage.fit.rendering import Textures, render_picture
-from facestage.fit.shading import ForwardModel
+from facestage.fit.face.state import State
+from facestage.fit.forward.rendering import Textures, render_picture
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.textures.atlas import Atlas
 
 RELIGHTING_CSV = "relighting.csv"
 SIDES_PX = (256, 512)

@@ -31,9 +31,9 @@ from facestage.bench.summary import summary_lines, write_qualities
 from facestage.bench.table import Final, final, reach_table
 from facestage.bench.trace import Judge, Row, Track
 from facestage.contract.errors import InputError
-from facestage.fit.fineness import USUAL, Fineness
-from facestage.fit.problem import Problem, read_problem
-from facestage.fit.truth import Truth
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.given.truth import Truth
 from facestage.render.variant import start_renderer
 
 EXIT_DONE = 0

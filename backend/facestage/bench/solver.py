@@ -9,13 +9,13 @@ from pathlib import Path
 
 from facestage.bench.settings import SolverSettings
 from facestage.bench.trace import Snapshot, Track
-from facestage.fit.driver import FitRun
-from facestage.fit.fitted import Fitted, Progress
-from facestage.fit.output import finish
-from facestage.fit.phases import default_schedule
-from facestage.fit.problem import Problem
-from facestage.fit.shading import ForwardModel
-from facestage.fit.truth import Truth
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
+from facestage.fit.result.output import finish
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.phases import default_schedule
+from facestage.fit.trust.fitted import Fitted, Progress
 
 LIGHT_PHASE = "light and albedo"  # the first that has lights
 

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from facestage.contract.light_stage import LightStage
-from facestage.fit.metrics import psnr
-from facestage.fit.parameters import State
-from facestage.fit.problem import FINE_FACE_PX, Problem
-from facestage.fit.shading import ForwardModel, pixel_rays
-from facestage.fit.truth import Truth
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel, pixel_rays
+from facestage.fit.given.metrics import psnr
+from facestage.fit.given.problem import FINE_FACE_PX, Problem
+from facestage.fit.given.truth import Truth
 from facestage.image_io import resize
 from facestage.render.tracer import RayTracer
 

@@ -97,8 +97,8 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit, telling of the progress on standard output."""
-    from facestage.fit.person import fit_person
-    from facestage.fit.run import fit_job
+    from facestage.fit.result.person import fit_person
+    from facestage.fit.result.run import fit_job
 
     def emit(event: Event) -> None:
         print(event.to_line(), flush=True)

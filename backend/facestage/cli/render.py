@@ -40,7 +40,7 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the picture, the cache, or both."""
-    from facestage.fit.relight import make_cache, render_result
+    from facestage.fit.result.relight import make_cache, render_result
 
     if options.out is None and not options.cache:
         raise InputError("facestage render has nothing to write; give --out FILE, or --cache for the relight cache.")

@@ -17,7 +17,7 @@ OUTCOME = "outcome.json"
 
 def run_case(case: Case, folder: Path) -> Outcome:
     """Build the case's files in ``folder`` and fit them; a crash is an outcome too."""
-    from facestage.fit.run import fit_job
+    from facestage.fit.result.run import fit_job
 
     folder.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()

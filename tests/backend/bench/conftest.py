@@ -6,8 +6,8 @@ import pytest
 
 from facestage.bench.cases import Case
 from facestage.bench.trace import Judge
-from facestage.fit.problem import Problem
-from facestage.fit.truth import Truth
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
 from reference.synthetic_case import write_case
 from reference.synthetic_scene import Scene, synthetic_scene
 from reference.tiny_bench import SHORT

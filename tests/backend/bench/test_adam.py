@@ -10,13 +10,14 @@ import pytest
 from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_adam
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
-from facestage.fit.driver import FitRun
-from facestage.fit.energy import common_energy
-from facestage.fit.parameters import BLOCKS, Layout, State
-from facestage.fit.phases import Phase, Schedule
-from facestage.fit.problem import Problem
-from facestage.fit.shading import ForwardModel
-from facestage.fit.truth import Truth
+from facestage.fit.energy.photo_term import common_energy
+from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.phases import Phase, Schedule
 from facestage.render.gradient_scene import SceneValues
 from reference.synthetic_scene import Scene
 from reference.tiny_bench import TINY

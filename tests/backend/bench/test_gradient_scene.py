@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from facestage.bench.adam import SceneMap
-from facestage.fit.parameters import Layout
+from facestage.fit.face.layout import Layout
 from facestage.render.gradient_scene import GradientScene, SceneValues, Target
 from reference.synthetic_scene import Scene
 

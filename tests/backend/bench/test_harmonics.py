@@ -6,8 +6,8 @@ import numpy as np
 
 from facestage.bench.harmonics import harmonic_basis, run_harmonics
 from facestage.bench.trace import Judge
-from facestage.fit.problem import Problem
-from facestage.fit.truth import Truth
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
 from reference.tiny_bench import TINY
 
 

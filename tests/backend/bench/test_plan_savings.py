@@ -10,7 +10,7 @@ import pytest
 from facestage.bench.cases import Case
 from facestage.bench.plan_savings import RuleSaving, Saving, measure, rule_lines, scenes, table_lines
 from facestage.contract.light_stage import OFF, ON
-from facestage.fit.plan import Rules
+from facestage.fit.energy.plan import Rules
 from reference.known import known
 from reference.tiny_bench import SHORT
 

@@ -13,16 +13,20 @@ from facestage.bench.trace import Judge
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.fit.energy import Energy, Photo, PhotoTerm
-from facestage.fit.geometry import FaceGeometry
-from facestage.fit.landmark_term import LandmarkTerm
-from facestage.fit.parameters import Layout, LightParameters, State
-from facestage.fit.priors import Priors
-from facestage.fit.problem import Problem
-from facestage.fit.schedule import System
-from facestage.fit.shading import ForwardModel
-from facestage.fit.silhouette import Silhouette, SilhouetteTerm
-from facestage.fit.truth import Truth
+from facestage.fit.energy.landmark_term import LandmarkTerm
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.priors import Priors
+from facestage.fit.energy.silhouette import Silhouette, SilhouetteTerm
+from facestage.fit.energy.system import System
+from facestage.fit.energy.terms import Energy
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.photo import Photo
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
 from facestage.models.registry import load_model
 from facestage.stress.scene import plain_scene
 from reference.synthetic_scene import moved, plain_photo

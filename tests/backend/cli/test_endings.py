@@ -148,7 +148,7 @@ sys.addaudithook(hook)
 @POSIX
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize(
-    "module", ["facestage.cli.run", "argparse", "numpy", "mitsuba", "scipy.linalg", "facestage.fit.run"]
+    "module", ["facestage.cli.run", "argparse", "numpy", "mitsuba", "scipy.linalg", "facestage.fit.result.run"]
 )
 def test_a_signal_during_an_import(case: Case, tmp_path: Path, module: str, name: str):
     done = start(SIGNAL.format(module=module, name=name), *fit_arguments(case, tmp_path / "out"))

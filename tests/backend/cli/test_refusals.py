@@ -205,7 +205,7 @@ def test_no_renderer_is_exit_code_4(
     def unavailable(_device: str) -> str:
         raise BackendUnavailableError("The CPU renderer needs LLVM 19. Run: make it so.")
 
-    monkeypatch.setattr("facestage.fit.run.start_renderer", unavailable)
+    monkeypatch.setattr("facestage.fit.result.run.start_renderer", unavailable)
     assert cli.main([str(argument) for argument in fit_arguments(case, tmp_path / "out")]) == 4
     assert "LLVM" in one_sentence(capsys.readouterr().err)
     assert listing(tmp_path) == []

@@ -15,7 +15,7 @@ from facestage import cli
 from facestage.contract.light_stage import OFF
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
-from facestage.fit import relight
+from facestage.fit.result import relight
 from facestage.image_io import read_exr
 from reference.command_line import Finished, refuse, write
 

@@ -45,7 +45,7 @@ def test_a_picture_beyond_this_machines_memory_is_refused(
 ):
     folder = spoiled(finished, tmp_path)
     (folder / "relight.npz").unlink(missing_ok=True)
-    monkeypatch.setattr("facestage.fit.relight.machine_memory", lambda: 100_000)
+    monkeypatch.setattr("facestage.fit.result.relight.machine_memory", lambda: 100_000)
     sentence = refuse(capsys, "render", folder, "--out", tmp_path / "a.png")
     assert "96 x 96 pixels" in sentence and "97.66 KiB" in sentence
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from facestage.fit.fineness import Fineness
+from facestage.fit.given.fineness import Fineness
 from reference.small_fit import SMALL
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene, synthetic_scene

@@ -15,8 +15,8 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.detection import known_to
-from facestage.fit.problem import read_problem
+from facestage.fit.given.detection import known_to
+from facestage.fit.given.problem import read_problem
 from facestage.landmarks.finder import Face
 from facestage.landmarks.ibug68 import to_ibug68
 from facestage.landmarks.model_file import Bundle

@@ -9,8 +9,8 @@ import pytest
 
 from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.contract.light_stage import LightStage
-from facestage.fit.parameters import State
-from facestage.fit.shading import sample_bilinear
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import sample_bilinear
 from reference.area_light import direct_light, keyed_lattice
 from reference.cook_torrance import normalize
 from reference.intersect import first_hits

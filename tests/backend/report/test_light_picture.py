@@ -31,7 +31,7 @@ def test_the_map_has_the_camera_in_its_middle_and_right_on_its_right() -> None:
 
 
 def test_the_marks_lie_on_the_lights_of_the_probe_that_the_fit_writes() -> None:
-    rendering = pytest.importorskip("facestage.fit.rendering")
+    rendering = pytest.importorskip("facestage.fit.forward.rendering")
     stage = fibonacci_stage(20)
     for index in range(len(stage)):
         radiance = np.zeros((20, 3))

@@ -1,0 +1,164 @@
+"""The landmark term: reprojection of the model's landmark points (Garrido et al. 2016)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.face.contour_lines import ContourLines, contour_lines
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.face.surface_points import SurfacePoints
+from facestage.models.landmark_schemes import Scheme, scheme_of
+
+# A point that the file marks as hidden is a guess of whoever made it.
+HIDDEN_SIGMA = 3.0
+# Cosines of normal and view between which a point turns from one that shows to one that nobody saw, whatever the file
+# says, and how far such a guess may be off: on pictures of known faces detections are two to three times worse there.
+TURNED_AWAY, FACING = -0.25, 0.05
+TURNED_SIGMA = 4.0
+# Cosines between which the outline is where the face ends in the picture, not on a cheek that faces the camera.
+GRAZING, FRONTAL = 0.3, 0.5
+# Beyond three standard deviations a landmark is more likely wrong than unlucky.
+CAUCHY_SCALE = 3.0
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Every surface point that a landmark of a scheme can be: the m of the table, then those of the outline's lines."""
+
+    points: SurfacePoints
+    corners: np.ndarray  # (all, 3) rendered-vertex indices
+    weights: np.ndarray  # (all, 3) barycentric
+    lines: ContourLines | None
+
+
+@lru_cache(maxsize=4)
+def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
+    vertices, weights = geometry.model.landmark_vertices(scheme)
+    corners, weights = geometry.new_index[vertices], weights.astype(np.float64)
+    contour = scheme_of(scheme).contour
+    if not scheme_of(scheme).slides:
+        return _Candidates(SurfacePoints(geometry, corners, weights), corners, weights, None)
+    lines = contour_lines(geometry, corners[contour], weights[contour])
+    corners = np.concatenate([corners, lines.corners.reshape(-1, 3)])
+    weights = np.concatenate([weights, lines.weights.reshape(-1, 3)])
+    return _Candidates(SurfacePoints(geometry, corners, weights), corners, weights, lines)
+
+
+class LandmarkTerm:
+    """The landmarks of a photo against a face; :meth:`at` places them on it, in pixels of the working photo."""
+
+    def __init__(self, geometry: FaceGeometry, landmarks: Landmarks, sigma_px: float) -> None:
+        """``sigma_px``: standard deviation of a sharp point, such as the corner of an eye, in pixels."""
+        self.geometry, self.landmarks = geometry, landmarks
+        self.scheme: Scheme = scheme_of(landmarks.scheme)
+        self._candidates = _candidates(geometry, landmarks.scheme)
+        self.points = np.nan_to_num(landmarks.points)
+        sigma = sigma_px * self.scheme.deviation
+        sigma[~landmarks.visible] *= HIDDEN_SIGMA
+        if landmarks.weights is not None:
+            sigma /= np.sqrt(np.maximum(landmarks.weights, 1e-30))
+            sigma[landmarks.weights == 0] = np.inf
+        sigma[~np.isfinite(landmarks.points).all(1)] = np.inf
+        sigma[self.scheme.behind_closed_lids(landmarks.points)] = np.inf
+        self.sigma = sigma
+
+    @property
+    def observations(self) -> float:
+        """How many independent points the landmarks amount to."""
+        return float(self.scheme.share[np.isfinite(self.sigma)].sum())
+
+    def at(self, state: State) -> PlacedLandmarks:
+        """The term around ``state``: which point of the skin each landmark is there, and how well it shows."""
+        contour, lines = self.scheme.contour, self._candidates.lines
+        chosen = np.arange(len(self.points))
+        if lines is not None:
+            # Whoever marks a point as hidden did not mark the outline.
+            chosen[contour] = np.where(self.landmarks.visible[contour], self._outermost(lines, state), contour)
+        on_face = self._candidates.points.part(chosen)
+        cosine = self._cosine(state, chosen)
+        share = np.clip((FACING - cosine) / (FACING - TURNED_AWAY), 0.0, 1.0)
+        # What slid to the outline shows.
+        share[chosen != np.arange(len(chosen))] = 0.0
+        whitening = np.eye(2) / (self.sigma * TURNED_SIGMA**share)[:, None, None]
+        grazing = np.clip((FRONTAL - cosine[contour]) / (FRONTAL - GRAZING), 0.0, 1.0)
+        tangent = _tangents(on_face.project(state)[contour])
+        along = tangent[:, :, None] * tangent[:, None]
+        across = (np.eye(2) - along) / (self.scheme.across**grazing)[:, None, None]
+        whitening[contour] = (across + along / (self.scheme.along**grazing)[:, None, None]) @ whitening[contour]
+        return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share)
+
+    def _outermost(self, lines: ContourLines, state: State) -> np.ndarray:
+        """(k,) which candidate shows furthest from the axis of the face, in each line; itself where no cheek shows."""
+        count = lines.corners.shape[1]
+        pixels = self._candidates.points.project(state)[len(self.points) :].reshape(-1, count, 2)
+        ends = np.concatenate([lines.centre[None], lines.centre + 0.01 * lines.outward])
+        ends = state.camera.project(ends @ state.rotation.T + state.translation)
+        outward = np.einsum("kcx,kx->kc", pixels, ends[1:] - ends[:1])
+        # Of equals the last, which is the landmark itself.
+        last = count - 1 - np.nan_to_num(outward)[:, ::-1].argmax(axis=1)
+        # Furthest out at the start of the line: what is seen there is nose or mouth, and the cheek is behind it.
+        slides = (last > 0) & (last < count - 1)
+        return np.where(slides, len(self.points) + count * np.arange(len(pixels)) + last, self.scheme.contour)
+
+    def _cosine(self, state: State, chosen: np.ndarray) -> np.ndarray:
+        """(m,) of the angle between the normal of the ``chosen`` candidates and the view: 1 towards the camera."""
+        corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
+        shape = self.geometry.vertices(state.identity, state.expression)
+        normals = np.einsum("mi,mix->mx", weights, self.geometry.vertex_normals(shape)[0][corners]) @ state.rotation.T
+        points = np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
+        scale = np.linalg.norm(points, axis=1) * np.linalg.norm(normals, axis=1)
+        return -np.einsum("mx,mx->m", points, normals) / np.maximum(scale, 1e-20)
+
+
+def _tangents(line: np.ndarray) -> np.ndarray:
+    """(k, 2) unit directions of a polyline (k, 2) at its points."""
+    step = np.gradient(np.nan_to_num(line), axis=0)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    return np.where(length > 0, step / np.maximum(length, 1e-30), [1.0, 0.0])
+
+
+def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) -> np.ndarray:
+    """(m, 2) where the landmarks of a photo lie on the face at ``state``, those of the outline on the outline."""
+    return LandmarkTerm(geometry, landmarks, 1.0).at(state).project(state)
+
+
+class PlacedLandmarks:
+    """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the skin."""
+
+    def __init__(self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: np.ndarray) -> None:
+        """``points`` (m, 2) pixels; ``whitening`` (m, 2, 2) takes pixels to standard deviations.
+
+        ``share`` (m,): of an independent point that each stands for.
+        """
+        self.on_face, self.points, self.whitening, self.share = on_face, points, whitening, share
+
+    def project(self, state: State) -> np.ndarray:
+        """(m, 2) pixels of the model's landmarks."""
+        return self.on_face.project(state)
+
+    def residuals(self, state: State) -> np.ndarray:
+        """(2 m,) standard deviations."""
+        return np.einsum("mxy,my->mx", self.whitening, self.project(state) - self.points).ravel()
+
+    def robust_weights(self, residuals: np.ndarray) -> np.ndarray:
+        """(2 m,) Cauchy weights, one per point, times the share that neighbors leave it."""
+        return np.repeat(self.share / (1.0 + _squared(residuals) / CAUCHY_SCALE**2), 2)
+
+    def robust_energy(self, state: State) -> float:
+        """The Cauchy energy that :meth:`robust_weights` belong to."""
+        squared = _squared(self.residuals(state))
+        return 0.5 * CAUCHY_SCALE**2 * float(self.share @ np.log1p(squared / CAUCHY_SCALE**2))
+
+    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
+        """(2 m, size) derivative of :meth:`residuals`."""
+        return (self.whitening @ self.on_face.jacobian(state, layout)).reshape(-1, layout.size)
+
+
+def _squared(residuals: np.ndarray) -> np.ndarray:
+    return (residuals.reshape(-1, 2) ** 2).sum(axis=1)

@@ -1,0 +1,240 @@
+"""The photometric term: residuals of the photo over the skin, and their normal equations."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from facestage.contract.light_stage import LightStage
+from facestage.fit.energy.noise import NoiseModel, estimate_noise
+from facestage.fit.energy.normal_equations import NormalEquations
+from facestage.fit.energy.photo_jacobian import SHAPE, Jacobian
+from facestage.fit.energy.plan import Plan
+from facestage.fit.energy.shadow_edges import (
+    LINES,
+    Penumbra,
+    ShadowEdges,
+    casting_lights,
+    find_penumbra,
+    refined,
+    shadow_edges,
+)
+from facestage.fit.face.lamps import turned
+from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.state import State
+from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
+from facestage.fit.forward.shading import ForwardModel, Image, Surface
+from facestage.render.tracer import Asked, LightTerms
+
+if TYPE_CHECKING:
+    pass
+from facestage.fit.given.photo import Photo
+
+# Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
+# a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
+VIEW_COSINE_ZERO, VIEW_COSINE_FULL = 0.15, 0.45
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The model's answer at one state, and how it compares to the photo."""
+
+    state: State
+    image: Image
+    residual: np.ndarray  # (h, w, 3) model minus photo, 0 where unused
+    highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
+    base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
+    stage: LightStage  # camera frame, on the lattice
+    seed: int
+    penumbra: Penumbra | None = None  # found where the motion of shadows counts
+
+
+class PhotoTerm:
+    """Residuals of the photo over the skin pixels, with weights from the noise they show."""
+
+    def __init__(
+        self, forward: ForwardModel, photo: Photo, samples: int, blocks: Collection[str] = BLOCKS,
+        plan: Plan | None = None, held: int = 0, pivot: np.ndarray | None = None, casting: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        """``blocks`` of parameters are those whose derivatives will be asked for; ``held`` parameters are frozen.
+
+        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn. ``casting`` (N,) bool: the
+        lights whose shadows the derivatives know to move; None: no light's do.
+        """
+        self.pivot = np.zeros(3) if pivot is None else pivot
+        self.forward, self.photo, self.samples, self.blocks = forward, photo, samples, frozenset(blocks)
+        self.plan, self.held = Plan() if plan is None else plan, held
+        self.casting = casting
+        # (N,) bool, lights that are left out while they are dark; set by whoever knows the gradient.
+        self.resting: np.ndarray | None = None
+
+    def pixels(self, state: State) -> np.ndarray:
+        """(P, 2) centres of the pixels in the bounding box of the face's skin."""
+        height, width = self.photo.usable.shape
+        low, high = np.array([0, 0]), np.array([width, height])
+        if self.plan.rules.pixels:
+            vertices = self.forward.pose(state)[1]
+            projected = state.camera.project(vertices[self.forward.geometry.fitted_vertices])
+            projected = projected[np.isfinite(projected).all(1)]
+            if not len(projected):
+                return np.zeros((0, 2))
+            low = np.clip(np.floor(projected.min(0)) - 1, 0, high).astype(int)
+            high = np.clip(np.ceil(projected.max(0)) + 1, 0, high).astype(int)
+        y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+        inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
+        return np.stack([x[inside], y[inside]], axis=1) + 0.5
+
+    def evaluate(self, state: State, stage: LightStage, seed: int, everything: bool = False) -> Evaluation:
+        """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
+
+        ``stage``: camera frame, before its lights are turned by ``state.light_position``. ``everything``: lights
+        that rest are traced too.
+        """
+        rules, ledger = self.plan.rules, self.plan.ledger
+        surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
+        shape = self.photo.usable.shape
+        weight = self._base_weight(surface)
+        if rules.pixels:
+            counted = weight[self.index(surface)] > 0
+            ledger.skip("pixels", lit=int((~counted).sum()))
+            surface = surface.part(counted)
+        placed = turned(stage, state.light_position, self.pivot)
+        terms = self._light_terms(state, surface, placed, seed, everything)
+        y, x = self.index(surface)
+        terms, penumbra = self._with_penumbra(state, surface, placed, terms, weight[y, x], seed)
+        image = self.forward.shade(state, surface, terms)
+        residual, highlight = np.zeros((*shape, 3)), np.zeros((*shape, 1))
+        difference = image.color - self.photo.color[y, x]
+        # A clipped pixel only says "at least this bright".
+        residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
+        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
+        return Evaluation(state, image, residual, highlight, weight, stage, seed, penumbra)
+
+    def _base_weight(self, surface: Surface) -> np.ndarray:
+        """(h, w) 0..1: how much a pixel counts before its residual is known."""
+        shape = self.photo.usable.shape
+        weight, seen = np.zeros(shape), np.zeros(shape, bool)
+        y, x = self.index(surface)
+        cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
+        ramp = np.clip((cosine - VIEW_COSINE_ZERO) / (VIEW_COSINE_FULL - VIEW_COSINE_ZERO), 0, 1)
+        weight[y, x] = ramp * self.photo.skin[y, x]
+        # Pixels beside another part (eye, mouth, background) mix both in the photo.
+        seen[y, x] = True
+        return weight * binary_erosion(seen, border_value=1)
+
+    def _light_terms(
+        self, state: State, surface: Surface, stage: LightStage, seed: int, everything: bool
+    ) -> LightTerms:
+        rules, ledger = self.plan.rules, self.plan.ledger
+        traced = np.ones(len(stage), bool)
+        if rules.lights and self.resting is not None and not everything:
+            traced = ~self.resting
+        pixels = len(surface.pixels)
+        with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
+            terms = self.forward.light_terms(state, surface, stage, self.samples, seed, self._asked(state), traced)
+            done["rays"] = terms.pairs * self.samples
+        ledger.skip("lights", samples=pixels * self.samples * int((~traced).sum()))
+        ledger.skip("facing", rays=(pixels * int(traced.sum()) - terms.pairs) * self.samples)
+        return terms
+
+    def _asked(self, state: State) -> Asked:
+        if not self.plan.rules.terms:
+            return Asked(by_surface=True, by_roughness=True)
+        return Asked(
+            specular="specular" in self.blocks or bool(state.specular.any()),
+            by_surface=not self.blocks.isdisjoint(SHAPE), by_roughness="roughness" in self.blocks,
+        )  # fmt: skip
+
+    def _with_penumbra(
+        self, state: State, surface: Surface, stage: LightStage, terms: LightTerms, weight: np.ndarray, seed: int
+    ) -> tuple[LightTerms, Penumbra | None]:
+        """``terms`` with more samples where a casting light is partly hidden, and where that is."""
+        ledger = self.plan.ledger
+        if self.blocks.isdisjoint(SHAPE):
+            return terms, None
+        still = casting_lights(stage, self.forward.lights.radiance(state.lights))
+        if self.casting is not None:
+            still &= ~self.casting
+        ledger.skip("shadows", lines=2 * LINES * len(weight) * int(still.sum()))
+        if self.casting is None:
+            return terms, None
+        with ledger.timed() as done:
+            penumbra = find_penumbra(self.forward, state, surface, stage, weight, self.casting, seed)
+            done["lines"] = penumbra.lines
+            asked = self._asked(state)
+            terms = refined(self.forward, state, surface, stage, terms, penumbra, self.samples, seed, asked)
+        return terms, penumbra
+
+    def penumbra_share(self, state: State, stage: LightStage, casting: np.ndarray, seed: int) -> float:
+        """Share of the light on the compared pixels, unshadowed, that comes from partly hidden ``casting`` lights."""
+        surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
+        weight = self._base_weight(surface)[self.index(surface)]
+        placed = turned(stage, state.light_position, self.pivot)
+        return find_penumbra(self.forward, state, surface, placed, weight, casting, seed).share
+
+    def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of each of the surface's pixels."""
+        return surface.pixels[:, 1].astype(int), surface.pixels[:, 0].astype(int)
+
+    def noise(self, evaluation: Evaluation) -> NoiseModel:
+        """The noise that the residuals of an evaluation show."""
+        return estimate_noise(evaluation.residual, self.photo.color, evaluation.base_weight > 0.5)
+
+    def weights(self, evaluation: Evaluation, noise: NoiseModel, factor: float) -> np.ndarray:
+        """(h, w) inverse variances, robust and correlation-corrected, per channel."""
+        scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
+        robust = noise.robust(evaluation.residual / scale)
+        return factor * noise.information() * evaluation.base_weight * (robust / scale**2)[..., 0]
+
+    def normal_equations(
+        self, evaluation: Evaluation, weights: np.ndarray, layout: Layout, active: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(size, size) Hessian and (size,) gradient, accumulated in float64."""
+        rules, ledger = self.plan.rules, self.plan.ledger
+        wanted = active if rules.columns else active | layout.mask(self.blocks)
+        pixels = len(evaluation.image.color)
+        with ledger.timed(lit=0) as done:
+            jacobian = Jacobian(
+                self.forward, evaluation.state, evaluation.image, layout, wanted, all_columns=not rules.columns,
+                positions=self.position_derivatives(evaluation, wanted[layout.slices["light_position"]]),
+                edges=self._edges(evaluation, wanted[layout.mask(SHAPE)]),
+            )  # fmt: skip
+            columns = len(jacobian.dense_columns) + len(jacobian.light_index)
+            done["cells"] = pixels * columns
+            system = NormalEquations(jacobian, layout)
+            y, x = self.index(evaluation.image.surface)
+            residual, weights = evaluation.residual[y, x], weights[y, x]
+            for block in jacobian.blocks():
+                system.add(block, residual[block.pixels], weights[block.pixels])
+        if rules.columns:
+            ledger.skip("columns", cells=pixels * (jacobian.unseen + self.held))
+        return system.assembled()
+
+    def _edges(self, evaluation: Evaluation, shape: np.ndarray) -> ShadowEdges | None:
+        """Where the shadows' edges lie; None when nothing of the ``shape`` (n,) bool is wanted, or no light counts."""
+        if evaluation.penumbra is None or not shape.any():
+            return None
+        placed = turned(evaluation.stage, evaluation.state.light_position, self.pivot)
+        with self.plan.ledger.timed(lines=0):
+            return shadow_edges(self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra)
+
+    def position_derivatives(self, evaluation: Evaluation, wanted: np.ndarray) -> PositionDerivatives | None:
+        """By the places of the ``wanted`` (2 N,) bool lights; None when there are none."""
+        moving = wanted.reshape(-1, AXES).any(axis=1)
+        if not moving.any():
+            return None
+        return position_derivatives(
+            self.forward, evaluation.state, evaluation.image.surface, evaluation.stage, self.pivot, moving,
+            self.samples, evaluation.seed,
+        )  # fmt: skip
+
+
+def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:
+    """Photo energies of two evaluations under the same weights, over the pixels that both see."""
+    both = (old.base_weight > 0) & (new.base_weight > 0)
+    shared = np.where(both, weights, 0.0)[..., None]
+    return 0.5 * float((shared * old.residual**2).sum()), 0.5 * float((shared * new.residual**2).sum())

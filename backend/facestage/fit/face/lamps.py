@@ -1,0 +1,48 @@
+"""Where strong lights really stand: each may turn about the stage's centre, away from its place on the lattice.
+
+A lamp between two lights of the lattice would become two weaker ones, its highlights and shadows two; the
+geometry would bend to make up for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from facestage.contract.light_stage import LightStage
+
+if TYPE_CHECKING:
+    pass
+
+
+# A light with less than this share of the flux casts no highlight or shadow worth following.
+STRONG_SHARE, STRONG_MAX = 0.12, 4
+
+
+def spacing(count: int) -> float:
+    """Radians between neighbours among ``count`` lights on a hemisphere, at most a right angle."""
+    return float(min(np.sqrt(2.0 * np.pi / max(count, 1)), np.pi / 2))
+
+
+def turned(stage: LightStage, angles: np.ndarray, pivot: np.ndarray) -> LightStage:
+    """``stage`` with light j turned by ``angles`` (N, 2) about ``pivot`` (3,), same frame: sideways, then up."""
+    if not angles.any():
+        return stage
+    rotation = Rotation.from_rotvec(angles[:, :1] * stage.axis_y + angles[:, 1:] * stage.axis_x)
+    return replace(
+        stage,
+        position=rotation.apply(stage.position - pivot) + pivot,
+        direction=rotation.apply(stage.direction),
+        axis_x=rotation.apply(stage.axis_x),
+    )
+
+
+def strong_lights(stage: LightStage, radiance: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """(N,) bool: the fitted lights whose place matters, by their share of the flux of ``radiance`` (N, 3)."""
+    flux = radiance.mean(axis=1) * stage.side**2
+    share = np.where(fitted, flux, 0.0) / max(float(flux.sum()), 1e-30)
+    weakest = np.sort(share)[::-1][min(STRONG_MAX, len(share)) - 1]
+    return (share >= max(STRONG_SHARE, weakest)) & fitted

@@ -1,0 +1,56 @@
+"""Points fixed on the face's surface: where they are, where they show, and how both move with the parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+
+
+class SurfacePoints:
+    """m points of the rendered mesh, each three vertices with barycentric weights."""
+
+    def __init__(self, geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarray) -> None:
+        """``corners`` (m, 3) rendered-vertex indices and ``weights`` (m, 3)."""
+        rows = (3 * corners[..., None] + np.arange(3)).reshape(-1)
+        basis = geometry.basis[rows].reshape(*corners.shape, 3, geometry.basis.shape[1])
+        self._basis = np.einsum("mi,mixk->mxk", weights, basis, optimize=True)
+        self._mean = np.einsum("mi,mix->mx", weights, geometry.mean[corners])
+        self._identity_count = geometry.identity_count
+
+    def part(self, chosen: np.ndarray) -> SurfacePoints:
+        """Some of the points (indices or a mask)."""
+        result = object.__new__(SurfacePoints)
+        result._basis, result._mean = self._basis[chosen], self._mean[chosen]
+        result._identity_count = self._identity_count
+        return result
+
+    def positions(self, state: State) -> np.ndarray:
+        """(m, 3) metres in the camera frame."""
+        weights = np.concatenate([state.identity, state.expression])
+        return (self._mean + self._basis @ weights) @ state.rotation.T + state.translation
+
+    def project(self, state: State) -> np.ndarray:
+        """(m, 2) pixels."""
+        return state.camera.project(self.positions(state))
+
+    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
+        """(m, 2, size) derivative of :meth:`project` by every parameter; only pose, focal and shape are not 0."""
+        points = self.positions(state)
+        depth, focal = -points[:, 2], state.camera.focal_px
+        x, y = points[:, 0] / depth, points[:, 1] / depth
+        by_point = np.zeros((len(points), 2, 3))
+        by_point[:, 0, 0], by_point[:, 0, 2] = focal / depth, focal * x / depth
+        by_point[:, 1, 1], by_point[:, 1, 2] = -focal / depth, -focal * y / depth
+        result = np.zeros((len(points), 2, layout.size))
+        arm = np.broadcast_to((points - state.translation)[:, None], by_point.shape)
+        pose = layout.slices["pose"].start
+        result[:, :, pose : pose + 3] = np.cross(arm, by_point)
+        result[:, :, pose + 3 : pose + 6] = by_point
+        result[:, :, layout.slices["focal"].start] = np.stack([focal * x, -focal * y], axis=1)
+        shape = np.einsum("mcx,mxk->mck", by_point @ state.rotation, self._basis, optimize=True)
+        result[:, :, layout.slices["identity"]] = shape[..., : self._identity_count]
+        result[:, :, layout.slices["expression"]] = shape[..., self._identity_count :]
+        return result

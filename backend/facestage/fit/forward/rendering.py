@@ -1,0 +1,134 @@
+"""Full-size pictures of a fitted face: anti-aliased renders, and the stage as an environment map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from facestage.contract.light_stage import LightStage
+from facestage.contract.relight_cache import RelightCache
+from facestage.fit.face.state import State
+from facestage.fit.forward.one_light import OneLightImages
+from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+
+# Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
+RAY_BUDGET = 2.5e7
+BLOCK_POINTS = 100_000
+PROBE_HEIGHT = 128
+
+
+@dataclass(frozen=True)
+class Textures:
+    """The maps of the atlas, row 0 at v = 1."""
+
+    albedo: np.ndarray  # (S, S, 3)
+    specular: np.ndarray  # (s, s) c_spec
+    roughness: np.ndarray | None = None  # (r, r); None: the state's one value
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered photo-sized image."""
+
+    color: np.ndarray  # (h, w, 3) float32 linear, 0 where nothing is hit
+    coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
+    fitted: np.ndarray  # (h, w) bool: skin of the face all over the pixel
+    relit: dict[str, np.ndarray]  # (h, w, 3) float32 by name: the same face under other radiance
+    samples: int = 0  # shadow rays per light and sub-pixel
+    by_light: OneLightImages | None = None  # when asked for
+
+    def relight_cache(self, fingerprint: str) -> RelightCache | None:
+        """The picture under every light of its stage, when each light's image was asked for."""
+        return None if self.by_light is None else self.by_light.cache(self.coverage, self.samples, fingerprint)
+
+
+def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
+    """(P, 2) int columns and rows of the pixels in the head's bounding box."""
+    width, height = state.camera.width, state.camera.height
+    projected = state.camera.project(forward.pose(state)[1])
+    projected = projected[np.isfinite(projected).all(1)]
+    if not len(projected):
+        return np.zeros((0, 2), int)
+    low = np.clip(np.floor(projected.min(0)) - 1, 0, [width, height]).astype(int)
+    high = np.clip(np.ceil(projected.max(0)) + 1, 0, [width, height]).astype(int)
+    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def render_picture(
+    forward: ForwardModel,
+    state: State,
+    stage: LightStage,
+    textures: Textures,
+    seed: int = 0,
+    samples: int | None = None,
+    relight: Mapping[str, np.ndarray] | None = None,
+    by_light: bool = False,
+) -> Picture:
+    """Render every part of the head with its textures and the direct light of ``stage``.
+
+    ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light and
+    sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name, which cost
+    no further rays because the image is linear in the lights. ``by_light`` keeps each light's image as well.
+    """
+    height, width = state.camera.height, state.camera.width
+    radiances = {"": stage.radiance} | dict(relight or {})
+    colors = {name: np.zeros((height, width, 3), np.float32) for name in radiances}
+    coverage, fitted = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    pixels = face_pixels(forward, state)
+    each, images = 0, OneLightImages(state.camera, pixels, len(stage)) if by_light else None
+    if len(pixels):
+        per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
+        grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
+        each = samples or int(np.clip(per_light / grid**2, 1, 16))
+        for sub in range(grid * grid):
+            offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
+            surface = forward.surface(state, pixels + offset)
+            for start in range(0, len(surface.pixels), BLOCK_POINTS):
+                block = surface.part(slice(start, start + BLOCK_POINTS))
+                x, y = block.pixels.astype(int).T
+                uvs = forward.uvs(block)
+                rough = None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
+                terms = forward.light_terms(state, block, stage, each, seed + sub, roughness=rough)
+                albedo, c_spec = sample_bilinear(textures.albedo, uvs), sample_bilinear(textures.specular, uvs)
+                if images is not None:
+                    images.add(x, y, 1.0 / grid**2, terms, albedo, c_spec)
+                for name, radiance in radiances.items():
+                    colors[name][y, x] += forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
+                coverage[y, x] += 1.0 / grid**2
+                fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
+    return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
+
+
+def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
+    """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the middle, +Y up.
+
+    To the right of +Z lies -X, as one sees it from inside and as environment maps have it. Each texel averages
+    four directions, so that a light's edge is not a stair.
+    """
+    result = np.zeros((height, 2 * height, 3))
+    for sub in range(4):
+        row = (np.arange(height) + 0.25 + 0.5 * (sub // 2)) / height
+        column = (np.arange(2 * height) + 0.25 + 0.5 * (sub % 2)) / (2 * height)
+        elevation, azimuth = np.pi * (0.5 - row)[:, None], 2 * np.pi * (0.5 - column)[None, :]
+        towards = np.stack(
+            np.broadcast_arrays(
+                np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
+            ),
+            axis=-1,
+        )
+        nearest = np.full(towards.shape[:2], np.inf)
+        color = np.zeros_like(towards)
+        for index in range(len(stage)):
+            facing = towards @ stage.direction[index]
+            distance = (stage.position[index] @ stage.direction[index]) / np.where(facing < -1e-9, facing, np.nan)
+            offset = towards * distance[..., None] - stage.position[index]
+            half = 0.5 * stage.side[index]
+            inside = (np.abs(offset @ stage.axis_x[index]) <= half) & (np.abs(offset @ stage.axis_y[index]) <= half)
+            seen = inside & (distance > 0) & (distance < nearest)
+            color[seen] = stage.radiance[index]
+            nearest[seen] = distance[seen]
+        result += 0.25 * color
+    return result.astype(np.float32)

@@ -1,0 +1,197 @@
+"""The forward model: from a state to the radiance of each pixel that sees the face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facestage.contract import brdf
+from facestage.contract.camera import Camera
+from facestage.contract.light_stage import LightStage
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.render.shadow_edges import LitPoints
+from facestage.render.tracer import PLAIN, Asked, Hits, LightTerms, RayTracer
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the pixels see, in the camera frame. P pixels; 3 corners of each hit triangle."""
+
+    pixels: np.ndarray  # (P, 2) float, x and y
+    rays: np.ndarray  # (P, 3) unit, away from the camera
+    triangle: np.ndarray  # (P,) int
+    corners: np.ndarray  # (P, 3) int, vertex indices
+    weights: np.ndarray  # (P, 3) barycentric
+    depth: np.ndarray  # (P,) m along the ray
+    points: np.ndarray  # (P, 3) m
+    normals: np.ndarray  # (P, 3) unit shading normals
+    normal_length: np.ndarray  # (P,) of the interpolated normal before normalising
+    facing: np.ndarray  # (P, 3) unit geometric normal on the viewer's side
+    corner_normals: np.ndarray  # (P, 3, 3) unit vertex normals
+    vertices: np.ndarray  # (m, 3) camera frame
+    model_vertices: np.ndarray  # (m, 3) model frame
+    normal_scale: np.ndarray  # (m,) lengths of the unnormalised vertex normals
+
+    def part(self, where: np.ndarray | slice) -> Surface:
+        """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is kept."""
+        whole = {"vertices", "model_vertices", "normal_scale"}
+        return replace(self, **{name: value[where] for name, value in vars(self).items() if name not in whole})
+
+
+@dataclass(frozen=True)
+class Image:
+    """Radiance of the pixels and the factors it is made of."""
+
+    surface: Surface
+    terms: LightTerms
+    albedo: np.ndarray  # (P, 3)
+    c_spec: np.ndarray  # (P,)
+    radiance: np.ndarray  # (N, 3) of the lights
+    diffuse: np.ndarray  # (P, 3) irradiance
+    specular: np.ndarray  # (P, 3)
+    color: np.ndarray  # (P, 3)
+
+
+class ForwardModel:
+    """Renders one face under one stage; owns the ray tracer's scene."""
+
+    def __init__(self, geometry: FaceGeometry, lights: LightParameters) -> None:
+        self.geometry = geometry
+        self.lights = lights
+        self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
+
+    def pose(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (m, 3) in the model frame and in the camera frame."""
+        model_vertices = self.geometry.vertices(state.identity, state.expression)
+        return model_vertices, model_vertices @ state.rotation.T + state.translation
+
+    def surface(self, state: State, pixels: np.ndarray, only_fitted: bool = False) -> Surface:
+        """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are dropped."""
+        model_vertices, vertices = self.pose(state)
+        # The tracer works around the face, where float32 has the most digits.
+        self.tracer.update(vertices - state.translation)
+        rays = pixel_rays(state.camera, pixels)
+        hits = self.tracer.first_hits(-state.translation, rays)
+        keep = hits.triangle >= 0
+        if only_fitted:
+            keep &= self.geometry.fitted[hits.triangle]
+        triangle, weights, rays = hits.triangle[keep], hits.barycentric[keep].astype(np.float64), rays[keep]
+        corners = self.geometry.triangles[triangle]
+        points = np.einsum("pi,pix->px", weights, vertices[corners])
+        model_normals, normal_scale = self.geometry.vertex_normals(model_vertices)
+        corner_normals = (model_normals @ state.rotation.T)[corners]
+        normals = np.einsum("pi,pix->px", weights, corner_normals)
+        length = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+        a, b, c = (vertices[corners[:, i]] for i in range(3))
+        facing = np.cross(b - a, c - a)
+        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-20)
+        facing *= -np.sign(np.einsum("px,px->p", facing, rays))[:, None]
+        return Surface(
+            pixels=pixels[keep], rays=rays, triangle=triangle, corners=corners, weights=weights,
+            depth=np.linalg.norm(points, axis=1), points=points, normals=normals / length[:, None],
+            normal_length=length, facing=facing, corner_normals=corner_normals, vertices=vertices,
+            model_vertices=model_vertices, normal_scale=normal_scale,
+        )  # fmt: skip
+
+    def hits(self, state: State, pixels: np.ndarray) -> Hits:
+        """What ``pixels`` (P, 2) see first of the rendered mesh at ``state``."""
+        self.tracer.update(self.pose(state)[1] - state.translation)
+        return self.tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
+
+    def light_terms(
+        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
+        traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        roughness: np.ndarray | None = None,
+    ) -> LightTerms:  # fmt: skip
+        """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
+
+        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out;
+        ``pairs`` of (K,) pixels and (K,) lights leave out all others, see :meth:`RayTracer.light_terms`.
+        ``roughness`` (P,) replaces the state's one value.
+        """
+        lit = self.lit_points(state, surface, stage)
+        return self.tracer.light_terms(
+            lit.points, lit.normals, lit.facing, lit.views, lit.stage,
+            lit.roughness if roughness is None else roughness, samples, seed, asked,
+            self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
+            traced, lit.keys, lit.numbers, pairs,
+        )  # fmt: skip
+
+    def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:
+        """The surface and its lights as the tracer takes them; ``stage`` is in the camera frame."""
+        centred = np.eye(4)
+        centred[:3, 3] = -state.translation
+        numbers = np.arange(len(stage)) if self.lights.numbers is None else self.lights.numbers
+        return LitPoints(
+            surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
+            stage.transformed(centred), state.roughness, _pixel_keys(surface.pixels), numbers,
+        )  # fmt: skip
+
+    def shade(
+        self,
+        state: State,
+        surface: Surface,
+        terms: LightTerms,
+        albedo: np.ndarray | None = None,
+        radiance: np.ndarray | None = None,
+        c_spec: np.ndarray | None = None,
+    ) -> Image:
+        """Radiance towards the camera; ``albedo`` (P, 3), ``radiance`` (N, 3), ``c_spec`` (P,) replace the state's."""
+        if radiance is None:
+            radiance = self.lights.radiance(state.lights)
+        if albedo is None:
+            albedo = self.albedo(state, surface)
+        if c_spec is None:
+            c_spec = sample_bilinear(state.specular, self.uvs(surface))
+        diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
+        color = brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
+        return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
+
+    def log_albedo(self, state: State) -> np.ndarray:
+        """(m, 3) log of the vertex albedo, not yet clipped."""
+        return self.geometry.log_albedo + np.tensordot(state.albedo.astype(np.float32), self.geometry.albedo_basis, 1)
+
+    def albedo(self, state: State, surface: Surface) -> np.ndarray:
+        """(P, 3) diffuse albedo from the coefficients: logs are interpolated, then clipped below 1."""
+        logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
+        return np.minimum(np.exp(logs), brdf.ALBEDO_MAX)
+
+    def uvs(self, surface: Surface) -> np.ndarray:
+        """(P, 2) texture coordinates."""
+        corners = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle]]
+        return np.einsum("pi,pix->px", surface.weights, corners)
+
+
+def _pixel_keys(pixels: np.ndarray) -> np.ndarray:
+    """(P,) a number for each pixel, the same whichever other pixels see the face."""
+    x, y = pixels.astype(np.int64).T
+    return (y << 16) + x
+
+
+def pixel_rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """(P, 3) unit directions in the camera frame through ``pixels`` (P, 2)."""
+    x = (pixels[:, 0] - camera.principal_px[0]) / camera.focal_px
+    y = -(pixels[:, 1] - camera.principal_px[1]) / camera.focal_px
+    rays = np.stack([x, y, -np.ones_like(x)], axis=1)
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def bilinear_weights(uvs: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Texel indices (P, 4) into a (size, size) texture and their weights (P, 4); edges clamp."""
+    x = np.clip(uvs[:, 0] * size - 0.5, 0, size - 1)
+    y = np.clip((1 - uvs[:, 1]) * size - 0.5, 0, size - 1)
+    x0, y0 = np.minimum(x.astype(int), max(size - 2, 0)), np.minimum(y.astype(int), max(size - 2, 0))
+    fx, fy = x - x0, y - y0
+    x1, y1 = np.minimum(x0 + 1, size - 1), np.minimum(y0 + 1, size - 1)
+    index = np.stack([y0 * size + x0, y0 * size + x1, y1 * size + x0, y1 * size + x1], axis=1)
+    return index, np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=1)
+
+
+def sample_bilinear(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
+    """(P, ...) values of a square texture (row 0 at v = 1) at ``uvs`` (P, 2)."""
+    index, weight = bilinear_weights(uvs, texture.shape[0])
+    flat = texture.reshape(texture.shape[0] ** 2, *texture.shape[2:])
+    return np.einsum("pi,pi...->p...", weight, flat[index])

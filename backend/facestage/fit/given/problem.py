@@ -1,0 +1,267 @@
+"""From a job to everything a fit works on, checked: photo, camera, landmarks, model, lights."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.events import Event
+from facestage.contract.face_model import SKIN, FaceModel
+from facestage.contract.job import FULL, Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
+from facestage.contract.storage import finite
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import FOCAL_SIGMA
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.given.detection import known_to, with_landmarks
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.metrics import white_level
+from facestage.fit.given.photo import Photo
+from facestage.fit.given.skin_mask import face_pixels, face_size_px, paint_weight, skin_weight
+from facestage.fit.given.window import Window
+from facestage.image_io import Photograph, read_photograph, resize
+from facestage.models.registry import load_model
+
+# Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer adds cost, not shape.
+FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
+# A doll's head and a statue's, in metres.
+MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
+# Share of the UV square that the face's skin must cover, about: less is not a texel of most textures.
+UV_AREA_MIN = 1e-4
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A job with its files read. Arrays, camera and landmarks are those of the photo's ``window``."""
+
+    job: Job
+    photograph: Photograph
+    camera: Camera
+    landmarks: Landmarks  # the job's, in a scheme that the face model knows
+    geometry: FaceGeometry
+    stage: LightStage  # stage frame, every light of the job
+    fit_focal: bool
+    focal_sigma: float  # standard deviation of log focal before the fit
+    window: Window
+    fineness: Fineness = USUAL
+
+    @property
+    def lit(self) -> np.ndarray:
+        """(N,) bool, the lights that may be traced: those that are not off, or all where nothing is left out."""
+        return (self.stage.state != OFF) | (self.job.plan == FULL)
+
+    @cached_property
+    def lit_stage(self) -> LightStage:
+        """The lights that are not off: the only ones that are traced."""
+        return select_lights(self.stage, self.lit)
+
+    @cached_property
+    def lights(self) -> LightParameters:
+        """How the lit lights are parametrised."""
+        fitted = (self.lit_stage.state == ON) & ("lights" not in self.job.freeze)
+        held = np.where(fitted[:, None], 0.0, self.lit_stage.radiance)
+        uniform = self.job.light_color == "uniform"
+        return LightParameters(fitted, held, uniform, np.flatnonzero(self.lit))
+
+    @cached_property
+    def skin(self) -> np.ndarray:
+        """(h, w) 0..1, which pixels have the color of the face's own skin."""
+        # A mesh of skin alone has neither lids nor lips that could part.
+        parts = bool((self.geometry.triangle_part != SKIN).any())
+        return skin_weight(self.photograph.color, self.landmarks, openings=parts)
+
+    @cached_property
+    def paintable(self) -> np.ndarray:
+        """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
+        return paint_weight(self.skin, self.landmarks)
+
+    def read_from_photo(self) -> dict[str, str]:
+        """What was taken from the photo's file besides its pixels, in words; see Result.photo."""
+        own, start = self.photograph.focal, self.window.full_camera(self.camera).focal_px
+        if not self.fit_focal:
+            focal = f"as given, {start:.5g} px; not fitted"
+        elif own is not None:
+            focal = f"fitted, from {own.focal_px:.5g} px +- {own.log_sigma:.0%} ({own.source})"
+        else:
+            focal = f"fitted, from a guess of {start:.5g} px +- {self.focal_sigma:.0%} (the photo does not say)"
+        return {"size": self.window.words, "color": self.photograph.color_space, "focal": focal}
+
+    @cached_property
+    def white(self) -> float:
+        """The radiance that PSNR takes for white."""
+        mask = self.photograph.mask
+        face = mask & face_pixels((mask.shape[0], mask.shape[1]), self.landmarks)
+        return white_level(self.photograph.color, face if face.any() else mask)
+
+    @cached_property
+    def face_size_px(self) -> float:
+        """Longer side of the bounding box of the face from chin to brows, in pixels of the photo."""
+        return face_size_px(self.landmarks)
+
+    def scale(self, face_px: float) -> float:
+        """The factor, at most 1, that brings the face to ``face_px`` pixels."""
+        return min(1.0, face_px / self.face_size_px)
+
+    def photo_at(self, factor: float) -> Photo:
+        """The photo resized by ``factor``."""
+        source = self.photograph
+        if factor == 1.0:
+            return Photo(source.color.astype(np.float64), source.mask, self.skin, source.clipped)
+        camera = self.camera.scaled(factor)
+        size = (camera.width, camera.height)
+        return Photo(
+            resize(source.color, *size).astype(np.float64),
+            resize(source.mask.astype(np.float32), *size) > 0.99,
+            resize(self.skin, *size),
+            resize(source.clipped.astype(np.float32), *size) > 0.25,
+        )
+
+    def reduced(self, face_px: float) -> Problem:
+        """The problem of a smaller photo, whose face has ``face_px`` pixels; of one that is no larger, itself."""
+        factor = self.scale(face_px)
+        if factor == 1.0:
+            return self
+        photo = self.photo_at(factor)
+        small = replace(
+            self.photograph, color=photo.color.astype(np.float32), mask=photo.usable, clipped=photo.clipped
+        )  # fmt: skip
+        return replace(
+            self, photograph=small, camera=self.camera.scaled(factor), landmarks=self.landmarks_at(factor)
+        )  # fmt: skip
+
+    def landmarks_at(self, factor: float) -> Landmarks:
+        """The landmarks of the photo resized by ``factor``."""
+        return replace(self.landmarks, points=self.landmarks.points * factor)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Changes when anything that the answer depends on changes (not the budget)."""
+        digest = hashlib.sha256()
+        digest.update(self.photograph.color.tobytes())
+        digest.update(self.geometry.mean.tobytes())
+        digest.update(self.geometry.basis.sum(axis=0, dtype=np.float64).tobytes())
+        for name in LIGHT_ARRAYS:
+            digest.update(np.ascontiguousarray(getattr(self.stage, name)).tobytes())
+        if self.job.camera_to_stage is not None:
+            digest.update(np.ascontiguousarray(self.job.camera_to_stage).tobytes())
+        for name, value in sorted(self.job.initial.items()):
+            digest.update(name.encode() + np.ascontiguousarray(value).tobytes())
+        settings = {
+            "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
+            "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
+            "model": self.job.model, "fit_focal": self.fit_focal, "focal_sigma": self.focal_sigma,
+            "plan": self.job.plan, "quality": self.job.quality, "fineness": vars(self.fineness),
+        }  # fmt: skip
+        digest.update(json.dumps(finite(settings), sort_keys=True).encode())
+        return digest.hexdigest()
+
+
+def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: Fineness) -> None:
+    """Raise InputError for a starting value of a wrong name, shape or kind."""
+    specular = initial.get("specular")
+    side = fineness.specular_size if specular is None or specular.ndim != 2 else len(specular)
+    shapes = {
+        "identity": (len(model.identity_names),), "expression": (len(model.expression_names),),
+        "albedo": (len(model.albedo_basis),), "specular": (side, side), "roughness": (), "model_to_camera": (4, 4),
+    }  # fmt: skip
+    for name, value in initial.items():
+        if name not in shapes:
+            raise InputError(f"The job has a starting value '{name}'; expected one of {', '.join(shapes)}.")
+        if value.shape != shapes[name] or not np.isfinite(value).all():
+            raise InputError(
+                f"The starting {name} has shape {value.shape}; '{model.name}' takes {shapes[name]} finite numbers."
+            )
+    rotation = initial.get("model_to_camera", np.eye(4))[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        raise InputError("The starting model_to_camera is not a rigid transform (rotation and translation, no scale).")
+
+
+def _check_size(model: FaceModel) -> None:
+    """Raise InputError for a model that cannot be in metres: lights, shadows and lenses depend on them."""
+    size = float(np.ptp(model.vertices, axis=0).max()) if len(model.vertices) else 0.0
+    if not MODEL_SIZE_MIN <= size <= MODEL_SIZE_MAX:
+        raise InputError(
+            f"The face model '{model.name}' is {size:.3g} metres large, expected about 0.3 (at least "
+            f"{MODEL_SIZE_MIN:g}, at most {MODEL_SIZE_MAX:g}); scale it to metres."
+        )
+
+
+def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
+    """Raise InputError for a model with nothing to compare or to paint on, or landmarks on what is not rendered."""
+    name = geometry.model.name
+    if not geometry.fitted.any():
+        raise InputError(f"The face model '{name}' has no skin polygon in its region 'face'; nothing could be fitted.")
+    vertices, weights = geometry.model.landmark_vertices(scheme)
+    lost = ((geometry.new_index[vertices] < 0) & (weights != 0)).any(axis=1)
+    if lost.any():
+        raise InputError(
+            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a vertex that is not "
+            "rendered; put it on the skin."
+        )
+    if geometry.face_normals(geometry.mean)[geometry.fitted, 2].sum() <= 0:
+        raise InputError(
+            f"The face model '{name}' has polygons that face inward, or does not look along +Z; "
+            "recalculate its normals to point outward."
+        )
+    a, b, c = np.moveaxis(geometry.model.uvs[geometry.triangle_uvs[geometry.fitted]].astype(float), 1, 0)
+    if np.abs(np.cross(b - a, c - a)).sum() < UV_AREA_MIN:
+        raise InputError(
+            f"The face model '{name}' has no usable texture coordinates: its skin covers no area of the UV square; "
+            "unwrap it."
+        )
+
+
+def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
+    """The lights of ``stage`` where ``keep`` (N,) is true."""
+    return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
+
+
+def read_problem(
+    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
+    geometry: FaceGeometry | None = None, fineness: Fineness = USUAL,
+) -> Problem:  # fmt: skip
+    """Read and check everything a job names. Raises InputError with what is wrong.
+
+    The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
+    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
+    """
+    photograph = read_photograph(job.image)
+    width, height = photograph.size
+    own = photograph.focal
+    camera = job.camera or Camera.default(width, height, None if own is None else own.focal_px)
+    if (camera.width, camera.height) != (width, height):
+        raise InputError(
+            f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
+            f"{width} x {height}; give the camera of this photo."
+        )
+    job = with_landmarks(job, photograph, landmark_model, emit)
+    assert job.landmarks is not None
+    job.landmarks.check_inside(width, height)
+    stage = job.stage or fibonacci_stage()
+    if (stage.state == OFF).all():
+        raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
+    if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
+        raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
+    model = load_model(job.model) if geometry is None else geometry.model
+    landmarks = known_to(model, job.landmarks)
+    model.landmark_vertices(landmarks.scheme)
+    _check_size(model)
+    _check_initial(job.initial, model, fineness)
+    geometry = geometry or FaceGeometry(model)
+    _check_rendered(geometry, landmarks.scheme)
+    fit_focal = job.camera is None and "focal" not in job.freeze
+    focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
+    window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
+    return Problem(
+        job, window.photograph(photograph), window.camera(camera), window.landmarks(landmarks), geometry, stage,
+        fit_focal, focal_sigma, window, fineness,
+    )  # fmt: skip

@@ -1,0 +1,121 @@
+"""Errors against the --truth file: it changes nothing in the fit, it only adds numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from facestage.contract.array_field import Array, unit
+from facestage.contract.light_stage import COUNT_MAX, FAR, RADIANCE_MAX, LightStage
+from facestage.contract.reading import GIB
+from facestage.contract.schema import FileSchema, checked
+from facestage.contract.storage import read_arrays
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.given.metrics import aligned_difference, aligned_distance, relative_error, scaled_rmse
+
+PROBE_NORMALS = 512
+TRUTH_ARRAYS_MAX = 1 * GIB
+TEXELS_MAX = 8192  # along a side of the albedo
+ALBEDO_MAX = 1e3
+
+
+class TruthSchema(FileSchema):
+    """A truth.npz for a model with a known number of vertices; all but the vertices may be missing."""
+
+    dimensions: ClassVar = {"texels": (1, TEXELS_MAX), "lights": (1, COUNT_MAX)}
+
+    vertices = Array(("vertices", 3), minimum=-FAR, maximum=FAR)
+    albedo = Array(("texels", "texels", 3), minimum=0, maximum=ALBEDO_MAX, required=False)
+    light_position = Array(("lights", 3), minimum=-FAR, maximum=FAR, required=False)
+    light_direction = Array(("lights", 3), minimum=-2, maximum=2, validate=unit, required=False)
+    light_radiance = Array(("lights", 3), minimum=0, maximum=RADIANCE_MAX, required=False)
+    light_corners = Array(("lights", 4, 3), minimum=-FAR, maximum=FAR, required=False)
+
+
+class Truth:
+    """Known vertices (n, 3) in the camera frame, and optionally lights and albedo texture."""
+
+    def __init__(self, path: Path, geometry: FaceGeometry) -> None:
+        self.geometry = geometry
+        subject = f"The truth file '{path}' does not fit this face model"
+        arrays = read_arrays(path, "truth file", TRUTH_ARRAYS_MAX, tuple(TruthSchema().fields))
+        self.arrays = checked(TruthSchema(vertices=len(geometry.model.vertices)), arrays, subject)
+        vertices = self.arrays["vertices"]
+        region = geometry.model.regions.get("narrow_face", geometry.used)
+        self.region = region
+        self.compared = geometry.new_index[region]
+        self.vertices = vertices[region].astype(np.float64)
+
+    def geometry_errors(self, state: State) -> dict[str, float]:
+        """Mean distance over the narrow face in mm, after rigid and after similarity alignment."""
+        vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
+        found = vertices @ state.rotation.T + state.translation
+        return {
+            "rigid_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=False).mean()),
+            "similarity_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=True).mean()),
+        }
+
+    def calibration(self, state: State, deviation_mm: np.ndarray) -> dict[str, float]:
+        """How honest standard deviations (n, 3) in mm, along the camera's axes, are: after similarity alignment, the
+        shares of the narrow face's coordinates within one and two of them (0.68 and 0.95 if normal), and the root mean
+        square of error over deviation (1 if right, more if they are too small).
+        """
+        vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
+        error = 1e3 * np.abs(aligned_difference(vertices @ state.rotation.T, self.vertices, scale=True))
+        score = error / np.maximum(deviation_mm[self.region], 1e-6)
+        return {
+            "within_1_sigma": float((score < 1).mean()), "within_2_sigma": float((score < 2).mean()),
+            "error_over_sigma": float(np.sqrt((score**2).mean())),
+        }  # fmt: skip
+
+    def light_error(self, stage: LightStage, centre: np.ndarray) -> float | None:
+        """Relative error of the irradiance over all normals that face the camera, best scale factored out.
+
+        Two stages need not have their lights at the same places; what they do to a face can be compared.
+        ``stage`` and ``centre`` (3,) are in the camera frame.
+        """
+        needed = ("light_position", "light_direction", "light_radiance", "light_corners")
+        if any(name not in self.arrays for name in needed):
+            return None
+        corners = self.arrays["light_corners"]
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]), axis=1)
+        true = probe_irradiance(
+            self.arrays["light_position"], self.arrays["light_direction"], area, self.arrays["light_radiance"],
+            self.vertices.mean(0),
+        )  # fmt: skip
+        found = probe_irradiance(stage.position, stage.direction, stage.side**2, stage.radiance, centre)
+        return relative_error(found, true)
+
+    def albedo_error(self, texture: np.ndarray) -> float | None:
+        """RMSE of an atlas texture (S, S, 3) over the narrow face's vertices, best single scale factored out."""
+        true = self.arrays.get("albedo")
+        if true is None:
+            return None
+        model = self.geometry.model
+        inside = np.zeros(len(model.vertices), bool)
+        inside[model.regions.get("narrow_face", self.geometry.used)] = True
+        rows = inside[model.triangles].all(axis=1)
+        uvs = model.uvs[np.unique(model.triangle_uvs[rows])]
+        u, v, scale = model.face_tile
+        true_uvs = (uvs - np.array([u, v])) / scale
+        return scaled_rmse(sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs))
+
+
+def probe_irradiance(
+    position: np.ndarray, direction: np.ndarray, area: np.ndarray, radiance: np.ndarray, centre: np.ndarray
+) -> np.ndarray:
+    """(PROBE_NORMALS, 3) irradiance at ``centre`` for normals spread over the hemisphere towards +Z."""
+    index = np.arange(PROBE_NORMALS)
+    height = 1.0 - (index + 0.5) / PROBE_NORMALS
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * index
+    ring = np.sqrt(1.0 - height**2)
+    normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    offset = position - centre
+    distance = np.linalg.norm(offset, axis=1)
+    towards = offset / distance[:, None]
+    solid_angle = area * np.maximum(-(direction * towards).sum(1), 0) / distance**2
+    return np.maximum(normals @ towards.T, 0) @ (solid_angle[:, None] * radiance)

@@ -1,0 +1,211 @@
+"""From the end of the schedule to a result folder: texture detail, pictures, numbers."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage import __version__
+from facestage.contract.face_model import OTHER
+from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.relight_cache import relight_fingerprint
+from facestage.contract.result import COVERAGE, ROUGHNESS, Result
+from facestage.contract.storage import finite, write_json
+from facestage.fit.energy.landmark_term import landmark_pixels
+from facestage.fit.face.state import State
+from facestage.fit.forward.one_light import relight_scale
+from facestage.fit.forward.rendering import Picture, face_pixels, light_probe, render_picture
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.metrics import psnr
+from facestage.fit.given.problem import Problem
+from facestage.fit.given.truth import Truth
+from facestage.fit.result.left_out import left_out
+from facestage.fit.textures.refine import Refined, refine
+from facestage.fit.trust.advice import verdict
+from facestage.fit.trust.fitted import Fitted
+from facestage.image_io import write_exr, write_png
+from facestage.report import ReportData, write_report
+
+
+@dataclass(frozen=True)
+class Finished:
+    """Everything a result folder shows."""
+
+    state: State
+    refined: Refined
+    picture: Picture
+    errors: dict[str, float]
+    timings: dict[str, float]
+    trace: list[dict[str, Any]]
+
+
+def finish(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None,
+    shared: Refined | None = None,
+) -> Finished:  # fmt: skip
+    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too.
+
+    ``shared``: the maps, where several photos have made them.
+    """
+    started = time.monotonic()
+    refined = refine(problem, forward, fitted) if shared is None else shared
+    detail_seconds = time.monotonic() - started
+    started = time.monotonic()
+    picture = render_picture(
+        forward, fitted.state, fitted.stage, refined.textures, problem.job.seed,
+        relight=_side_lights(problem, fitted.stage), by_light=_relightable(problem, forward, fitted),
+    )  # fmt: skip
+    timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
+    errors = _errors(problem, fitted, refined.textures.albedo, picture, truth)
+    last: dict[str, Any] = {
+        "seconds": fitted.seconds + sum(timings.values()), "stage": "albedo detail", "iteration": 1,
+        "energy": fitted.energy, "psnr": errors.get("psnr"), "photo_rms": _rms(problem, picture),
+    }  # fmt: skip
+    last |= {name: errors[name] for name in ("rigid_mm", "similarity_mm") if name in errors}
+    return Finished(fitted.state, refined, picture, errors, timings, [*fitted.trace, last])
+
+
+def _rms(problem: Problem, picture: Picture) -> float | None:
+    seen = picture.fitted & problem.photograph.mask
+    if not seen.any():
+        return None
+    return float(np.sqrt(((picture.color - problem.photograph.color)[seen] ** 2).mean()))
+
+
+def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
+    """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
+    box = len(face_pixels(forward, fitted.state))
+    return problem.window.whole and bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
+
+
+def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
+    """Radiance (N, 3) with only the lights on one side of the face, as bright together as all were."""
+    side = problem.lit_stage.position[:, 0]
+    total = stage.radiance.sum()
+    result = {}
+    for name, lit in (("left", side < 0), ("right", side > 0)):
+        if lit.any() and total > 0:
+            result[f"from the {name}"] = np.where(lit[:, None], total / (3.0 * lit.sum()), 0.0) * np.ones(3)
+    return result
+
+
+def _errors(
+    problem: Problem, fitted: Fitted, texture: np.ndarray, picture: Picture, truth: Truth | None
+) -> dict[str, float]:
+    state, photo = fitted.state, problem.photograph
+    seen = picture.fitted & photo.mask
+    errors: dict[str, float | None] = {
+        "psnr": psnr(picture.color, photo.color, seen, problem.white),
+        # Without what the color model took for hair, cloth or glasses, and what something flat hides.
+        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white),
+    }
+    projected = landmark_pixels(problem.geometry, problem.landmarks, state)
+    distance = np.linalg.norm(projected - problem.landmarks.points, axis=1)
+    errors["landmark_statistic"] = fitted.landmark_statistic
+    errors["landmark_px"] = float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
+    if truth is not None:
+        errors |= truth.geometry_errors(state)
+        # The landmark stage's own error: a fit must never end further from the truth than its start.
+        start = [row for row in fitted.trace if row["stage"] == "landmarks"]
+        if start:
+            errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
+        if fitted.certainty.vertices_mm is not None:
+            errors |= truth.calibration(state, fitted.certainty.vertices_mm)
+        errors["light"] = truth.light_error(fitted.stage, state.translation)
+        errors["albedo"] = truth.albedo_error(texture)
+    return {name: value for name, value in errors.items() if value is not None and np.isfinite(value)}
+
+
+def write_result(
+    folder: Path, problem: Problem, fitted: Fitted, finished: Finished, timings: dict[str, float]
+) -> Result:
+    """Write every file of the result into an existing folder."""
+    model, state = problem.geometry.model, finished.state
+    stage = _whole_stage(problem, fitted.stage, fitted.camera_to_stage)
+    vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    status, advice = verdict(problem, fitted, finished.picture, finished.errors)
+    result = Result(
+        status=status, advice=advice, model=problem.job.model,
+        camera=problem.window.full_camera(state.camera), camera_to_stage=fitted.camera_to_stage,
+        model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
+        albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
+        vertices=vertices.astype(np.float32), triangles=model.triangles,
+        identity_names=model.identity_names, expression_names=model.expression_names,
+        energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
+        left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
+        null_directions=fitted.certainty.directions,
+        model_origin={"name": model.name, "license": model.license, "source": model.source},
+        photo=problem.read_from_photo(), versions=_versions(), seed=problem.job.seed,
+        arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
+        | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
+        | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
+        folder=folder,
+    )  # fmt: skip
+    result.write_into(folder)
+    problem.job.write_into(folder, copy_image=False)
+    assert problem.job.landmarks is not None
+    write_json(folder / "landmarks.json", problem.job.landmarks.to_json())
+    textures = finished.refined.textures
+    write_exr(folder / "albedo.exr", textures.albedo)
+    write_exr(folder / "specular.exr", textures.specular)
+    if textures.roughness is not None:
+        write_exr(folder / ROUGHNESS, textures.roughness)
+    write_png(folder / COVERAGE, finished.refined.coverage)
+    write_exr(folder / "render.exr", problem.window.enlarged(finished.picture.color))
+    cache = finished.picture.relight_cache(relight_fingerprint(result))
+    if cache is not None:
+        cache.save(folder)
+    probe = light_probe(stage)
+    write_exr(folder / "light_probe.exr", probe)
+    lines = [json.dumps(finite(row)) for row in finished.trace]
+    (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+    write_report(folder, _report_data(problem, fitted, finished, result, probe))
+    return result
+
+
+def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:
+    """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter was fitted."""
+    found = fitted.certainty.vertices_mm
+    return {} if found is None else {"vertex_deviation_mm": found}
+
+
+def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:
+    """The job's stage (stage frame) with what was fitted of the lit lights filled in: radiance and place."""
+    arrays = {name: np.array(getattr(problem.stage, name)) for name in LIGHT_ARRAYS}
+    arrays["radiance"] = np.zeros_like(problem.stage.radiance, dtype=float)
+    placed = lit.transformed(camera_to_stage)
+    for name in ("position", "direction", "axis_x", "radiance"):
+        arrays[name][problem.lit] = getattr(placed, name)
+    return LightStage(**arrays)
+
+
+def _versions() -> dict[str, str]:
+    names = ("mitsuba", "drjit", "numpy", "scipy", "opencv-contrib-python-headless")
+    found = {"facestage": __version__, "python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed as a package"
+    return found
+
+
+def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: Result, probe: np.ndarray) -> ReportData:
+    model, state = problem.geometry.model, finished.state
+    projected = landmark_pixels(problem.geometry, problem.landmarks, state)
+    return ReportData(
+        result=result, photo=problem.photograph.color, render=finished.picture.color,
+        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.refined.textures.albedo,
+        specular=finished.refined.textures.specular, roughness=finished.refined.textures.roughness,
+        texture_coverage=finished.refined.coverage, light_probe=probe,
+        relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=projected,
+        visible=problem.landmarks.counted, trace=finished.trace, title=problem.job.image.stem,
+        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),
+    )  # fmt: skip

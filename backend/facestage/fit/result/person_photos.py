@@ -1,0 +1,84 @@
+"""The photos of one person: read one after another, kept small while they are fitted, whole again at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.events import Event
+from facestage.contract.job import Job
+from facestage.contract.person import PHOTOS_MAX
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.runs.member import Member
+from facestage.fit.trust.fitted import Fitted
+from facestage.image_io import resize
+
+# What the jobs of one person must agree on, in words.
+COMMON = {
+    "model": "the face model", "freeze": "what is frozen", "weights": "the weights", "quality": "the quality",
+    "plan": "the plan", "seed": "the seed", "device": "the device",
+}  # fmt: skip
+
+
+def check_jobs(jobs: Sequence[Job]) -> None:
+    """Raise InputError unless the jobs can be of one person."""
+    if not 2 <= len(jobs) <= PHOTOS_MAX:
+        raise InputError(
+            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 to {PHOTOS_MAX}. "
+            "Leave out --same-person for one photo; of many, choose those that differ most in pose and light."
+        )
+    for name, words in COMMON.items():
+        for number, job in enumerate(jobs[1:], 2):
+            if getattr(job, name) != getattr(jobs[0], name):
+                raise InputError(
+                    f"The jobs of photos 1 and {number} differ in {words} ('{getattr(jobs[0], name)}' and "
+                    f"'{getattr(job, name)}'), which photos of one person share; make them equal."
+                )
+    seen: dict[Path, int] = {}
+    for number, job in enumerate(jobs, 1):
+        earlier = seen.setdefault(job.image.resolve(), number)
+        if earlier != number:
+            raise InputError(f"Photos {earlier} and {number} are the same file '{job.image}'; give each photo once.")
+
+
+def read_photos(
+    jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None, fineness: Fineness = USUAL
+) -> list[Problem]:
+    """The problems of all photos at working size, over one face geometry.
+
+    Photos of many megapixels are read again, one at a time, for textures and pictures.
+    """
+    problems: list[Problem] = []
+    for number, job in enumerate(jobs, 1):
+        try:
+            whole = read_problem(job, emit, landmark_model, problems[0].geometry if problems else None, fineness)
+        except InputError as error:
+            raise InputError(f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}") from error
+        # Its job has the landmarks that were found, for when the photo is read again.
+        problems.append(whole.reduced(fineness.joint_face_px))
+    return problems
+
+
+def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
+    """A member's problem and fit at the photo's own size."""
+    small = member.problem
+    problem = read_problem(small.job, geometry=small.geometry, fineness=small.fineness)
+    if problem.camera.width == small.camera.width:
+        return problem, fitted
+    focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
+    state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
+    hidden = resize(fitted.hidden.astype(np.float32), *problem.photograph.size) > 0
+    return problem, replace(fitted, state=state, hidden=hidden)
+
+
+def face_px(member: Member) -> float:
+    """The face's size in pixels of the photo at its own size."""
+    given = member.problem.job.landmarks
+    assert given is not None
+    return face_size_px(member.problem.window.landmarks(given))

@@ -1,0 +1,192 @@
+"""What a fit needs to go on after it was stopped: written after every step, whole or not at all.
+
+A checkpoint holds where the last accepted step began. It is taken again, so that what follows from it (the normal
+equations, the model's answer, whether the phase is over) is known as if nothing had happened; and all that a phase
+prepares before its first step is prepared again from what it was prepared from.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.partial import CHECKPOINT
+from facestage.contract.schema import checked, decoded_meta, sections
+from facestage.contract.storage import finite as finite_json
+from facestage.contract.storage import read_arrays, write_arrays
+from facestage.fit.energy.plan import Ledger, Work
+from facestage.fit.face.state import State
+from facestage.fit.runs.checkpoint_schema import CheckpointArrays, finite
+from facestage.fit.solve.bounded_step import Damping
+from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.view import Memory, View
+
+SCHEMA_VERSION = 2
+AGAIN = "start again without --resume"
+
+
+@dataclass(frozen=True)
+class Within:
+    """Where a phase was after so many steps."""
+
+    step: int
+    state: State  # at the size of the phase
+    damping: tuple[float, float]
+    resting: np.ndarray  # (N,) lights that rest; none when empty
+
+    @classmethod
+    def of(cls, step: int, state: State, damping: Damping, stage: Stage) -> Within:
+        """After ``step`` of ``stage``."""
+        return cls(step, state, (damping.value, damping.growth), stage.resting)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where phase number ``phase`` of a photo began, and how far it was."""
+
+    fingerprint: str  # of the job; a checkpoint of another job must not be continued
+    phase: int
+    seconds: float
+    start: State | None  # where the landmark stage ended, once it has
+    began: State  # where the phase began, at the photo's full size
+    memory: Memory  # of the view, there
+    ledger: Ledger
+    trace: list[dict[str, Any]]
+    within: Within | None = None  # None before its first step, and for a photo that takes no part
+
+    @classmethod
+    def of(
+        cls, view: View, phase: int, seconds: float, start: State | None, state: State, trace: list[dict[str, Any]]
+    ) -> Checkpoint:  # fmt: skip
+        """Before anything of the phase is done."""
+        return cls(
+            view.problem.fingerprint, phase, seconds, start, state, view.memory, deepcopy(view.plan.ledger), list(trace)
+        )
+
+    def after(self, within: Within, view: View, seconds: float, trace: list[dict[str, Any]]) -> Checkpoint:
+        """The same phase after some steps."""
+        return replace(self, within=within, ledger=deepcopy(view.plan.ledger), seconds=seconds, trace=list(trace))
+
+    def restore(self, view: View) -> None:
+        """Let ``view`` remember what it did where the phase began."""
+        view.memory = self.memory
+        view.plan.ledger = deepcopy(self.ledger)
+
+    def enter(self, stage: Stage) -> tuple[State, int]:
+        """Let the phase's ``stage``, as it began, be where it was; the state there and the number of the next step."""
+        assert self.within is not None
+        stage.damping = Damping(*self.within.damping)
+        stage.counted = deepcopy(self.ledger)
+        if stage.energy.photo is not None:
+            stage.energy.photo.resting = self.within.resting if len(self.within.resting) else None
+        return self.within.state, self.within.step + 1
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The checkpoint as named arrays."""
+        within = self.within
+        states = {"began": self.began, "start": self.start, "within": None if within is None else within.state}
+        meta = {
+            "schema": SCHEMA_VERSION, "fingerprint": self.fingerprint, "phase": self.phase, "seconds": self.seconds,
+            "trace": self.trace, "ledger": ledger_to_json(self.ledger), "light_scale": self.memory.light_scale,
+            "penumbra": self.memory.penumbra,
+            "within": None if within is None else {"step": within.step, "damping": within.damping},
+            "states": {
+                name: {"camera": state.camera.to_json(), "roughness": state.roughness}
+                for name, state in states.items() if state is not None
+            },
+        }  # fmt: skip
+        arrays = {"meta": np.array(json.dumps(finite_json(meta))), "strong": self.memory.strong}
+        for name, state in states.items():
+            if state is not None:
+                arrays |= {f"{name}/{own}": getattr(state, own) for own in _STATE_ARRAYS}
+        optional = {
+            "camera_to_stage": self.memory.camera_to_stage, "hidden": self.memory.hidden,
+            "resting": None if within is None else within.resting,
+        }  # fmt: skip
+        return arrays | {name: array for name, array in optional.items() if array is not None}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], folder: Path) -> Checkpoint:
+        """The reverse of :meth:`arrays`; ``folder`` is named when something is missing."""
+        subject = f"The checkpoint in '{folder}'"
+        meta = decoded_meta(str(arrays.get("meta")), subject, AGAIN)
+        if meta.get("schema") != SCHEMA_VERSION:
+            raise other_version(folder)
+        given = checked(CheckpointArrays(), sections(arrays, "began", "start", "within"), subject, AGAIN)
+        try:
+            states = {
+                name: State(
+                    camera=Camera.from_json(own["camera"]), roughness=finite(own["roughness"]), **given[name],
+                )
+                for name, own in meta["states"].items()
+            }  # fmt: skip
+            memory = Memory(
+                finite(meta["light_scale"]), None if meta["penumbra"] is None else finite(meta["penumbra"]),
+                given.get("camera_to_stage"), given["strong"], given.get("hidden"),
+            )  # fmt: skip
+            within = None
+            if meta["within"] is not None:
+                value, growth = map(finite, meta["within"]["damping"])
+                within = Within(int(meta["within"]["step"]), states["within"], (value, growth), given["resting"])
+            return cls(
+                str(meta["fingerprint"]), int(meta["phase"]), finite(meta["seconds"]), states.get("start"),
+                states["began"], memory, ledger_from_json(meta["ledger"]), [dict(row) for row in meta["trace"]], within,
+            )  # fmt: skip
+        except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+            raise damaged(folder, error) from error
+
+    def save(self, folder: Path) -> None:
+        """Write the checkpoint into ``folder``, replacing the previous one."""
+        write_arrays(folder / CHECKPOINT, self.arrays(), compress=False)
+
+    @classmethod
+    def load(cls, folder: Path) -> Checkpoint | None:
+        """The checkpoint in ``folder``, or None when there is none."""
+        if not (folder / CHECKPOINT).is_file():
+            return None
+        return cls.from_arrays(read_arrays(folder / CHECKPOINT, "checkpoint"), folder)
+
+    def check_fingerprint(self, fingerprint: str, folder: Path) -> None:
+        """Raise InputError when the checkpoint belongs to another job than the one of this ``fingerprint``."""
+        if self.fingerprint != fingerprint:
+            raise InputError(
+                f"The checkpoint in '{folder}' belongs to another job (photo, landmarks or options differ); "
+                "start again without --resume, or restore the options."
+            )
+
+
+def ledger_to_json(ledger: Ledger) -> dict[str, Any]:
+    """The ledger as plain JSON."""
+    return {
+        "work": {kind: [work.seconds, work.units] for kind, work in ledger.work.items()},
+        "skipped": [[rule, kind, units] for (rule, kind), units in ledger.skipped.items()],
+    }
+
+
+def ledger_from_json(data: Mapping[str, Any]) -> Ledger:
+    """The reverse of :func:`ledger_to_json`. Raises KeyError, TypeError or ValueError for anything else."""
+    work = {str(kind): Work(finite(seconds), finite(units)) for kind, (seconds, units) in data["work"].items()}
+    return Ledger(work, {(str(rule), str(kind)): finite(units) for rule, kind, units in data["skipped"]})
+
+
+def damaged(folder: Path, error: Exception) -> InputError:
+    """What is said of a checkpoint that cannot be understood."""
+    return InputError(f"The checkpoint in '{folder}' is damaged ({error}); {AGAIN}.")
+
+
+def other_version(folder: Path) -> InputError:
+    """What is said of a checkpoint that another version of the program wrote."""
+    return InputError(
+        f"The checkpoint in '{folder}' was written by another version of Facestage; start again without --resume."
+    )
+
+
+_STATE_ARRAYS = ("rotation", "translation", "identity", "expression", "lights", "light_position", "albedo", "specular")

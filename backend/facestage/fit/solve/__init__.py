@@ -1,0 +1,4 @@
+"""Solve: bounded Gauss-Newton, damping, line search, covariance; knows no face.
+
+Imports no other room of the fit.
+"""

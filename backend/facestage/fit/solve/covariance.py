@@ -1,0 +1,57 @@
+"""The covariance that normal equations hold, and what is left of them when some unknowns are not asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+# Relative to a unit diagonal: keeps null directions of the system invertible, their deviation large.
+RIDGE = 1e-12
+
+
+def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size, size) inverse of ``hessian`` over the ``active`` (size,) entries whose diagonal is not 0.
+
+    Rows and columns of the others are 0; on the diagonal an active entry that nothing holds has infinity.
+    """
+    result = np.zeros_like(hessian, dtype=float)
+    diagonal = np.diag(hessian)
+    index = np.flatnonzero(active & (diagonal > 0))
+    if len(index):
+        scale = 1.0 / np.sqrt(diagonal[index])
+        matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
+        matrix[np.diag_indices_from(matrix)] += RIDGE
+        inverse = cho_solve(_factor(matrix), np.eye(len(index)), check_finite=False)
+        result[np.ix_(index, index)] = inverse * scale[:, None] * scale[None, :]
+    open_entries = np.flatnonzero(active & (diagonal <= 0))
+    result[open_entries, open_entries] = np.inf
+    return result
+
+
+def marginal_hessian(hessian: np.ndarray, kept: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(k, k) Hessian over the ``kept`` (k,) indices when all other ``free`` (size,) entries are unknown.
+
+    Its inverse is the block of the whole inverse: the Schur complement.
+    """
+    other = free & (np.diag(hessian) > 0)
+    other[kept] = False
+    index = np.flatnonzero(other)
+    result = hessian[np.ix_(kept, kept)]
+    if len(index):
+        scale = 1.0 / np.sqrt(np.diag(hessian)[index])
+        matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
+        matrix[np.diag_indices_from(matrix)] += RIDGE
+        cross = hessian[np.ix_(index, kept)] * scale[:, None]
+        result = result - cross.T @ cho_solve(_factor(matrix), cross, check_finite=False)
+    return result
+
+
+def _factor(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Cholesky factor; the diagonal grows until rounding allows one."""
+    extra = RIDGE
+    while True:
+        try:
+            return cho_factor(matrix, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            extra *= 10
+            matrix = matrix + extra * np.eye(len(matrix))

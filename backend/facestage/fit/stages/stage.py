@@ -1,0 +1,108 @@
+"""A stage of the schedule (Garrido et al. 2016, Algorithm 1): the solver over one photo's energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facestage.fit.energy.photo_term import Evaluation
+from facestage.fit.energy.plan import Ledger
+from facestage.fit.energy.system import System
+from facestage.fit.energy.terms import Energy
+from facestage.fit.face.state import State
+from facestage.fit.solve.bounded_step import Damping
+from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One accepted step: what the trace and the progress events are made of."""
+
+    stage: str
+    number: int
+    state: State
+    evaluation: Evaluation | None
+    energy: dict[str, float]
+    condition: float
+    damping: Damping
+    finished: bool
+    hessian: np.ndarray  # (size, size) of the undamped system that the step was taken from
+    prior_hessian: np.ndarray  # (size, size) the priors' part of it
+
+
+class Stage(Descent[State, Evaluation | None, "System", Iteration]):
+    """The solver over some blocks of one photo's parameters."""
+
+    def __init__(
+        self, name: str, blocks: tuple[str, ...], energy: Energy, steps: int, freeze: np.ndarray, low: np.ndarray,
+        high: np.ndarray, tolerance: float = CONVERGED_SHARE,
+    ) -> None:  # fmt: skip
+        """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter."""
+        super().__init__(steps, low, high, tolerance, Damping())
+        self.name, self.blocks, self.energy, self.freeze = name, blocks, energy, freeze
+        # What the ledger says after the next evaluation, which a run that was stopped has made, and counted, before.
+        self.counted: Ledger | None = None
+
+    @property
+    def active(self) -> np.ndarray:
+        """(size,) bool, the parameters that the stage is about."""
+        return self.energy.layout.mask(self.blocks) & ~self.freeze
+
+    def evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
+        """None in a stage without a photo."""
+        if self.energy.photo is None or self.energy.stage is None:
+            return None
+        evaluation = self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
+        if self.counted is not None:
+            self.energy.photo.plan.ledger, self.counted = self.counted, None
+        return evaluation
+
+    def system(self, state: State, evaluation: Evaluation | None) -> System:
+        """The energy's quadratic model."""
+        return System(self.energy, state, evaluation, self.active)
+
+    def free(self) -> np.ndarray:
+        """The photo does not see a light that rests; the priors alone must not wake it."""
+        return self.active & ~self._parameters_at_rest()
+
+    def values(self, state: State) -> np.ndarray:
+        """See :meth:`Layout.values`."""
+        return self.energy.layout.values(state)
+
+    def moved(self, state: State, step: np.ndarray) -> State:
+        """See :meth:`Layout.apply`."""
+        return self.energy.layout.apply(state, step)
+
+    def accepted(
+        self, number: int, state: State, evaluation: Evaluation | None, system: System, condition: float,
+        finished: bool,
+    ) -> Iteration:  # fmt: skip
+        """The step with its system."""
+        return Iteration(
+            self.name, number, state, evaluation, system.terms, condition, self.damping, finished, system.hessian,
+            system.prior_hessian,
+        )  # fmt: skip
+
+    @property
+    def resting(self) -> np.ndarray:
+        """(N,) bool, the lights that rest; empty when none was asked yet."""
+        photo = self.energy.photo
+        return np.zeros(0, bool) if photo is None or photo.resting is None else photo.resting
+
+    def _parameters_at_rest(self) -> np.ndarray:
+        """(size,) bool, the parameters of the lights that rest, color of all lights left out."""
+        result = np.zeros(self.energy.layout.size, bool)
+        if self.resting.any():
+            where = self.energy.layout.slices["lights"]
+            result[where] = self.energy.light_parameters.of_lights(self.resting)
+        return result
+
+    def rest_lights(self, state: State, gradient: np.ndarray) -> None:
+        """No light rests in a stage without a photo."""
+        photo = self.energy.photo
+        if photo is None:
+            return
+        where = self.energy.layout.slices["lights"]
+        settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~self.active[where]
+        photo.resting = self.energy.light_parameters.dark(state.lights, settled)

@@ -1,0 +1,65 @@
+"""The photo at the sizes that the phases work at, without what something flat hides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.fit.energy.photo_term import Evaluation
+from facestage.fit.energy.terms import Energy
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.occlusion import flat_occluders, without
+from facestage.fit.given.photo import Photo
+from facestage.fit.given.problem import Problem
+from facestage.fit.stages.initialize import initial_lights
+from facestage.image_io import resize
+
+# Share of the face that must be left to see; with less, the photo says nothing of the shape.
+VISIBLE_SHARE_MIN = 0.1
+
+
+class VisiblePhoto:
+    """The photo of a problem, and what of it is hidden once somebody looked."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        # (h, w) bool at the size of the first photo phase, what something flat hides; None before it was looked for.
+        self.hidden: np.ndarray | None = None
+
+    def at(self, factor: float) -> Photo:
+        """The photo resized by ``factor``, without what is hidden."""
+        photo = self.problem.photo_at(factor)
+        if self.hidden is None or not self.hidden.any():
+            return photo
+        return without(photo, self.hidden_at(*photo.usable.shape))
+
+    def hidden_at(self, height: int, width: int) -> np.ndarray:
+        """(height, width) bool, the pixels that something flat hides."""
+        if self.hidden is None or not self.hidden.any():
+            return np.zeros((height, width), bool)
+        return resize(self.hidden.astype(np.float32), width, height) > 0
+
+    def lights_without_occluders(
+        self, forward: ForwardModel, energy: Energy, evaluation: Evaluation, radiance: np.ndarray
+    ) -> np.ndarray:
+        """Look for what hides the face under the first estimate of the light; if found, estimate without it.
+
+        ``radiance`` (N, 3) and the answer are those of the lit lights; the photo of ``energy`` loses what is hidden.
+        """
+        problem, photo, image = self.problem, energy.photo, evaluation.image
+        assert photo is not None and energy.stage is not None
+        shaded = forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
+        model = np.zeros_like(photo.photo.color)
+        model[photo.index(image.surface)] = shaded.color
+        used = (evaluation.base_weight > 0) & ~photo.photo.clipped.any(axis=2)
+        factor = photo.photo.usable.shape[1] / problem.camera.width
+        self.hidden = flat_occluders(photo.photo.color, model, used, factor * problem.face_size_px)
+        if not (self.hidden & used).any():
+            return radiance
+        if (self.hidden & used).sum() > (1 - VISIBLE_SHARE_MIN) * used.sum():
+            # Nothing hides all of a face that has landmarks: photo and light do not belong together, and the few
+            # pixels that are left would bend the shape until they did.
+            self.hidden = np.ones_like(self.hidden)
+        photo.photo = without(photo.photo, self.hidden)
+        if self.hidden.all():
+            return radiance
+        return initial_lights(photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights)

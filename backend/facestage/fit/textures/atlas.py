@@ -1,0 +1,50 @@
+"""Which point of the face each texel of a texture shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from facestage.contract.face_model import SKIN
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.render.tracer import RayTracer
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Which point of the mesh each texel of a (S, S) texture shows."""
+
+    size: int
+    covered: np.ndarray  # (S, S) bool
+    skin: np.ndarray  # (S, S) bool
+    corners: np.ndarray  # (covered texels, 3) vertex indices
+    weights: np.ndarray  # (covered texels, 3) barycentric
+    triangle: np.ndarray  # (covered texels,) triangle of the rendered mesh
+    nearest: tuple[np.ndarray, np.ndarray]  # row and column of the nearest covered texel
+
+    @classmethod
+    def build(cls, geometry: FaceGeometry, size: int) -> Atlas:
+        """Rasterise the UV triangles by tracing one ray through each texel's centre."""
+        uvs = geometry.model.uvs
+        tracer = RayTracer(geometry.triangle_uvs, len(uvs))
+        tracer.update(np.concatenate([uvs, np.zeros((len(uvs), 1))], axis=1))
+        v, u = np.mgrid[:size, :size]
+        origin = np.stack([(u + 0.5) / size, 1.0 - (v + 0.5) / size, np.ones(u.shape)], axis=-1).reshape(-1, 3)
+        hits = tracer.first_hits(origin, np.broadcast_to([0.0, 0.0, -1.0], origin.shape))
+        covered = (hits.triangle >= 0).reshape(size, size)
+        triangle = hits.triangle[hits.triangle >= 0]
+        skin = np.zeros((size, size), bool)
+        skin[covered] = geometry.triangle_part[triangle] == SKIN
+        nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+        return cls(
+            size, covered, skin, geometry.triangles[triangle], hits.barycentric[hits.triangle >= 0], triangle,
+            (nearest[0], nearest[1]),
+        )  # fmt: skip
+
+    def bake(self, values: np.ndarray) -> np.ndarray:
+        """(S, S, c) texture of vertex values (m, c); uncovered texels repeat the nearest covered one."""
+        texture = np.zeros((self.size, self.size, values.shape[1]), np.float32)
+        texture[self.covered] = np.einsum("ti,tic->tc", self.weights, values[self.corners])
+        return texture[self.nearest]

@@ -1,0 +1,132 @@
+"""The color of irises, eyeballs and teeth: one each, from the pixels that show them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facestage.contract import brdf
+from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.light_stage import LightStage
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.render.tracer import PLAIN
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+SAMPLES = 16
+# Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand for it are blurred
+# into each other, and dimmed so that they do not veil the iris.
+WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
+# Albedo of what the model paints as pupil, at most, and as iris, at most.
+PUPIL_MAX, IRIS_MAX = 0.02, 0.25
+# Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.
+PRIOR_PIXELS, PIXELS_MIN = 10.0, 6
+# Irradiance, relative to the part's brightest tenth, below which a pixel says little.
+LIT_MIN = 0.2
+# The white of an eye has less than this share of the skin's red over blue (of the logarithm); else a lid hides it.
+WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is given one color: where it is on the mesh, and which albedo it may have."""
+
+    name: str
+    vertices: np.ndarray  # (m,) bool of the rendered mesh
+    low: float  # luminance of its albedo
+    high: float
+    chroma: float  # how far the logarithm of a channel may be from the model's, brightness apart
+
+
+@dataclass(frozen=True)
+class Look:
+    """The photo, (h, w) like the camera of the state."""
+
+    color: np.ndarray  # (h, w, 3) linear
+    usable: np.ndarray  # (h, w) bool: not masked, hidden or saturated
+    skin: np.ndarray  # (h, w) 0..1
+
+
+def parts_of(geometry: FaceGeometry) -> list[Part]:
+    """Iris, white of the eye and teeth, as far as the face model paints them."""
+    luminance = np.exp(geometry.log_albedo) @ LUMINANCE
+    of_part = np.zeros((2, len(luminance)), bool)
+    for row, part in enumerate((EYES, TEETH)):
+        of_part[row, geometry.triangles[geometry.triangle_part == part]] = True
+    eyes, teeth = of_part
+    iris = eyes & (luminance > PUPIL_MAX) & (luminance < IRIS_MAX)
+    parts = [Part("teeth", teeth, 0.25, 0.8, 0.15)]
+    # A model whose eyeballs have one color has no iris to change.
+    if iris.any():
+        parts += [
+            Part("iris", iris, 0.01, 0.35, 1.5),
+            Part("white", eyes & (luminance >= IRIS_MAX), 0.25, 0.8, 0.2),
+        ]  # fmt: skip
+    return [part for part in parts if part.vertices.any()]
+
+
+def part_colors(forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int = 0) -> np.ndarray:
+    """(m, 3) what to add to the vertices' log albedo to give the parts the colors that the photo shows of them.
+
+    A color is the median over the pixels inside the part of what they say of its albedo under the light of ``stage``
+    (camera frame), drawn to the model's own where few pixels show it.
+    """
+    geometry = forward.geometry
+    parts = parts_of(geometry)
+    shown = _albedo_by_part(forward, state, stage, look, parts, seed)
+    change = np.zeros_like(geometry.log_albedo)
+    for part, (albedo, own) in zip(parts, shown, strict=True):
+        if len(albedo) >= PIXELS_MIN:
+            trust = len(albedo) / (len(albedo) + PRIOR_PIXELS)
+            change[part.vertices] = trust * _log_change(part, albedo, own)
+    white = [albedo for part, (albedo, _) in zip(parts, shown, strict=True) if part.name == "white"]
+    if not white or not _eyes_open(white[0], look):
+        for part in parts:
+            if part.name != "teeth":
+                change[part.vertices] = 0.0
+    return change
+
+
+def _albedo_by_part(
+    forward: ForwardModel, state: State, stage: LightStage, look: Look, parts: list[Part], seed: int
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each part the albedo (P, 3) that the photo's pixels inside it say, and the model's own there (P, 3)."""
+    y, x = np.nonzero(look.usable)
+    surface = forward.surface(state, np.stack([x, y], axis=1) + 0.5)
+    surface = surface.part(np.isin(forward.geometry.triangle_part[surface.triangle], (EYES, TEETH)))
+    if not parts or not len(surface.pixels):
+        return [(np.zeros((0, 3)), np.zeros((0, 3))) for _ in parts]
+    rough, c_spec = np.full(len(surface.pixels), WET_ROUGHNESS), np.full(len(surface.pixels), WET_SPECULAR)
+    terms = forward.light_terms(state, surface, stage, SAMPLES, seed, PLAIN, roughness=rough)
+    image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
+    diffuse, specular = brdf.K_DIFFUSE / np.pi * image.diffuse, brdf.K_SPECULAR * image.specular
+    column, row = surface.pixels.astype(int).T
+    albedo = np.clip((look.color[row, column] - specular) / np.maximum(diffuse, 1e-9), 1e-3, 1.0)
+    light, result = diffuse.mean(axis=1), []
+    for part in parts:
+        inside = part.vertices[surface.corners].all(axis=1)
+        lit = light > LIT_MIN * (np.percentile(light[inside], 90) if inside.any() else 0.0)
+        result.append((albedo[inside & lit], image.albedo[inside & lit]))
+    return result
+
+
+def _log_change(part: Part, albedo: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(3,) what to add to the part's log albedo, whose pattern stays."""
+    change = np.median(np.log(albedo / own), axis=0)
+    chroma = np.clip(change - change.mean(), -part.chroma, part.chroma)
+    color = np.median(np.log(own), axis=0) + change.mean() + chroma
+    luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
+    limited: np.ndarray = change.mean() + chroma + np.clip(luminance, np.log(part.low), np.log(part.high)) - luminance
+    return limited
+
+
+def _eyes_open(white: np.ndarray, look: Look) -> bool:
+    """Whether what lies where the model has the white of its eyes, albedo (P, 3), is paler than the skin."""
+    skin = look.color[look.usable & (look.skin > 0.9)]
+    if len(white) < PIXELS_MIN or not len(skin):
+        return False
+    red, _, blue = np.maximum(np.median(skin, axis=0), 1e-6)
+    limit = max(WHITE_CHROMA_MAX * float(np.log(red / blue)), WHITE_CHROMA_MIN)
+    return bool(np.median(np.log(white[:, 0] / white[:, 2])) < limit)

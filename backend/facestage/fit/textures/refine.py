@@ -1,0 +1,118 @@
+"""The per-texel stage: specular and roughness maps, then albedo detail, completed by symmetry, with their coverage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facestage.contract import brdf
+from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.forward.rendering import Textures
+from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.problem import Problem
+from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
+from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
+from facestage.fit.textures.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors
+from facestage.fit.textures.shown import Shown, what_is_shown
+from facestage.fit.textures.symmetry import mirrored_texels
+from facestage.fit.textures.texel_field import halved, resampled
+from facestage.fit.trust.fitted import Fitted
+
+# Texels along the atlas per pixel of the face: the face fills about half of it.
+TEXELS_PER_FACE_PX = 3.0
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The maps of the atlas and what they rest on."""
+
+    textures: Textures
+    coverage: np.ndarray  # (S, S, 3) uint8, see CONVENTIONS.md
+
+
+def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | None = None) -> Refined:
+    """All maps of a finished fit; those that the job froze, and texels of which nothing is known, are as fitted.
+
+    ``size`` S of the albedo, by default what the photo holds.
+    """
+    atlas = Atlas.build(
+        problem.geometry, texture_size(problem.face_size_px, problem.fineness) if size is None else size
+    )
+    # Specular and roughness are found on half as many texels.
+    small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
+    logs = atlas.bake(forward.log_albedo(fitted.state))
+    freeze = set(problem.job.freeze)
+    shown = None if freeze >= {"albedo", "specular", "roughness"} else what_is_shown(problem, forward, fitted)
+    gloss = None
+    if shown is not None and not freeze >= {"specular", "roughness"}:
+        gloss = _gloss(small, shown, fitted, freeze)
+        shown = shown.with_gloss(
+            sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
+        )
+    detail = None
+    if shown is not None and "albedo" not in freeze:
+        half = small if 2 * small.size == atlas.size else Atlas.build(problem.geometry, atlas.size // 2)
+        detail = albedo_detail(atlas, shown, mirrored_texels(half, problem.geometry))
+        photo = problem.photograph
+        look = Look(photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin)
+        parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
+        logs = logs + detail.log_albedo + atlas.bake(parts)
+    textures = Textures(painted(logs), *_gloss_textures(small, problem, fitted, gloss))
+    return Refined(textures, _coverage(atlas, small.size, detail, gloss))
+
+
+def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:
+    """Texels along the atlas for a face of this many pixels: a power of two times the smallest."""
+    size = fineness.texture_min
+    while size < min(TEXELS_PER_FACE_PX * face_px, fineness.texture_max):
+        size *= 2
+    return size
+
+
+def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> GlossStep:
+    image = shown.image
+    by_specular = brdf.K_SPECULAR * image.specular
+    by_roughness = brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular_by_roughness
+    if "specular" in freeze:
+        by_specular = np.zeros_like(by_specular)
+    if "roughness" in freeze:
+        by_roughness = np.zeros_like(by_roughness)
+    return gloss_step(halved(small.skin), shown, by_specular, by_roughness)
+
+
+def _gloss_textures(
+    small: Atlas, problem: Problem, fitted: Fitted, gloss: GlossStep | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Specular and roughness (S, S) of the ``small`` atlas: skin as found, eyes and teeth a clear layer."""
+    size, state = small.size, fitted.state
+    specular = resampled(state.specular, size)
+    roughness = np.full((size, size), state.roughness)
+    if gloss is not None:
+        specular = np.where(small.skin, specular + resampled(gloss.specular, size), specular)[small.nearest]
+        roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)[small.nearest]
+    wet = np.zeros((size, size), bool)
+    wet[small.covered] = np.isin(problem.geometry.triangle_part[small.triangle], (EYES, TEETH))
+    specular = np.where(wet[small.nearest], WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
+    roughness = np.where(wet[small.nearest], WET_ROUGHNESS, roughness)
+    return specular.astype(np.float32), _rough(roughness).astype(np.float32)
+
+
+def _rough(values: np.ndarray) -> np.ndarray:
+    return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
+
+
+def _coverage(atlas: Atlas, gloss_size: int, detail: AlbedoDetail | None, gloss: GlossStep | None) -> np.ndarray:
+    """(S, S, 3) uint8: where the albedo is from, and how much the photo says of c_spec and roughness."""
+    result = np.zeros((atlas.size, atlas.size, 3), np.uint8)
+    if detail is not None:
+        result[..., 0] = np.where(detail.seen, SEEN, np.where(detail.mirrored, BY_SYMMETRY, 0))
+    if gloss is not None:
+        for channel, known in ((1, gloss.specular_known), (2, gloss.roughness_known)):
+            wide = np.round(255 * resampled(known, gloss_size)).astype(np.uint8)
+            row = np.arange(atlas.size) * gloss_size // atlas.size
+            result[..., channel] = np.where(atlas.skin, wide[row[:, None], row], 0)
+    return result

@@ -1,0 +1,80 @@
+"""How well the answer is known: standard deviations from the last normal equations, and what nothing observed.
+
+The inverse of the Gauss-Newton Hessian, priors included, is the covariance of the answer (Laplace's approximation);
+the inverse of the priors' part alone is what was known before. A parameter whose two standard deviations agree
+has learned nothing from photo and landmarks: a hidden expression, a light behind the head, a null direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from facestage.fit.face.layout import Layout
+from facestage.fit.solve.covariance import covariance
+
+# A parameter that keeps this share of its prior standard deviation counts as unobserved.
+UNOBSERVED_SHARE = 0.95
+
+
+NAMED_MAX = 200
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Standard deviations (size,) of every parameter after and before the data; NaN where not fitted.
+
+    ``before`` is infinite where no prior exists.
+    """
+
+    after: np.ndarray
+    before: np.ndarray
+
+    @property
+    def unobserved(self) -> np.ndarray:
+        """(size,) bool: fitted, but what it is rests on its prior alone."""
+        with np.errstate(invalid="ignore"):
+            return (self.after >= UNOBSERVED_SHARE * self.before) & np.isfinite(self.before)
+
+
+def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
+    """From the Hessian of all terms and that of the priors alone (size, size), for the ``active`` (size,) entries."""
+    return Deviations(*(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior)))
+
+
+def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """(size,) square roots of a covariance's diagonal; NaN where not ``active``."""
+    return np.where(active, np.sqrt(np.maximum(np.diag(matrix), 0.0)), np.nan)
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What a result says of its parameters, by block."""
+
+    deviations: dict[str, np.ndarray]  # standard deviation of each entry; 0 where frozen, infinite where unknown
+    unobserved: dict[str, list[str]]  # names of the entries that neither photo nor landmarks say anything of
+    before: dict[str, np.ndarray] = field(default_factory=dict)  # the priors' standard deviations, likewise
+    vertices_mm: np.ndarray | None = None  # (n, 3) float32, along the camera's axes, similarity-aligned
+    directions: dict[str, Any] = field(default_factory=dict)  # what is seen only together, or not at all
+
+
+def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
+    """By block: standard deviations, and the unobserved entries' names; without a name, an entry is its number.
+
+    Of a block as large as the specular map, whose entries nobody names, the count is given.
+    """
+    after, before, unobserved = {}, {}, {}
+    for block, where in layout.slices.items():
+        after[block] = np.nan_to_num(found.after[where], nan=0.0, posinf=np.inf)
+        before[block] = np.nan_to_num(found.before[where], nan=0.0, posinf=np.inf)
+        entries = np.flatnonzero(found.unobserved[where]).tolist()
+        count = where.stop - where.start
+        if entries and count > NAMED_MAX and block not in names:
+            unobserved[block] = [f"{len(entries)} of {count}"]
+        elif entries:
+            known = names.get(block, ())
+            unobserved[block] = [known[i] if i < len(known) else str(i) for i in entries]
+    return Certainty(after, unobserved, before)

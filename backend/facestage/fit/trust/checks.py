@@ -1,0 +1,131 @@
+"""What is asked of a fit after its last step: how sure it is, and whether photo and lens may be believed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.given.problem import Problem
+from facestage.fit.solve.covariance import covariance
+from facestage.fit.stages.phases import SHAPE, Phase
+from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.view import View
+from facestage.fit.trust.certainty import Certainty, describe, deviations
+from facestage.fit.trust.directions import find_null_directions
+from facestage.fit.trust.fitted import Fitted
+from facestage.fit.trust.guard import doubt, informative_share, landmark_statistic, statistic_limit
+from facestage.fit.trust.lens_check import LensCheck, check_lens
+from facestage.fit.trust.shading_doubt import shading_doubt
+from facestage.fit.trust.vertex_certainty import vertex_deviation
+
+CHANNEL_NAMES = ("red", "green", "blue")
+LENS_STEPS = 6
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How the schedule ended for one photo."""
+
+    phase: Phase  # the last of the schedule
+    start: State  # where the landmark stage ended
+    state: State
+    last: Iteration | None  # the step to ``state``
+    trace: list[dict[str, Any]]
+    doubt: str = ""  # see photo_doubt
+    statistic: float = 0.0
+
+
+def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitted:
+    """The fit as it ended after ``seconds``, with what is asked of it; whether it came to its end ``in_time``."""
+    began, state, last = time.monotonic(), ending.state, ending.last
+    certainty, shading = _certainty(view, state, last), _shading_doubt(view, last)
+    lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
+    return Fitted(
+        state, view.anchor(state), view.placed_stage(state), ending.trace, last.energy if last else {},
+        last.condition if last else 1.0, seconds, time.monotonic() - began, in_time, certainty, shading,
+        view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width), ending.doubt, settled, lens,
+        ending.statistic, view.plan.ledger, view.penumbra,
+    )  # fmt: skip
+
+
+def photo_doubt(view: View, start: State, end: State, last: Iteration | None, psnr: float | None) -> tuple[str, float]:
+    """Why the photo is not believed about the shape at ``end``, if so, and the landmark statistic."""
+    free = view.free_shape(Layout(end))
+    if last is None or last.evaluation is None or not free:
+        return "", 0.0
+    stage = view.solver_stage(Phase("landmarks", SHAPE, None, 0), start)
+    assert stage is not None
+    statistic = landmark_statistic(stage.energy, start, end)
+    width = last.evaluation.base_weight.shape[1]
+    share = informative_share(view.visible.at(width / view.problem.camera.width), last.evaluation)
+    return doubt(statistic, statistic_limit(free), psnr, share), statistic
+
+
+def _settled(view: View, phase: Phase, trace: Sequence[dict[str, Any]]) -> bool:
+    """Whether the last phase converged, rather than stop at its last step, or without a single one."""
+    if phase.face_px is None or not Layout(view.start_state()).mask(set(phase.blocks) - view.frozen()).any():
+        return True
+    errors = [row["photo_rms"] for row in trace if row["stage"] == phase.name]
+    if len(errors) < 2:
+        return bool(errors)
+    if len(errors) < phase.steps or None in errors[-2:]:
+        return True
+    return bool(errors[-1] > (1 - view.problem.fineness.settled_share) * errors[-2])
+
+
+def _lens(view: View, start: State) -> LensCheck | None:
+    """Whether the landmarks speak against the known lens."""
+    weights = view.problem.job.weights
+    if view.problem.fit_focal or not weights.landmarks or not weights.prior:
+        return None
+    phase = Phase("lens", SHAPE, None, LENS_STEPS)
+    return check_lens(lambda state: view.solver_stage(phase, state), start, view.problem.job.seed)
+
+
+def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
+    """What the last normal equations say of each parameter that was free, and of every vertex."""
+    if last is None:
+        return Certainty({}, {})
+    layout, problem, names = Layout(state), view.problem, _names(view.problem)
+    free = ~view.held(layout)
+    found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
+    shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
+    model = problem.geometry.model
+    region = model.regions.get("narrow_face", problem.geometry.used)
+    vertices = vertex_deviation(
+        model, model.shape(state.identity, state.expression), state.rotation,
+        covariance(last.hessian, free)[shape, shape], region,
+    )  # fmt: skip
+    directions = find_null_directions(
+        last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
+    )
+    return replace(found, vertices_mm=vertices, directions=directions.to_json())
+
+
+def _shading_doubt(view: View, last: Iteration | None) -> np.ndarray | None:
+    if last is None or last.evaluation is None:
+        return None
+    layout = Layout(last.state)
+    known = covariance(last.hessian, ~view.held(layout))
+    return shading_doubt(view.forward, last.evaluation, layout, known)
+
+
+def _names(problem: Problem) -> dict[str, list[str]]:
+    """Names of the parameters by block, where they have any."""
+    lights = problem.lights
+    numbers = np.flatnonzero(problem.lit)[lights.fitted].tolist()
+    if lights.uniform:
+        light_names = [f"light {number}" for number in numbers] + [f"color {channel}" for channel in CHANNEL_NAMES]
+    else:
+        light_names = [f"light {number} {channel}" for number in numbers for channel in CHANNEL_NAMES]
+    model = problem.geometry.model
+    return {
+        "identity": list(model.identity_names), "expression": list(model.expression_names), "lights": light_names,
+        "focal": ["focal"], "roughness": ["roughness"],
+    }  # fmt: skip

@@ -1,0 +1,54 @@
+"""What a fit says while it runs, and where it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from facestage.contract.light_stage import LightStage
+from facestage.fit.energy.photo_term import Evaluation
+from facestage.fit.energy.plan import Ledger
+from facestage.fit.face.state import State
+from facestage.fit.trust.certainty import Certainty
+from facestage.fit.trust.lens_check import LensCheck
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a listener hears after each step."""
+
+    phase: str
+    iteration: int
+    fraction: float
+    seconds: float
+    photo_rms: float | None
+    evaluation: Evaluation | None
+    photo: np.ndarray | None  # (h, w, 3) at the phase's resolution
+    state: State  # at the photo's full size
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where the schedule ended."""
+
+    state: State
+    camera_to_stage: np.ndarray  # (4, 4)
+    stage: LightStage  # lit lights, camera frame, at the fitted radiance
+    trace: list[dict[str, Any]]
+    energy: dict[str, float]
+    condition: float
+    seconds: float
+    check_seconds: float  # afterwards: how sure it is, whether the lens can be right
+    in_time: bool
+    certainty: Certainty
+    shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
+    hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
+    doubt: str  # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    settled: bool  # the last phase ended by itself, not at a limit or a wall
+    lens: LensCheck | None  # None when the focal length was fitted
+    landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
+    ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
+    penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
+    company: str = ""  # what speaks against this photo beside others of the same person; or empty

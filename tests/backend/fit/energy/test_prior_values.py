@@ -1,0 +1,74 @@
+"""What the priors cost, in numbers done by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facestage.contract.job import Weights
+from facestage.fit.energy.priors import Priors
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from reference.synthetic_scene import Scene, synthetic_scene
+
+PRIOR, LIGHT, MEAN = 1.7, 0.6, 3.0
+
+
+@pytest.fixture(scope="module")
+def given(renderer: str) -> Scene:
+    return synthetic_scene()
+
+
+def energies(scene: Scene, parameters: LightParameters | None = None, **changes: Any) -> dict[str, float]:
+    state = replace(scene.state, **changes)
+    priors = Priors(Layout(state), scene.state, True, Weights(prior=PRIOR, light=LIGHT), MEAN)
+    return priors.energies(state, parameters or scene.lights)
+
+
+def test_roughness_lens_and_expression(given: Scene):
+    found = energies(given, roughness=0.55)
+    assert found["roughness"] == pytest.approx(0.5 * PRIOR * 1.5**2)
+    longer = replace(given.state.camera, focal_px=given.state.camera.focal_px * np.exp(0.5))
+    assert energies(given, camera=longer)["focal"] == pytest.approx(0.5 * PRIOR * 2**2)
+    found = energies(given, expression=np.array([0.35, 0.7, 0.0]))
+    assert found["expression"] == pytest.approx(0.5 * PRIOR * (1 + 4))
+
+
+def test_the_specular_map_s_level_counts_once_and_each_step_of_a_quarter_by_itself(given: Scene):
+    found = energies(given, specular=np.full((6, 6), 1.4))
+    assert found["specular_level"] == pytest.approx(0.5 * PRIOR * 1.5**2)
+    assert found["specular_smooth"] == pytest.approx(0)
+    stepped = np.full((6, 6), 0.8)
+    stepped[:, 3:] += 0.25
+    assert energies(given, specular=stepped)["specular_smooth"] == pytest.approx(0.5 * PRIOR * 6)
+    assert energies(given, specular=stepped.T)["specular_smooth"] == pytest.approx(0.5 * PRIOR * 6)
+
+
+def test_light_of_any_color(given: Scene):
+    radiance = given.lights.radiance(given.state.lights)
+    gray = radiance.mean(axis=1, keepdims=True)
+    color = ((radiance - gray) ** 2).sum() / (0.4 * MEAN) ** 2
+    tint = ((radiance - gray).mean(axis=0) ** 2).sum() / (0.06 * MEAN) ** 2
+    level = (radiance**2).sum() / (3 * MEAN) ** 2
+    assert energies(given)["light"] == pytest.approx(0.5 * LIGHT * (color + tint + level))
+
+
+def test_light_of_one_color(given: Scene):
+    lights = LightParameters(np.ones(6, bool), np.zeros((6, 3)), uniform=True)
+    values = np.array([1.0, 2, 3, 4, 5, 6, 1.06, 1.0, 0.88])
+    wanted = 91 / 9**2 + 1 + 4
+    assert energies(given, lights, lights=values)["light"] == pytest.approx(0.5 * LIGHT * wanted)
+
+
+def test_lamps_stand_within_two_fifths_of_the_lattice_s_spacing(given: Scene):
+    turned = np.zeros((6, 2))
+    spacing = np.sqrt(2 * np.pi / 6)
+    turned[2] = [0.4 * spacing, 0.8 * spacing]
+    assert energies(given, light_position=turned)["light_position"] == pytest.approx(0.5 * PRIOR * 5)
+    state = replace(given.state, light_position=turned)
+    # Of a stage of which most lights are off, the spacing is the whole stage's.
+    priors = Priors(Layout(state), state, True, Weights(prior=PRIOR), MEAN, 24)
+    assert priors.energies(state, given.lights)["light_position"] == pytest.approx(4 * 0.5 * PRIOR * 5)

@@ -1,0 +1,171 @@
+"""The skin mask against drawn faces: shading, highlights, noise, hair, glasses and colored walls of known places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.path import Path as Outline
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.skin_mask import face_pixels, opening_share, paint_weight, skin_weight
+
+SIZE = 160
+SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
+Y, X = np.mgrid[:SIZE, :SIZE] + 0.5
+CENTER, RADII = np.array([80.0, 78.0]), np.array([46.0, 60.0])
+
+
+@pytest.fixture(scope="module")
+def landmarks(repository: Path) -> Landmarks:
+    """A real face's landmarks, moved into the drawn one."""
+    found = Landmarks.read(repository / "addon/facestage_blender/data/astronaut_landmarks.json")
+    low, high = found.points.min(axis=0), found.points.max(axis=0)
+    points = (found.points - low) / (high - low) * [72, 76] + CENTER + [-36, -22]
+    return Landmarks("ibug68", points, found.visible)
+
+
+def draw(skin: str, light: tuple[float, float, float] = (0.6, 0.3, 0.75)) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w, 3) an ellipsoid of skin under a white lamp before a grey wall, and (h, w) bool where it is."""
+    x, y = (X - CENTER[0]) / RADII[0], (Y - CENTER[1]) / RADII[1]
+    inside = x**2 + y**2 < 1
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    cosine = np.maximum(x * light[0] - y * light[1] + z * light[2], 0)
+    # Pores and blotches, as smooth as the skin of a face is not.
+    uneven = 1 + 0.04 * np.sin(X / 3.1) * np.cos(Y / 2.3)
+    shade = ((0.08 + 0.9 * cosine) * uneven)[..., None] * np.array(SKIN[skin])
+    return np.where(inside[..., None], shade, [0.25, 0.27, 0.3]), inside
+
+
+def overlap(weight: np.ndarray, skin: np.ndarray, region: np.ndarray) -> float:
+    """Intersection over union of the mask and the truth within a region."""
+    mask = weight > 0.5
+    return float((mask & skin & region).sum() / ((mask | skin) & region).sum())
+
+
+def between_lips_and_lids(landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, pixels that an opening of mouth or eyes touches."""
+    centres = np.stack([X.ravel(), Y.ravel()], axis=1)
+    rings = (landmarks.points[60:68], landmarks.points[36:42], landmarks.points[42:48])
+    inside = [Outline(np.vstack([ring, ring[:1]])).contains_points(centres) for ring in rings]
+    return binary_dilation(np.any(inside, axis=0).reshape(SIZE, SIZE), np.ones((3, 3)))
+
+
+EVERYWHERE = np.ones((SIZE, SIZE), bool)
+
+
+@pytest.mark.parametrize("skin", SKIN)
+def test_a_bare_face_is_skin_and_the_wall_is_not(landmarks: Landmarks, skin: str):
+    photo, inside = draw(skin)
+    weight = skin_weight(photo, landmarks)
+    assert weight.dtype == np.float32 and weight.min() >= 0 and weight.max() <= 1
+    # What the lamp does not reach is as dark as hair; the rest is all there.
+    lit = photo.mean(axis=2) > 0.25 * photo[inside].mean()
+    assert overlap(weight, inside & lit, (~inside | lit) & ~between_lips_and_lids(landmarks)) > 0.97
+
+
+@pytest.mark.parametrize("skin", SKIN)
+def test_highlights_are_skin(landmarks: Landmarks, skin: str):
+    photo, inside = draw(skin)
+    spot = np.zeros((SIZE, SIZE))
+    for x, y in ((100, 92), (68, 58), (84, 84)):
+        spot += np.exp(-((X - x) ** 2 + (Y - y) ** 2) / 30)
+    photo += np.where(inside, 0.3 * spot, 0)[..., None]
+    shiny = inside & (spot > 0.2)
+    assert skin_weight(photo, landmarks)[shiny].mean() > 0.97
+
+
+def test_hair_over_the_forehead_is_not_skin(landmarks: Landmarks):
+    photo, inside = draw("light")
+    hair = (Y - 6 * np.sin(X / 4) < 62) & ((X - 80) ** 2 + (Y - 66) ** 2 < 58**2)
+    strands = 0.6 + 0.4 * np.sin(1.9 * X + 0.3 * np.sin(Y / 5))
+    photo = np.where(hair[..., None], strands[..., None] * [0.07, 0.045, 0.03], photo)
+    weight = skin_weight(photo, landmarks)
+    assert weight[hair].mean() < 0.1
+    lit = photo.mean(axis=2) > 0.2
+    assert weight[inside & ~hair & lit & ~between_lips_and_lids(landmarks)].mean() > 0.95
+
+
+def test_teeth_are_not_skin_though_they_are_bright(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    points = landmarks.points.copy()
+    points[64:68, 1] += 12.0
+    laughing = Landmarks("ibug68", points, landmarks.visible)
+    opening = between_lips_and_lids(laughing)
+    mouth = opening & (Y > 85)
+    photo[mouth] = 1.5 * photo[inside].mean() * np.array([1.0, 0.96, 0.9])
+    weight = skin_weight(photo, laughing)
+    assert weight[binary_erosion(mouth, np.ones((5, 5)))].max() == 0.0
+    assert weight[binary_dilation(mouth, iterations=6) & ~binary_dilation(mouth, iterations=2)].min() > 0.9
+
+
+def test_the_share_of_an_opening_is_its_area(landmarks: Landmarks):
+    points = landmarks.points.copy()
+    points[60:68] = [[70.3, 100], [75, 100], [80, 100], [85, 100], [90.3, 100], [85, 110.6], [80, 110.6], [75, 110.6]]
+    points[36:48] = np.nan
+    share = opening_share((SIZE, SIZE), Landmarks("ibug68", points, np.ones(68, bool)))
+    # A border has the width of a pixel: half of it outside.
+    assert 0.0 <= share.sum() - 0.5 * (20 + 10) * 10.6 < 40
+    assert share[105, 79] == 1.0 and share[:98].max() == 0.0 and share[:, :68].max() == 0.0
+
+
+def test_noise_leaves_no_holes(landmarks: Landmarks):
+    photo, inside = draw("light")
+    random = np.random.default_rng(0)
+    noisy = np.maximum(photo + 0.09 * np.sqrt(photo) * random.normal(size=photo.shape), 0)
+    lit = photo.mean(axis=2) > 0.15
+    assert skin_weight(noisy, landmarks)[inside & lit].mean() > 0.95
+
+
+def test_a_wall_of_another_color_is_not_skin(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    for color in ([0.05, 0.6, 0.12], [0.9, 0.9, 0.9], [0.1, 0.2, 0.7]):
+        photo[~inside] = color
+        assert (skin_weight(photo, landmarks)[~inside] > 0.5).mean() < 0.05
+
+
+def test_sunglasses_are_not_skin(landmarks: Landmarks):
+    photo, _ = draw("light")
+    glass = (np.abs(Y - 70) < 12) & (np.abs(X - 80) < 34) & (np.abs(X - 80) > 3)
+    photo[glass] = [0.02, 0.02, 0.022]
+    assert skin_weight(photo, landmarks)[glass].mean() < 0.1
+
+
+def test_a_frame_of_glasses_is_not_skin(landmarks: Landmarks):
+    photo, _ = draw("light")
+    frame = np.zeros((SIZE, SIZE), bool)
+    for x in (62, 98):
+        frame |= np.abs(np.hypot(X - x, 1.2 * (Y - 68)) - 14) < 1.3
+    photo[frame] = 0.02
+    weight = skin_weight(photo, landmarks)
+    assert weight[frame].mean() < 0.15
+
+
+def test_pixels_without_light_and_faces_at_the_border_give_numbers(landmarks: Landmarks):
+    assert np.isfinite(skin_weight(np.zeros((SIZE, SIZE, 3)), landmarks)).all()
+    photo, _ = draw("light")
+    moved = Landmarks("ibug68", landmarks.points + 60.0, landmarks.visible)
+    assert np.isfinite(skin_weight(photo, moved)).all()
+    assert np.isfinite(skin_weight(photo[:12, :9], Landmarks("ibug68", landmarks.points / 18, landmarks.visible))).all()
+
+
+def test_the_same_photo_gives_the_same_mask(landmarks: Landmarks):
+    photo, _ = draw("dark")
+    np.testing.assert_array_equal(skin_weight(photo, landmarks), skin_weight(photo.copy(), landmarks))
+
+
+def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landmarks):
+    photo, inside = draw("light", light=(0.2, 0.2, 0.96))
+    brows = np.zeros((SIZE, SIZE), bool)
+    for start in (17, 22):
+        for x, y in landmarks.points[start : start + 5]:
+            brows |= np.hypot(X - x, Y - y - 2) < 2.5
+    lock = (np.abs(X - 96) < 5) & (Y < 90) & (Y > 20)
+    photo = np.where((brows | lock)[..., None], [0.05, 0.03, 0.02], photo)
+    weight = paint_weight(skin_weight(photo, landmarks), landmarks)
+    hull = face_pixels((SIZE, SIZE), landmarks)
+    assert weight[brows & hull & (X < 80)].min() == 1.0
+    assert weight[lock].mean() < 0.1
+    assert weight[inside & hull & ~lock & (X < 88)].min() == 1.0

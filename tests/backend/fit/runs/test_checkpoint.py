@@ -1,0 +1,212 @@
+"""A run that was stopped goes on to the same end; a checkpoint of another job is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.job import Job, Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.partial import CHECKPOINT
+from facestage.contract.storage import read_arrays, write_arrays
+from facestage.fit.energy.plan import Ledger, Work
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.problem import read_problem
+from facestage.fit.runs.checkpoint import Checkpoint, Within
+from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.view import Memory
+from facestage.fit.trust.fitted import Fitted, Progress
+from reference.small_fit import SMALL
+from reference.synthetic_case import Case
+from reference.synthetic_scene import Scene
+
+FOREVER = float("inf")
+
+
+class StopError(Exception):
+    """Raised by a listener in place of a kill."""
+
+
+def job_of(case: Case, **changes) -> Job:
+    job = Job(
+        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
+        stage=fibonacci_stage(4), device="cpu",
+    )  # fmt: skip
+    return replace(job, **changes)
+
+
+def run_of(job: Job, folder: Path, listen=lambda progress: None) -> FitRun:
+    problem = read_problem(job, fineness=SMALL)
+    folder.mkdir(exist_ok=True)
+    return FitRun(problem, ForwardModel(problem.geometry, problem.lights), folder, listen=listen)
+
+
+def interrupted(job: Job, folder: Path, steps: int) -> None:
+    """Run ``steps`` steps, then stop as a crash would."""
+    heard: list[Progress] = []
+
+    def listen(progress: Progress) -> None:
+        heard.append(progress)
+        if len(heard) == steps:
+            raise StopError
+
+    with pytest.raises(StopError):
+        run_of(job, folder, listen).run(FOREVER)
+
+
+def assert_same(found: Fitted, wanted: Fitted) -> None:
+    for name in State.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(found.state, name), getattr(wanted.state, name), err_msg=name)
+    np.testing.assert_array_equal(found.camera_to_stage, wanted.camera_to_stage)
+    np.testing.assert_array_equal(found.stage.radiance, wanted.stage.radiance)
+    assert found.energy == wanted.energy and found.condition == wanted.condition
+    assert found.certainty.unobserved == wanted.certainty.unobserved
+    for name, deviation in wanted.certainty.deviations.items():
+        np.testing.assert_array_equal(found.certainty.deviations[name], deviation, err_msg=name)
+    assert [row | {"seconds": 0} for row in found.trace] == [row | {"seconds": 0} for row in wanted.trace]
+    assert found.ledger.skipped == wanted.ledger.skipped
+    assert {kind: work.units for kind, work in found.ledger.work.items()} == {
+        kind: work.units for kind, work in wanted.ledger.work.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def whole(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Fitted:
+    """The run that nothing stopped, with the small maps."""
+    return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
+
+
+def test_the_schedule_runs_every_phase(whole: Fitted):
+    stages = list(dict.fromkeys(row["stage"] for row in whole.trace))
+    assert stages == ["pose", "landmarks", "light and albedo", "geometry", "specular", "joint"]
+    assert whole.in_time and np.isfinite(Layout(whole.state).values(whole.state)).all()
+    seconds = [row["seconds"] for row in whole.trace]
+    assert seconds == sorted(seconds)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 1.0])
+def test_stopped_anywhere_it_ends_at_the_same_place(case: Case, whole: Fitted, tmp_path: Path, share: float):
+    steps = max(1, int(share * len(whole.trace)))
+    interrupted(job_of(case), tmp_path, steps)
+    checkpoint = Checkpoint.load(tmp_path)
+    assert checkpoint is not None and len(checkpoint.trace) == steps - 1, "where the last step began"
+    assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
+
+
+def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
+    interrupted(job_of(case), tmp_path, 6)
+    second = run_of(job_of(case), tmp_path)
+    limit = len(whole.trace) - 2
+
+    def listen(_progress: Progress) -> None:
+        if len(second.trace) == limit:
+            raise StopError
+
+    second.listen = listen
+    with pytest.raises(StopError):
+        second.run(FOREVER, Checkpoint.load(tmp_path))
+    assert_same(run_of(job_of(case), tmp_path).run(FOREVER, Checkpoint.load(tmp_path)), whole)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 5}, {"freeze": ("albedo",)}, {"light_color": "uniform"}, {"stage": fibonacci_stage(5)},
+        {"weights": Weights(prior=2.0)}, {"camera": Camera(96, 96, 210.0, (48.0, 48.0))},
+        {"initial": {"roughness": np.array(0.3)}}, {"camera_to_stage": np.eye(4)},
+    ],
+    ids=lambda change: next(iter(change)),
+)  # fmt: skip
+def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, change: dict):
+    interrupted(job_of(case), tmp_path, 2)
+    with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
+        run_of(job_of(case, **change), tmp_path).run(FOREVER, Checkpoint.load(tmp_path))
+
+
+def test_the_budget_may_change(case: Case, tmp_path: Path):
+    interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
+    checkpoint = Checkpoint.load(tmp_path)
+    # The second step, where it was stopped, is taken again.
+    assert checkpoint is not None and len(checkpoint.trace) == 1
+    found = run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, checkpoint)
+    assert found.trace[:1] == checkpoint.trace and len(found.trace) > 1
+
+
+@pytest.mark.parametrize("budget", [0.0, FOREVER])
+def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
+    case: Case, whole: Fitted, tmp_path: Path, budget: float
+):
+    interrupted(job_of(case), tmp_path, len(whole.trace))
+    fitted = run_of(job_of(case), tmp_path).run(budget, Checkpoint.load(tmp_path))
+    assert fitted.energy == whole.energy and fitted.certainty.deviations
+
+
+def a_checkpoint(scene: Scene) -> Checkpoint:
+    """With something in every field."""
+    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool))
+    ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
+    row = {"stage": "pose", "seconds": 0.1}
+    within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
+    return Checkpoint("abc", 3, 7.25, scene.state, scene.state, memory, ledger, [row], within)
+
+
+def test_round_trip(scene: Scene, tmp_path: Path):
+    saved = a_checkpoint(scene)
+    saved.save(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [CHECKPOINT]
+    loaded = Checkpoint.load(tmp_path)
+    assert loaded is not None and loaded.within is not None and saved.within is not None
+    for name in ("fingerprint", "phase", "seconds", "trace", "ledger"):
+        assert getattr(loaded, name) == getattr(saved, name)
+    for one, other in ((loaded.memory, saved.memory), (loaded.within, saved.within)):
+        for name in other.__dataclass_fields__:
+            if name != "state":
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for state in (loaded.start, loaded.began, loaded.within.state):
+        for name in State.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(state, name), getattr(scene.state, name))
+
+
+def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Path):
+    memory = Memory(1.0, None, None, np.zeros(4, bool), None)
+    Checkpoint("abc", 0, 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
+    loaded = Checkpoint.load(tmp_path)
+    assert loaded is not None and loaded.start is None and loaded.within is None
+    assert loaded.memory.penumbra is None and loaded.memory.camera_to_stage is None and loaded.memory.hidden is None
+
+
+def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
+    assert Checkpoint.load(tmp_path) is None
+    (tmp_path / CHECKPOINT).write_bytes(b"half")
+    with pytest.raises(InputError, match="checkpoint"):
+        Checkpoint.load(tmp_path)
+    a_checkpoint(scene).save(tmp_path)
+    arrays = read_arrays(tmp_path / CHECKPOINT, "checkpoint")
+    meta = json.loads(str(arrays["meta"]))
+    del meta["ledger"]
+    for text in (json.dumps(meta), "{", "[]", '{"schema": 2, "trace": ' + "[" * 5000):
+        change = {"meta": np.array(text)}
+        write_arrays(tmp_path / CHECKPOINT, arrays | change)
+        with pytest.raises(InputError, match=r"damaged.*without --resume"):
+            Checkpoint.load(tmp_path)
+    for spoiled in (np.full((3, 3), np.nan), np.eye(4), np.full((3, 3), "x")):
+        write_arrays(tmp_path / CHECKPOINT, arrays | {"began/rotation": spoiled})
+        with pytest.raises(InputError, match=r"rotation.*without --resume"):
+            Checkpoint.load(tmp_path)
+    write_arrays(tmp_path / CHECKPOINT, {name: array for name, array in arrays.items() if name != "began/rotation"})
+    with pytest.raises(InputError, match=r"lacks began\.rotation"):
+        Checkpoint.load(tmp_path)
+    others: list[dict[str, int]] = [{"schema": 1}, {}]
+    for other in others:
+        write_arrays(tmp_path / CHECKPOINT, arrays | {"meta": np.array(json.dumps(other))})
+        with pytest.raises(InputError, match=r"another version.*without --resume"):
+            Checkpoint.load(tmp_path)

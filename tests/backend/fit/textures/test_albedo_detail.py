@@ -1,0 +1,126 @@
+"""Albedo detail of a painted face: moles, hidden halves, misplaced shadows and highlights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.textures.albedo_detail import Doubts, albedo_detail, pigment_share
+from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.symmetry import mirrored_texels
+from reference.painted_face import PaintedFace, moved_by_a_pixel, painted_face
+
+MOLE = (0.042, -0.015, -0.01)
+
+
+@pytest.fixture(scope="module")
+def face(renderer: str) -> PaintedFace:
+    return painted_face(texels=512)
+
+
+@pytest.fixture(scope="module")
+def half_mirror(face: PaintedFace) -> np.ndarray:
+    half = Atlas.build(face.forward.geometry, face.atlas.size // 2)
+    return mirrored_texels(half, face.forward.geometry)
+
+
+def brows(face: PaintedFace) -> np.ndarray:
+    """(S, S, 3) log albedo: two dark stripes above the eyes and a rosy mouth, the same on both sides."""
+    size = face.atlas.size
+    dark = sum(face.uv_blob(size, (sign * x, 0.082, 0.0), 0.006) for x in (0.02, 0.03, 0.04) for sign in (-1, 1))
+    rosy = face.uv_blob(size, (0.0, -0.034, 0.01), 0.02)
+    return -0.5 * np.minimum(dark, 1)[..., None] * np.ones(3) - 0.25 * rosy[..., None] * np.array([0.2, 1.0, 0.8])
+
+
+def test_a_mole_stays_on_its_side(face: PaintedFace, half_mirror: np.ndarray):
+    spot = face.uv_blob(face.atlas.size, MOLE, 0.008)
+    photo, _ = face.photo(-0.4 * spot[..., None] * np.ones(3))
+    found = albedo_detail(face.atlas, face.shown(photo), half_mirror)
+    there = found.log_albedo[spot > 0.99].mean()
+    twin = face.uv_blob(face.atlas.size, (-MOLE[0], *MOLE[1:]), 0.008)
+    mirrored = found.log_albedo[(twin > 0.99) & found.seen]
+    print(f"mole {there:.3f} (true -0.4), on the other side {mirrored.mean():.3f}")
+    assert there == pytest.approx(-0.4, abs=0.1) and abs(mirrored.mean()) < 0.04
+    alone = albedo_detail(face.atlas, face.shown(photo), None)
+    assert not alone.mirrored.any()
+    change = np.abs(found.log_albedo - alone.log_albedo)[found.seen]
+    assert change.mean() < 0.005
+
+
+def test_the_hidden_half_is_completed_from_the_other(face: PaintedFace, half_mirror: np.ndarray):
+    truth = brows(face)
+    photo, _ = face.photo(truth)
+    place = face.atlas.bake(face.forward.geometry.mean.astype(np.float32))
+    clear = (face.surface.points[:, 0] > 0).astype(float)
+    shown = face.shown(photo, clear)
+    hidden = face.atlas.skin & (place[..., 0] < -0.012) & (np.abs(truth).max(axis=2) > 0.05)
+    errors = {}
+    for name, mirror in (("without", None), ("with", half_mirror)):
+        detail = albedo_detail(face.atlas, shown, mirror)
+        errors[name] = np.sqrt(((detail.log_albedo - truth)[hidden] ** 2).mean())
+    print(f"log albedo of the hidden half, RMS: {errors['with']:.3f} with symmetry, {errors['without']:.3f} without")
+    assert errors["with"] < 0.7 * errors["without"]
+    # The labels say which is which.
+    assert detail.mirrored[hidden].mean() > 0.9 and detail.seen[hidden].mean() < 0.02
+    shows = face.atlas.skin & (place[..., 0] > 0.012) & (np.abs(truth).max(axis=2) > 0.05)
+    assert detail.seen[shows].mean() > 0.9 and not (detail.seen & detail.mirrored).any()
+    behind = face.atlas.skin & (place[..., 2] < -0.12)
+    assert np.abs(detail.log_albedo[behind]).max() < 1e-3 and not (detail.seen | detail.mirrored)[behind].any()
+
+
+def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
+    """A fit that is off by a pixel: what it paints must not look like the edges of the shadow or the highlights."""
+    shifted = moved_by_a_pixel(face)
+    common = replace(face, surface=face.forward.surface(shifted, face.surface.pixels, only_fitted=True))
+    common = replace(common, surface=face.forward.surface(face.state, common.surface.pixels, only_fitted=True))
+    photo, _ = common.photo()
+    pixels = {tuple(p): n for n, p in enumerate(common.surface.pixels)}
+    surface = face.forward.surface(shifted, common.surface.pixels, only_fitted=True)
+    rows = np.array([pixels[tuple(p)] for p in surface.pixels])
+    off = replace(face, state=shifted, surface=surface)
+    photo = photo[rows]
+    shown = off.shown(photo)
+    gloss = shown.specular.mean(axis=1)
+    strong = gloss > 0.3 * (shown.diffuse * shown.albedo).mean(axis=1)
+    edge = shown.change_over_shift(shown.diffuse.mean(axis=1)) > 0.5 * np.median(shown.diffuse)
+
+    def painted(doubts: Doubts) -> tuple[float, float, float]:
+        detail = albedo_detail(face.atlas, shown, None, doubts).log_albedo.mean(axis=2)
+        amount = sample_bilinear(detail, shown.uvs)
+        return (
+            float(np.abs(amount).mean()), float(np.corrcoef(np.abs(amount), edge)[0, 1]),
+            float(np.corrcoef(amount, strong)[0, 1]),
+        )  # fmt: skip
+
+    found, naive = painted(Doubts()), painted(Doubts(0.0, 0.0, 0.0))
+    print(
+        f"painted {found[0]:.4f} (without doubt {naive[0]:.4f}); correlation with the shadow's edge {found[1]:.2f} "
+        f"({naive[1]:.2f}), with the highlights {found[2]:.2f} ({naive[2]:.2f})"
+    )
+    assert strong.sum() > 20 and edge.sum() > 50
+    assert found[0] < 0.6 * naive[0] and found[1] < min(naive[1], 0.3) and abs(found[2]) < 0.2
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 1e4])
+def test_black_and_white_photos_give_numbers(face: PaintedFace, half_mirror: np.ndarray, level: float):
+    shown = face.shown(np.full((len(face.surface.pixels), 3), level))
+    if level:
+        shown = replace(shown, clipped=np.ones(shown.photo.shape, bool))
+    found = albedo_detail(face.atlas, shown, half_mirror)
+    assert np.isfinite(found.log_albedo).all()
+    if level:
+        assert not found.log_albedo.any() and not found.seen.any() and not found.mirrored.any()
+
+
+def test_what_may_be_shading_is_not_painted_unless_it_is_too_large_for_that():
+    small, large, none = np.full(3, 0.05), np.full(3, 1.0), np.zeros(3)
+    sure, doubtful = np.full(3, 0.005), np.full(3, 0.2)
+    assert (pigment_share(small, sure, none) > 0.9).all()
+    assert (pigment_share(small, doubtful, none) < 0.2).all()
+    assert (pigment_share(large, doubtful, none) > 0.8).all()
+    # Beside a highlight, darker is pigment sooner than brighter.
+    half = np.full(3, 0.3)
+    assert (pigment_share(half, none, doubtful) < pigment_share(-half, none, doubtful) - 0.2).all()

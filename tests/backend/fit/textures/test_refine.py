@@ -1,0 +1,79 @@
+"""The per-texel stage over a problem read from files: what is held stays, and the coverage says what is what."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.refine import Refined, refine, texture_size
+from facestage.fit.trust.certainty import Certainty
+from facestage.fit.trust.fitted import Fitted
+from reference.small_fit import SMALL
+from reference.synthetic_case import Case
+from reference.synthetic_scene import Scene
+
+
+@pytest.fixture(scope="module")
+def problem(case: Case) -> Problem:
+    return read_problem(
+        Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera)), fineness=SMALL
+    )  # fmt: skip
+
+
+def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
+    """The truth, refined against the photo."""
+    brightest = scene.render(samples=16)[0].max()
+    fitted = Fitted(
+        state=scene.state, camera_to_stage=np.eye(4),
+        stage=scene.stage.with_radiance(scene.stage.radiance * 0.75 / brightest), trace=[], energy={}, condition=1.0,
+        seconds=0.0, check_seconds=0.0, in_time=True, certainty=Certainty({}, {}), shading_doubt=None,
+        hidden=np.zeros(problem.photograph.mask.shape, bool), doubt="", settled=True, lens=None, landmark_statistic=0.0,
+    )  # fmt: skip
+    return refine(replace(problem, job=replace(problem.job, freeze=freeze)), scene.forward, fitted)
+
+
+def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
+    held = refined(scene, problem, "albedo", "specular", "roughness")
+    assert not held.coverage.any()
+    assert held.textures.roughness is not None
+    np.testing.assert_allclose(held.textures.roughness, scene.state.roughness, rtol=1e-6)
+    atlas = Atlas.build(scene.geometry, 64)
+    basis = np.exp(atlas.bake(scene.forward.log_albedo(scene.state)))
+    np.testing.assert_allclose(held.textures.albedo, np.minimum(basis, 0.999), rtol=1e-5)
+    free = refined(scene, problem)
+    for name, channel in (("albedo", 0), ("specular", 1), ("roughness", 2)):
+        some = refined(scene, problem, name)
+        np.testing.assert_array_equal(getattr(some.textures, name), getattr(held.textures, name))
+        assert not some.coverage[..., channel].any()
+        assert np.abs(getattr(free.textures, name) - getattr(held.textures, name)).max() > 1e-5
+
+
+def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
+    found = refined(scene, problem)
+    atlas = Atlas.build(scene.geometry, 64)
+    assert found.coverage.shape == (64, 64, 3) and found.coverage.dtype == np.uint8
+    assert set(np.unique(found.coverage[..., 0])) <= {0, BY_SYMMETRY, SEEN}
+    assert not found.coverage[~atlas.skin].any()
+    y, x = np.mgrid[:96, :96]
+    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True)
+    uvs = scene.forward.uvs(surface)
+    shown = np.zeros((64, 64), int)
+    np.add.at(shown, ((64 * (1 - uvs[:, 1])).astype(int).clip(0, 63), (64 * uvs[:, 0]).astype(int).clip(0, 63)), 1)
+    seen = found.coverage[..., 0] == SEEN
+    print(f"{seen[shown >= 3].mean():.2f} of the texels with three pixels or more are seen")
+    assert seen[shown >= 3].mean() > 0.5 and seen[atlas.skin].mean() < 1
+    basis = np.exp(atlas.bake(scene.forward.log_albedo(scene.state)))
+    prior = (found.coverage[..., 0] == 0) & atlas.skin & (shown == 0)
+    assert np.abs(np.log(found.textures.albedo[prior] / basis[prior])).max(initial=0.0) < 0.1
+
+
+def test_the_texture_s_size_follows_the_face():
+    assert [texture_size(px) for px in (50, 170, 171, 342, 5000)] == [512, 512, 1024, 2048, 2048]

@@ -1,0 +1,64 @@
+"""Whether photos are of one person: identities drawn as the statistics say, and one that is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facestage.fit.trust.same_person import CHANCE, Evidence, combined, difference, odd_ones
+
+MODES, FREEDOM = 12, 130
+
+
+def evidence(identity: np.ndarray, seed: int, strength: float = 30.0, scale: float = 1.0) -> Evidence:
+    """What landmarks of so much information, ``scale`` times noisier than they say, would tell of ``identity``."""
+    random = np.random.default_rng(seed)
+    basis = np.linalg.qr(random.normal(size=(MODES, MODES)))[0]
+    information = basis @ np.diag(strength * 10.0 ** random.uniform(-2, 1, MODES)) @ basis.T
+    seen = identity + np.sqrt(scale) * np.linalg.cholesky(np.linalg.inv(information)) @ random.normal(size=MODES)
+    found = np.linalg.solve(information + np.eye(MODES), information @ seen)
+    return Evidence(found, information, np.eye(MODES), scale * FREEDOM, FREEDOM)
+
+
+def person(seed: int) -> np.ndarray:
+    return np.random.default_rng(1000 + seed).normal(size=MODES)
+
+
+@pytest.mark.parametrize("scale", [1.0, 6.0])
+def test_photos_of_one_person_go_together(scale: float):
+    found = [
+        len(odd_ones([evidence(person(seed), 7 * seed + photo, scale=scale) for photo in range(3)]))
+        for seed in range(100)
+    ]
+    print(f"{np.count_nonzero(found)} of 100 persons had an odd photo")
+    # Three looks at each: 0.3 expected at most.
+    assert np.count_nonzero(found) <= 3 + 300 * CHANCE
+
+
+def test_the_photo_of_another_is_found():
+    for seed in range(20):
+        photos = [evidence(person(seed), 7 * seed + photo) for photo in range(3)]
+        photos.insert(1, evidence(person(seed + 500), seed))
+        assert next(iter(odd_ones(photos))) == 1, "the oddest"
+
+
+def test_of_two_neither_is_known_to_be_wrong():
+    assert sorted(odd_ones([evidence(person(1), 1), evidence(person(2), 2)])) == [0, 1]
+
+
+def test_what_says_nothing_is_no_doubt():
+    silent = evidence(person(1), 1, strength=1e-4)
+    found = difference(silent, [evidence(person(2), 2)])
+    assert found.statistic == 0 and not found.doubtful
+
+
+def test_all_photos_together_are_what_one_with_all_landmarks_would_be():
+    photos = [evidence(person(3), seed) for seed in range(3)]
+    identity, covariance = combined(photos)
+    information = sum(photo.information for photo in photos)
+    seen = [np.linalg.solve(photo.information, photo.pull) for photo in photos]
+    wanted = sum(photo.information @ one for photo, one in zip(photos, seen, strict=True))
+    np.testing.assert_allclose((information + np.eye(MODES)) @ identity, wanted, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(covariance @ (information + np.eye(MODES)), np.eye(MODES), atol=1e-9)
+    error = [np.linalg.norm(one - person(3)) for one in (identity, *(photo.identity for photo in photos))]
+    assert error[0] < min(error[1:])
