@@ -78,4 +78,5 @@ def _usable(folder: Path) -> bool:
     """Whether the folder can be read and written, or made."""
     while not os.path.exists(folder) and folder != folder.parent:  # noqa: PTH110 - Path's raises where it may not look
         folder = folder.parent
-    return folder.is_absolute() and os.path.isdir(folder) and os.access(folder, os.R_OK | os.W_OK | os.X_OK)  # noqa: PTH112
+    is_folder = os.path.isdir(folder)  # noqa: PTH112 - Path's raises where it may not look
+    return folder.is_absolute() and is_folder and os.access(folder, os.R_OK | os.W_OK | os.X_OK)

@@ -44,7 +44,8 @@ import mitsuba as mi
 mi.set_variant(sys.argv[1])
 lamp = {"type": "rectangle", "emitter": {"type": "area"}}
 scene = mi.load_dict({
-    "type": "scene", "integrator": {"type": "prb_basic"}, "ball": {"type": "sphere", "center": [0, 0, 3]}, "lamp": lamp,
+    "type": "scene", "integrator": {"type": "prb_basic"}, "ball": {"type": "sphere", "center": [0, 0, 3]},
+    "lamp": lamp,
     "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
 })
 params = mi.traverse(scene)

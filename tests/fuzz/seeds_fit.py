@@ -25,10 +25,11 @@ from fuzz.seeds_contract import (
 )
 from fuzz.seeds_images import encoded, picture
 
+GIVEN, FROZEN = "--landmarks landmarks.json", "--focal-px 60 --freeze pose roughness"
 COMMANDS = (
-    "fit photo.png --out new --landmarks landmarks.json --camera camera.json --model npz:face.npz --lights 4",
-    "fit photo.png --out new --focal-px 60 --freeze pose roughness --seed 3 --device cpu --plan full --budget draft",
-    "fit photo.png photo.png --same-person --out new --landmarks landmarks.json --landmarks landmarks.json --resume",
+    f"fit photo.png --out new {GIVEN} --camera camera.json --model npz:face.npz --lights 4",
+    f"fit photo.png --out new {FROZEN} --seed 3 --device cpu --plan full --budget draft",
+    f"fit photo.png photo.png --same-person --out new {GIVEN} {GIVEN} --resume",
     "fit --job job --out new --truth truth.npz --plan lean",
     "fit --job job job --same-person --out new",
     "detect missing.png --out new.json --face 2",

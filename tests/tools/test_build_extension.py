@@ -21,9 +21,13 @@ MANIFEST = REPOSITORY / "addon" / "facestage_blender" / "blender_manifest.toml"
 INSTALL = """
 import sys
 import bpy
-sys.meta_path = [finder for finder in sys.meta_path if "__editable__" not in getattr(finder, "__module__", "")]
-sys.path = [folder for folder in sys.path if not folder.startswith(sys.argv[2]) or "site-packages" in folder]
-bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
+def editable(finder):
+    return "__editable__" in getattr(finder, "__module__", "")
+sys.meta_path = [finder for finder in sys.meta_path if not editable(finder)]
+tree = sys.argv[2]
+sys.path = [path for path in sys.path if not path.startswith(tree) or "site-packages" in path]
+install = bpy.ops.extensions.package_install_files
+install(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
 import facestage.contract.errors
 print("ENABLED", "bl_ext.user_default.facestage_blender" in bpy.context.preferences.addons.keys())
 print("FROM", facestage.__file__)

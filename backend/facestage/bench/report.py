@@ -37,7 +37,7 @@ def text_lines(bench: Bench) -> list[str]:
     """What the command prints when all is done."""
     return [
         *bench.about, "", "Where each contender ended", *final_lines(bench.finals), "",
-        "Seconds until an error is reached for good (ratio: Adam's seconds over Facestage's, in this run)",
+        "Seconds until an error is reached for good (ratio: Adam's over Facestage's, in this run)",
         *reach_lines(bench.table),
     ]  # fmt: skip
 

@@ -145,14 +145,14 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
     """Where each contender ended, as text."""
     width = max([len(item.contender) for item in finals] + [9]) + 2
     head = (
-        f"{'case':20}{'contender':{width}}{'seconds':>8}{'start mm':>10}{'sim. mm':>9}{'rigid mm':>10}{'dB':>7}"
-        f"{'dB detail':>11}{'albedo':>8}{'light':>7}"
+        f"{'case':20}{'contender':{width}}{'seconds':>8}{'start mm':>10}"
+        f"{'sim. mm':>9}{'rigid mm':>10}{'dB':>7}{'dB detail':>11}{'albedo':>8}{'light':>7}"
     )
     lines = [head, "-" * len(head)]
     lines += [
-        f"{item.case[:19]:20}{item.contender:{width}}{item.seconds:>8.1f}{_fixed(item.start_mm, 2):>10}"
-        f"{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}"
-        f"{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
+        f"{item.case[:19]:20}{item.contender:{width}}{item.seconds:>8.1f}"
+        f"{_fixed(item.start_mm, 2):>10}{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}{_fixed(item.psnr, 1):>7}"
+        f"{_fixed(item.detail_psnr, 1):>11}{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
         for item in finals
     ]
     return lines

@@ -24,7 +24,8 @@ WORDS = {
 }  # fmt: skip
 TABLE_CSS = """\
 main{max-width:1400px}
-td.case{min-width:210px}td.case b{white-space:nowrap}td.case span,td.said{color:var(--muted);font-size:13.5px}
+td.case{min-width:210px}td.case b{white-space:nowrap}
+td.case span,td.said{color:var(--muted);font-size:13.5px}
 td.said{min-width:280px}
 tr.failed td{background:color-mix(in srgb,var(--bad) 9%,transparent)}
 .fault{color:var(--bad);font-weight:600}

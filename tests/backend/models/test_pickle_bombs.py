@@ -52,7 +52,8 @@ def test_an_array_used_a_million_times_is_counted_each_time(tmp_path: Path):
 
 def test_bytes_shared_by_many_arrays_are_counted_each_time(tmp_path: Path):
     raw = b"\0" * 2**24
-    one = b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\0\x85K\0tR(K\x01J\0\0\0\x01\x85h\1\x89h\0tb"
+    one = b"cnumpy.core.multiarray\n_reconstruct\n"
+    one += b"(cnumpy\nndarray\nK\0\x85K\0tR(K\x01J\0\0\0\x01\x85h\1\x89h\0tb"
     dtype = b"cnumpy\ndtype\n(X\2\0\0\0u1K\0K\1tRq\1"
     content = b"\x80\2B" + len(raw).to_bytes(4, "little") + raw + b"q\0" + dtype + b"}X\1\0\0\0v](" + one * 60 + b"es."
     with memory(ARRAY_BYTES + 100e6):
