@@ -10,7 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 for package, folder in (("facestage_blender", "addon"), ("facestage", "backend")):
-    if importlib.util.find_spec(package) is None:  # inside Blender, which does not see the project's environment
+    # inside Blender, which does not see the project's environment
+    if importlib.util.find_spec(package) is None:
         sys.path.append(str(ROOT / folder))
 
 # After the path is set.
@@ -27,7 +28,9 @@ def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a script's main function; a user's error becomes one sentence and the contract's exit code."""
+    """Run a script's main function; a user's error becomes one sentence and the contract's exit
+    code.
+    """
     try:
         main()
     except FacestageError as error:

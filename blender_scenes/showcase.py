@@ -23,7 +23,12 @@ from facestage_blender.stage import build_stage
 from facestage_blender.write_back import apply_result
 
 EXPRESSIONS = {
-    "smile": {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.5, "cheekSquintRight": 0.5},
+    "smile": {
+        "mouthSmileLeft": 0.8,
+        "mouthSmileRight": 0.8,
+        "cheekSquintLeft": 0.5,
+        "cheekSquintRight": 0.5,
+    },
     "surprise": {"jawOpen": 0.75, "browInnerUp": 0.9, "eyeWideLeft": 0.6, "eyeWideRight": 0.6},
     "anger": {
         "browDownLeft": 0.9,
@@ -52,7 +57,9 @@ def main() -> None:
     apply_result(scene, result)
 
     def picture(name: str) -> None:
-        save_png(out / f"{name}.png", srgb(render_linear(scene, options.samples, denoise=True)[..., :3]))
+        save_png(
+            out / f"{name}.png", srgb(render_linear(scene, options.samples, denoise=True)[..., :3])
+        )
 
     for side in LIGHT_DIRECTIONS:
         relight(scene, side)

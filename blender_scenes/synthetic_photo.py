@@ -26,7 +26,9 @@ def main() -> None:
     options = options_of(parser)
     model = face_model()
     person = random_person(model, options.seed)
-    render_person(pipeline.empty_scene(), model, person, options.out.resolve(), options.samples, options.seed)
+    render_person(
+        pipeline.empty_scene(), model, person, options.out.resolve(), options.samples, options.seed
+    )
     print(f"Photo and truth: {options.out}")
 
 

@@ -23,9 +23,11 @@ def repository() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of face models and reference cases ($FACESTAGE_DATA, or shared/data beside the project).
+    """The folder of face models and reference cases ($FACESTAGE_DATA, or shared/data beside the
+    project).
 
-    A test that asks for it is skipped where the folder is absent: the data is not part of the project.
+    A test that asks for it is skipped where the folder is absent: the data is not part of the
+    project.
     """
     folder = Path(os.environ.get("FACESTAGE_DATA", REPOSITORY.parent / "shared" / "data"))
     if not folder.is_dir():

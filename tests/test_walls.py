@@ -1,4 +1,6 @@
-"""Who imports what: proved in fresh processes, because lint sees neither indirect nor computed imports."""
+"""Who imports what: proved in fresh processes, because lint sees neither indirect nor computed
+imports.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ print("LOADED " + json.dumps(sorted(sys.modules)))
 
 
 def modules_in(package: Path, *leave_out: str) -> list[str]:
-    """Dotted names of all modules of a package on disk, but those below ``leave_out`` and ``__main__``."""
+    """Dotted names of all modules of a package on disk, but those below ``leave_out`` and
+    ``__main__``.
+    """
     top = ADDON.parent if package.is_relative_to(ADDON) else BACKEND.parent
     names = []
     for path in sorted(package.rglob("*.py")):
@@ -45,7 +49,11 @@ def modules_in(package: Path, *leave_out: str) -> list[str]:
 def modules_loaded_by(modules: list[str]) -> set[str]:
     """All modules in a fresh process after importing ``modules``."""
     done = subprocess.run(
-        [sys.executable, "-c", LOADED, *modules], capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL
+        [sys.executable, "-c", LOADED, *modules],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        stdin=subprocess.DEVNULL,
     )
     assert done.returncode == 0, f"a module does not import:\n{done.stderr}"
     answer = next(line for line in done.stdout.splitlines() if line.startswith("LOADED "))
@@ -70,7 +78,9 @@ def test_addon_loads_no_renderer_and_no_opencv() -> None:
 
 def test_addon_loads_nothing_of_the_backend_but_the_contract() -> None:
     pytest.importorskip("bpy", reason="the add-on's modules import Blender")
-    loaded = {name for name in modules_loaded_by(modules_in(ADDON)) if name.startswith("facestage.")}
+    loaded = {
+        name for name in modules_loaded_by(modules_in(ADDON)) if name.startswith("facestage.")
+    }
     assert {name for name in loaded if name.split(".")[1] != "contract"} == set()
 
 
@@ -86,16 +96,23 @@ def test_no_room_but_those_that_fit_and_report_loads_the_renderer() -> None:
 
 def test_contract_loads_numpy_marshmallow_and_the_standard_library_only() -> None:
     contract = packages_loaded_by(modules_in(BACKEND / "contract"))
-    assert contract - packages_loaded_by(["numpy"]) - set(sys.stdlib_module_names) == {"facestage", "marshmallow"}
+    assert contract - packages_loaded_by(["numpy"]) - set(sys.stdlib_module_names) == {
+        "facestage",
+        "marshmallow",
+    }
 
 
 def test_marshmallow_loads_the_standard_library_only() -> None:
     # It goes into the Blender extension as one wheel.
     plain = packages_loaded_by(["json"])
-    assert packages_loaded_by(["marshmallow"]) - plain - set(sys.stdlib_module_names) == {"marshmallow"}
+    assert packages_loaded_by(["marshmallow"]) - plain - set(sys.stdlib_module_names) == {
+        "marshmallow"
+    }
 
 
-@pytest.mark.parametrize("module", ["facestage", "facestage.cli", "facestage.contract", "facestage.doctor"])
+@pytest.mark.parametrize(
+    "module", ["facestage", "facestage.cli", "facestage.contract", "facestage.doctor"]
+)
 def test_starting_is_cheap(module: str) -> None:
     path = BACKEND.parent.joinpath(*module.split("."))
     if not path.exists() and not path.with_suffix(".py").exists():
@@ -104,8 +121,17 @@ def test_starting_is_cheap(module: str) -> None:
 
 
 def test_lint_bans_every_part_of_the_backend_in_the_addon() -> None:
-    parts = {f"facestage.{path.stem}" for path in BACKEND.iterdir() if path.suffix == ".py" or path.is_dir()}
-    parts -= {"facestage.__init__", "facestage.__main__", "facestage.__pycache__", "facestage.contract"}
+    parts = {
+        f"facestage.{path.stem}"
+        for path in BACKEND.iterdir()
+        if path.suffix == ".py" or path.is_dir()
+    }
+    parts -= {
+        "facestage.__init__",
+        "facestage.__main__",
+        "facestage.__pycache__",
+        "facestage.contract",
+    }
     assert parts <= banned_in(ADDON.parent), "add the missing ones to addon/ruff.toml"
 
 
@@ -146,8 +172,22 @@ def test_lint_allows_what_a_room_is_for(folder: str, statement: str) -> None:
 
 def lint(folder: str, statement: str) -> subprocess.CompletedProcess[str]:
     """Run ruff's import bans on a statement as if it stood in a file of ``folder``."""
-    command = [sys.executable, "-m", "ruff", "check", "--select", "TID251", "--no-cache", "--output-format", "concise"]
+    command = [
+        sys.executable,
+        "-m",
+        "ruff",
+        "check",
+        "--select",
+        "TID251",
+        "--no-cache",
+        "--output-format",
+        "concise",
+    ]
     return subprocess.run(
-        [*command, "--stdin-filename", f"{folder}/imagined.py", "-"], input=f"{statement}\n", cwd=REPOSITORY,
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        [*command, "--stdin-filename", f"{folder}/imagined.py", "-"],
+        input=f"{statement}\n",
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )

@@ -1,7 +1,9 @@
-"""Build the Blender extension: the add-on, and beside it wheels of the backend's package and what its contract imports.
+"""Build the Blender extension: the add-on, and beside it wheels of the backend's package and what
+its contract imports.
 
-Blender puts the wheels on its Python path, so that the add-on can ``import facestage.contract``; the backend's wheel
-is what `pip install` takes to make the backend's own environment. Blender's own builder checks and zips it.
+Blender puts the wheels on its Python path, so that the add-on can ``import facestage.contract``;
+the backend's wheel is what `pip install` takes to make the backend's own environment. Blender's own
+builder checks and zips it.
 """
 
 from __future__ import annotations
@@ -21,13 +23,17 @@ from setup_error import SetupError
 PROJECT = Path(__file__).resolve().parent.parent
 ADDON = PROJECT / "addon" / "facestage_blender"
 LOCK = PROJECT / "requirements" / "python3.11.txt"
-LIBRARIES = ("marshmallow",)  # pure Python, without dependencies: what facestage.contract imports beside numpy
+# pure Python, without dependencies: what facestage.contract imports beside numpy
+LIBRARIES = ("marshmallow",)
 PIP = (sys.executable, "-I", "-m", "pip", "--quiet", "--disable-pip-version-check")
 NOT_SHIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "ruff.toml")
 
 
 def main() -> int:
-    """Build into dist/ (or the folder given), or say in one sentence why not. Returns the exit code."""
+    """Build into dist/ (or the folder given), or say in one sentence why not.
+
+    Returns the exit code.
+    """
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else PROJECT / "dist"
     try:
         print(build_extension(target))
@@ -48,7 +54,9 @@ def build_extension(target: Path) -> Path:
         build_wheel(Path(folder, "package"), stage / "wheels")
         fetch_wheels(Path(folder, "libraries.txt"), stage / "wheels")
         names = sorted(path.name for path in (stage / "wheels").glob("*.whl"))
-        manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), names), encoding="utf-8")
+        manifest.write_text(
+            with_wheels(manifest.read_text(encoding="utf-8"), names), encoding="utf-8"
+        )
         version = tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
         target.mkdir(parents=True, exist_ok=True)
         archive = target / f"{ADDON.name}-{version}.zip"
@@ -59,18 +67,33 @@ def build_extension(target: Path) -> Path:
 
 
 def build_wheel(stage: Path, target: Path) -> None:
-    """Build the wheel of the backend's package alone, without the add-on, into the folder ``target``."""
+    """Build the wheel of the backend's package alone, without the add-on, into the folder
+    ``target``.
+    """
     shutil.copytree(PROJECT / "backend", stage / "backend", ignore=NOT_SHIPPED)
     (stage / "addon").mkdir()
     for name in ("pyproject.toml", "LICENSE", "README.md"):
         if (PROJECT / name).is_file():
             shutil.copyfile(PROJECT / name, stage / name)
     # With the installed setuptools: a build of its own would fetch another.
-    run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(target), str(stage)])
+    run(
+        [
+            *PIP,
+            "wheel",
+            "--no-deps",
+            "--no-build-isolation",
+            "--no-index",
+            "--wheel-dir",
+            str(target),
+            str(stage),
+        ]
+    )
 
 
 def fetch_wheels(listing: Path, target: Path) -> None:
-    """Fetch the wheels of LIBRARIES into ``target``: exactly those whose digests requirements/ names."""
+    """Fetch the wheels of LIBRARIES into ``target``: exactly those whose digests requirements/
+    names.
+    """
     lock = LOCK.read_text(encoding="utf-8")
     listing.write_text("".join(locked(lock, name) for name in LIBRARIES), encoding="utf-8")
     only = ["--no-deps", "--require-hashes", "--only-binary", ":all:"]
@@ -81,16 +104,22 @@ def locked(lock: str, name: str) -> str:
     """The lines of a requirements file that pin ``name``, with its digests."""
     found = re.search(rf"^{re.escape(name)}==(?:.*\\\n)*.*$", lock, re.MULTILINE)
     if found is None or "--hash=sha256:" not in found[0]:
-        raise SetupError(f"{LOCK.name} does not pin {name} with its digests; requirements/README.md says how to.")
+        raise SetupError(
+            f"{LOCK.name} does not pin {name} with its digests; requirements/README.md says how to."
+        )
     return f"{found[0]}\n"
 
 
 def with_wheels(manifest: str, wheels: Sequence[str]) -> str:
     """The manifest's text with the wheels listed, before its first table."""
     if "wheels" in tomllib.loads(manifest):
-        raise SetupError("blender_manifest.toml lists wheels already; leave that to tools/build_extension.py.")
+        raise SetupError(
+            "blender_manifest.toml lists wheels already; leave that to tools/build_extension.py."
+        )
     lines = manifest.splitlines(keepends=True)
-    first_table = next((number for number, line in enumerate(lines) if line.startswith("[")), len(lines))
+    first_table = next(
+        (number for number, line in enumerate(lines) if line.startswith("[")), len(lines)
+    )
     listed = "".join(f'  "./wheels/{wheel}",\n' for wheel in wheels)
     return "".join([*lines[:first_table], f"wheels = [\n{listed}]\n\n", *lines[first_table:]])
 
@@ -101,15 +130,22 @@ def blender_builder() -> Path:
     for folder in (module.submodule_search_locations or []) if module else []:
         for path in Path(folder).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"):
             return path
-    raise SetupError("Blender's extension builder comes with the package bpy, which is not installed; run: make setup")
+    raise SetupError(
+        "Blender's extension builder comes with the package bpy, which is not installed; run: "
+        "make setup"
+    )
 
 
 def run(command: list[str]) -> None:
     """Run a command; raise SetupError with what it said when it fails."""
     done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
         errors="replace",
-    )  # fmt: skip
+    )
     if done.returncode:
         raise SetupError(f"this command failed: {' '.join(command)}\n{done.stdout}")
 

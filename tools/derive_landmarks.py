@@ -1,9 +1,11 @@
-"""Where MediaPipe's 478 landmarks lie on a face model, from pictures of it: python tools/derive_landmarks.py --help.
+"""Where MediaPipe's 478 landmarks lie on a face model, from pictures of it: python
+tools/derive_landmarks.py --help.
 
-The model is rendered at known shapes and poses, the network looks at the pictures and at their mirror images, and each
-landmark becomes the point of the surface that is seen nearest to all its detections. So the table holds what the
-network does rather than what its canonical face looks like; that face, warped smoothly onto the found points, is the
-check and stands in for points that the pictures leave open. The results are committed; nobody else needs to run this.
+The model is rendered at known shapes and poses, the network looks at the pictures and at their
+mirror images, and each landmark becomes the point of the surface that is seen nearest to all its
+detections. So the table holds what the network does rather than what its canonical face looks like;
+that face, warped smoothly onto the found points, is the check and stands in for points that the
+pictures leave open. The results are committed; nobody else needs to run this.
 """
 
 from __future__ import annotations
@@ -13,7 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from landmark_pictures import Draw, LandmarkNet, Photographer, canonical_mesh, draw_person, mirror_order
+from landmark_pictures import (
+    Draw,
+    LandmarkNet,
+    Photographer,
+    canonical_mesh,
+    draw_person,
+    mirror_order,
+)
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
@@ -27,13 +36,16 @@ OUTER_EYE_CORNERS = (36, 45)  # of the 68
 # Facing between which an observation starts to count and counts in full: cosine of normal and view.
 COSINE_ZERO, COSINE_FULL = 0.1, 0.4
 ROBUST_SHARE = 0.03  # of the distance of the outer eye corners
-SETTLED_SHARE = 0.15  # of all pictures must show a point well, or the warped canonical face places it
+# of all pictures must show a point well, or the warped canonical face places it
+SETTLED_SHARE = 0.15
 GRID = 10  # subdivisions of a triangle's sides in the search
 
 
 @dataclass(frozen=True)
 class Observations:
-    """What the network saw in N pictures; pixels are in shares of the distance of the outer eye corners."""
+    """What the network saw in N pictures; pixels are in shares of the distance of the outer eye
+    corners.
+    """
 
     vertices: np.ndarray  # (N, n, 2) where every rendered vertex lies
     cosine: np.ndarray  # (N, n) of normal and view
@@ -46,35 +58,56 @@ class Observations:
 
 
 def main() -> None:
-    """Render, detect, solve, write, and say how well the table predicts pictures that were held back."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Render, detect, solve, write, and say how well the table predicts pictures that were held
+    back.
+    """
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("bundle", type=Path, help="face_landmarker.task")
     parser.add_argument("--model", default="default", help="default or ict:PATH")
     parser.add_argument("--out", type=Path, required=True, help="the .npz to write")
     parser.add_argument("--pictures", type=int, default=150)
-    parser.add_argument("--held-back", type=int, default=50, help="further pictures for the figures alone")
+    parser.add_argument(
+        "--held-back", type=int, default=50, help="further pictures for the figures alone"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="an .npz that keeps the detections between runs")
-    parser.add_argument("--residuals", type=Path, help="an .npz for landmark_scatter.py: where the table is off")
+    parser.add_argument(
+        "--residuals", type=Path, help="an .npz for landmark_scatter.py: where the table is off"
+    )
     options = parser.parse_args()
     photographer = Photographer(load_model(options.model))
     geometry = photographer.geometry
     canonical = canonical_mesh(options.bundle)
     count = options.pictures + options.held_back
-    people = [draw_person(geometry.model, np.random.default_rng([options.seed, number])) for number in range(count)]
+    people = [
+        draw_person(geometry.model, np.random.default_rng([options.seed, number]))
+        for number in range(count)
+    ]
     found = detections(photographer, people, options.bundle, options.seed, options.keep)
     seen = observe(geometry, people, found)
     train, test = slice(0, 2 * options.pictures), slice(2 * options.pictures, None)
     table = solve(geometry, seen.part(train), canonical)
     residual, cosine = residuals(table, seen)
     distance = 100 * np.linalg.norm(residual, axis=-1)[test][cosine[test] > COSINE_FULL]
-    print(f"held back: median {np.median(distance):.2f} %, 95 % {np.percentile(distance, 95):.2f} % of the eye corners")
+    print(
+        f"held back: median {np.median(distance):.2f} %, 95 % "
+        f"{np.percentile(distance, 95):.2f} % of the eye corners"
+    )
     positions = _positions(geometry, table)
     table[:, :3] = geometry.used[table[:, :3].astype(int)]
-    write_arrays(options.out, {"table": table.astype(np.float32), "positions": positions.astype(np.float32)})
+    write_arrays(
+        options.out, {"table": table.astype(np.float32), "positions": positions.astype(np.float32)}
+    )
     if options.residuals is not None:
         held_back = np.arange(len(residual)) >= 2 * options.pictures
-        arrays = {"residual": residual, "cosine": cosine, "held_back": held_back, "positions": positions}
+        arrays = {
+            "residual": residual,
+            "cosine": cosine,
+            "held_back": held_back,
+            "positions": positions,
+        }
         write_arrays(options.residuals, arrays)
 
 
@@ -109,7 +142,10 @@ def observe(geometry: FaceGeometry, people: list[Draw], found: np.ndarray) -> Ob
     eye = list(OUTER_EYE_CORNERS)
     vertices, cosine, units = [], [], []
     for person in people:
-        placed = geometry.vertices(person.identity, person.expression) @ person.rotation.T + person.translation
+        placed = (
+            geometry.vertices(person.identity, person.expression) @ person.rotation.T
+            + person.translation
+        )
         ends = np.einsum("mi,mix->mx", weights[eye], placed[geometry.new_index[corners[eye]]])
         unit = person.camera.focal_px * np.linalg.norm(ends[1] - ends[0]) / -ends[:, 2].mean()
         normals, _ = geometry.vertex_normals(placed)
@@ -118,7 +154,9 @@ def observe(geometry: FaceGeometry, people: list[Draw], found: np.ndarray) -> Ob
         cosine += 2 * [facing.astype(np.float32)]
         units += 2 * [unit]
     open_eyes = np.array([not person.blinks for person in people]).repeat(2)
-    return Observations(np.stack(vertices), np.stack(cosine), found / np.array(units)[:, None, None], open_eyes)
+    return Observations(
+        np.stack(vertices), np.stack(cosine), found / np.array(units)[:, None, None], open_eyes
+    )
 
 
 def solve(geometry: FaceGeometry, seen: Observations, canonical: np.ndarray) -> np.ndarray:
@@ -132,33 +170,48 @@ def solve(geometry: FaceGeometry, seen: Observations, canonical: np.ndarray) -> 
     for point in range(COUNT):
         use = seen.part(seen.open_eyes) if point >= FIRST_IRIS else seen
         table, share = best_point(eyes if point >= FIRST_IRIS else skin, use, use.found[:, point])
-        positions[point], settled[point] = _positions(geometry, table[None])[0], share > SETTLED_SHARE
+        positions[point], settled[point] = (
+            _positions(geometry, table[None])[0],
+            share > SETTLED_SHARE,
+        )
     mirror = mirror_order(canonical)
     positions = 0.5 * (positions + positions[mirror] * [-1, 1, 1])
     settled &= settled[mirror]
     warped = _warped(canonical, positions[:FIRST_IRIS], settled[:FIRST_IRIS])
     gap = 1e3 * np.linalg.norm(warped - positions[:FIRST_IRIS], axis=1)[settled[:FIRST_IRIS]]
-    print(f"{(~settled).sum()} points left open; warped canonical face: median {np.median(gap):.2f} mm, "
-          f"95 % {np.percentile(gap, 95):.2f} mm from the others")  # fmt: skip
+    print(
+        f"{(~settled).sum()} points left open; warped canonical face: median "
+        f"{np.median(gap):.2f} mm, "
+        f"95 % {np.percentile(gap, 95):.2f} mm from the others"
+    )
     positions[:FIRST_IRIS][~settled[:FIRST_IRIS]] = warped[~settled[:FIRST_IRIS]]
-    return np.concatenate([
-        nearest_on_mesh(geometry.mean, skin, positions[:FIRST_IRIS]),
-        nearest_on_mesh(geometry.mean, eyes, positions[FIRST_IRIS:]),
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            nearest_on_mesh(geometry.mean, skin, positions[:FIRST_IRIS]),
+            nearest_on_mesh(geometry.mean, eyes, positions[FIRST_IRIS:]),
+        ]
+    )
 
 
-def best_point(triangles: np.ndarray, seen: Observations, found: np.ndarray) -> tuple[np.ndarray, float]:
-    """Three vertices and weights (6,) of the surface point nearest to ``found`` (N, 2), and how often it is seen."""
+def best_point(
+    triangles: np.ndarray, seen: Observations, found: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Three vertices and weights (6,) of the surface point nearest to ``found`` (N, 2), and how
+    often it is seen.
+    """
     vertices = np.unique(triangles)
     coarse = _cost(seen.vertices[::4, vertices], seen.cosine[::4, vertices], found[::4])[0]
     vertices = vertices[np.argsort(coarse)[: max(30, len(vertices) // 25)]]
     cost = _cost(seen.vertices[:, vertices], seen.cosine[:, vertices], found)[0]
     best = vertices[np.argsort(cost)[:3]]
     around = triangles[np.isin(triangles, best).any(axis=1)]
-    weights = np.array([(i, j, GRID - i - j) for i in range(GRID + 1) for j in range(GRID + 1 - i)]) / GRID
-    tables = np.concatenate([
-        np.repeat(around, len(weights), axis=0), np.tile(weights, (len(around), 1))
-    ], axis=1)  # fmt: skip
+    weights = (
+        np.array([(i, j, GRID - i - j) for i in range(GRID + 1) for j in range(GRID + 1 - i)])
+        / GRID
+    )
+    tables = np.concatenate(
+        [np.repeat(around, len(weights), axis=0), np.tile(weights, (len(around), 1))], axis=1
+    )
     corners = tables[:, :3].astype(int)
     at = np.einsum("ki,nkix->nkx", tables[:, 3:], seen.vertices[:, corners], optimize=True)
     cosine = np.einsum("ki,nki->nk", tables[:, 3:], seen.cosine[:, corners], optimize=True)
@@ -167,7 +220,9 @@ def best_point(triangles: np.ndarray, seen: Observations, found: np.ndarray) -> 
 
 
 def _cost(at: np.ndarray, cosine: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) robust mean distance of candidates ``at`` (N, k, 2) from ``found`` (N, 2), and their mean weight."""
+    """(k,) robust mean distance of candidates ``at`` (N, k, 2) from ``found`` (N, 2), and their
+    mean weight.
+    """
     weight = np.clip((cosine - COSINE_ZERO) / (COSINE_FULL - COSINE_ZERO), 0, 1)
     squared = ((at - found[:, None]) ** 2).sum(axis=-1) / ROBUST_SHARE**2
     share = weight.mean(axis=0)
@@ -200,11 +255,17 @@ def _nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
     a, b, c = np.moveaxis(corners, 1, 0)
     normal = np.cross(b - a, c - a)
     double = np.maximum((normal**2).sum(axis=1), 1e-30)
-    inside = np.stack([
-        np.einsum("tx,tx->t", np.cross(c - b, point - b), normal),
-        np.einsum("tx,tx->t", np.cross(a - c, point - c), normal),
-        np.einsum("tx,tx->t", np.cross(b - a, point - a), normal),
-    ], axis=1) / double[:, None]  # fmt: skip
+    inside = (
+        np.stack(
+            [
+                np.einsum("tx,tx->t", np.cross(c - b, point - b), normal),
+                np.einsum("tx,tx->t", np.cross(a - c, point - c), normal),
+                np.einsum("tx,tx->t", np.cross(b - a, point - a), normal),
+            ],
+            axis=1,
+        )
+        / double[:, None]
+    )
     choices, distances = [inside], [np.where((inside >= 0).all(1), 0.0, np.inf)]
     distances[0] += np.linalg.norm(np.einsum("ti,tix->tx", inside, corners) - point, axis=1)
     for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -219,7 +280,9 @@ def _nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def residuals(table: np.ndarray, seen: Observations) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 478, 2) detection minus table point, and the cosine (N, 478) of normal and view, -1 behind lids."""
+    """(N, 478, 2) detection minus table point, and the cosine (N, 478) of normal and view, -1
+    behind lids.
+    """
     corners = table[:, :3].astype(int)
     at = np.einsum("mi,nmix->nmx", table[:, 3:], seen.vertices[:, corners], optimize=True)
     cosine = np.einsum("mi,nmi->nm", table[:, 3:], seen.cosine[:, corners], optimize=True)

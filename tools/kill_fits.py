@@ -1,6 +1,8 @@
-"""Kill fits at random moments, resume them, and compare all that they write with the undisturbed fit.
+"""Kill fits at random moments, resume them, and compare all that they write with the undisturbed
+fit.
 
-For developers: ``.venv/bin/python tools/kill_fits.py --kills 100 --seed 0``. Exits with 1 when anything differs.
+For developers: ``.venv/bin/python tools/kill_fits.py --kills 100 --seed 0``. Exits with 1 when
+anything differs.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ TESTS = Path(__file__).resolve().parent.parent / "tests"
 OWN_FILE = "mine.txt"  # of the user, in an earlier result
 PATIENCE = 600.0
 TRIES = 5
-# When a fit is killed: at any time until its last step, between that and the writing of the result, or during it.
+# When a fit is killed: at any time until its last step, between that and the writing of the result,
+# or during it.
 ANYWHERE, AFTER, WRITING = "anywhere", "after the last step", "while writing"
 BEFORE, BETWEEN, DONE = "before the first step", "between steps", "done before"
 
@@ -106,16 +109,34 @@ class Fit:
 
     def start(self, out: Path, resume: bool = False) -> Run:
         """A process that fits into ``out``."""
-        command = [sys.executable, "-I", "-m", "facestage.cli", "fit", *self.arguments, "--out", str(out)]
+        command = [
+            sys.executable,
+            "-I",
+            "-m",
+            "facestage.cli",
+            "fit",
+            *self.arguments,
+            "--out",
+            str(out),
+        ]
         process = subprocess.Popen(
-            [*command, *(["--resume"] if resume else [])], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
+            [*command, *(["--resume"] if resume else [])],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
         return Run(process)
 
     def kill(self, out: Path, resume: bool, where: str, chance: random.Random) -> str:
-        """Start a fit, kill it at a random moment; what it was at and which signal, or that it was done before."""
-        share, number = chance.random(), chance.choice([signal.SIGKILL] * 3 + [signal.SIGTERM, signal.SIGINT])
+        """Start a fit, kill it at a random moment; what it was at and which signal, or that it was
+        done before.
+        """
+        share, number = (
+            chance.random(),
+            chance.choice([signal.SIGKILL] * 3 + [signal.SIGTERM, signal.SIGINT]),
+        )
         run = self.start(out, resume)
         run.last_step = self.last_step
         moment = share * self.times.last_step
@@ -204,7 +225,11 @@ def make_fits(folder: Path) -> list[Fit]:
 
     first = cases[0]
     one = [str(first.photo), "--landmarks", str(first.landmarks), "--camera", str(first.camera)]
-    both = [*(str(case.photo) for case in cases), *files("--landmarks", "landmarks"), *files("--camera", "camera")]
+    both = [
+        *(str(case.photo) for case in cases),
+        *files("--landmarks", "landmarks"),
+        *files("--camera", "camera"),
+    ]
     return [
         Fit("one photo", [*one, "--truth", str(first.truth), *shared], folder),
         Fit("two photos", [*both, "--same-person", *shared], folder),
@@ -214,16 +239,24 @@ def make_fits(folder: Path) -> list[Fit]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the trials and print the table; 1 when one ended differently."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=100, help="how many fits to kill (default 100)")
+    parser.add_argument(
+        "--kills", type=int, default=100, help="how many fits to kill (default 100)"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="how many at a time (default 1)")
     parser.add_argument("--seed", type=int, default=0, help="of the moments (default 0)")
     options = parser.parse_args(arguments)
     sys.path.insert(0, str(TESTS))
     began, counts, unequal = time.monotonic(), Counter[tuple[str, bool]](), 0
-    with tempfile.TemporaryDirectory(prefix="facestage-kills-") as name, ThreadPoolExecutor(options.jobs) as pool:
+    with (
+        tempfile.TemporaryDirectory(prefix="facestage-kills-") as name,
+        ThreadPoolExecutor(options.jobs) as pool,
+    ):
         fits = make_fits(Path(name))
         for fit in fits:
-            print(f"{fit.name}: {fit.times.end:.1f} s undisturbed, the last step after {fit.times.last_step:.1f} s")
+            print(
+                f"{fit.name}: {fit.times.end:.1f} s undisturbed, the last step after "
+                f"{fit.times.last_step:.1f} s"
+            )
 
         def trial(number: int) -> tuple[str, list[str], list[str]]:
             # Each has a seed of its own, so that one can be told apart and done again.
@@ -240,7 +273,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"\n{'killed':48} equal  different")
     for how in sorted({how for how, _ in counts}):
         print(f"{how:48} {counts[how, True]:5d}  {counts[how, False]:9d}")
-    print(f"{options.kills - unequal} of {options.kills} equal, seed {options.seed}, {time.monotonic() - began:.0f} s")
+    print(
+        f"{options.kills - unequal} of {options.kills} equal, seed {options.seed}, "
+        f"{time.monotonic() - began:.0f} s"
+    )
     return 1 if unequal else 0
 
 

@@ -1,4 +1,5 @@
-"""Pictures of a face model at known shapes and poses, and what MediaPipe's landmark network sees in them.
+"""Pictures of a face model at known shapes and poses, and what MediaPipe's landmark network sees in
+them.
 
 Used by derive_landmarks.py alone; the fit never needs it.
 """
@@ -27,13 +28,19 @@ from facestage.image_io import linear_to_srgb
 
 SIDE, NET_SIDE = 384, 256
 LIGHTS = 20
-# The network's own tracker crops a square of 1.5 times the landmarks' bounding box, turned so that the eyes are level.
+# The network's own tracker crops a square of 1.5 times the landmarks' bounding box, turned so that
+# the eyes are level.
 CROP_SCALE = 1.5
 EYE_CORNERS = (33, 263)
-# Each iris has its centre first, then four points of its border. In both they run the same way round the picture, so
-# the mirror image exchanges two of them.
+# Each iris has its centre first, then four points of its border. In both they run the same way
+# round the picture, so the mirror image exchanges two of them.
 IRIS_MIRROR = (473, 476, 475, 474, 477, 468, 471, 470, 469, 472)
-BROW, LIP, LID, HAIR = (0.05, 0.035, 0.028), (0.30, 0.115, 0.10), (0.06, 0.035, 0.03), (0.06, 0.045, 0.035)
+BROW, LIP, LID, HAIR = (
+    (0.05, 0.035, 0.028),
+    (0.30, 0.115, 0.10),
+    (0.06, 0.035, 0.03),
+    (0.06, 0.045, 0.035),
+)
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,10 @@ class Draw:
 
 
 def draw_person(
-    model: FaceModel, rng: np.random.Generator, angles: tuple[float, float, float] | None = None, spread: float = 0.8
+    model: FaceModel,
+    rng: np.random.Generator,
+    angles: tuple[float, float, float] | None = None,
+    spread: float = 0.8,
 ) -> Draw:
     """A random face; ``angles`` (yaw, pitch, roll) in degrees, drawn when None."""
     identity = np.clip(spread * rng.normal(size=len(model.identity_names)), -2, 2)
@@ -87,9 +97,17 @@ class Photographer:
     def state(self, person: Draw) -> State:
         """The person as the fit's parameters."""
         return State(
-            person.rotation, person.translation, person.camera, person.identity, person.expression, np.zeros(0),
-            np.zeros((LIGHTS, 2)), np.zeros(len(self.model.albedo_basis)), 0.45, np.full((4, 4), 0.7),
-        )  # fmt: skip
+            person.rotation,
+            person.translation,
+            person.camera,
+            person.identity,
+            person.expression,
+            np.zeros(0),
+            np.zeros((LIGHTS, 2)),
+            np.zeros(len(self.model.albedo_basis)),
+            0.45,
+            np.full((4, 4), 0.7),
+        )
 
     def picture(self, person: Draw, rng: np.random.Generator) -> np.ndarray:
         """(SIDE, SIDE, 3) uint8 sRGB, red first: soft light with a key lamp somewhere in front."""
@@ -101,7 +119,9 @@ class Photographer:
         level[rng.integers(0, LIGHTS // 2)] *= rng.uniform(1, 4)
         matrix = np.eye(4)
         matrix[:3, 3] = person.translation
-        stage = self.stage.transformed(matrix).with_radiance(level[:, None] * (1 + 0.1 * rng.uniform(-1, 1, 3)))
+        stage = self.stage.transformed(matrix).with_radiance(
+            level[:, None] * (1 + 0.1 * rng.uniform(-1, 1, 3))
+        )
         terms = self.forward.light_terms(state, surface, stage, 2, int(rng.integers(1 << 30)))
         colors = self._albedo(rng)[self.geometry.used]
         albedo = np.einsum("pi,pic->pc", surface.weights, colors[surface.corners])
@@ -114,7 +134,10 @@ class Photographer:
     def outline(self, person: Draw) -> np.ndarray:
         """(68, 2) pixels of the 68 landmarks."""
         corners, weights = self.model.landmark_vertices("ibug68")
-        shape = self.model.shape(person.identity, person.expression) @ person.rotation.T + person.translation
+        shape = (
+            self.model.shape(person.identity, person.expression) @ person.rotation.T
+            + person.translation
+        )
         return person.camera.project(np.einsum("mi,mix->mx", weights, shape[corners]))
 
     def _albedo(self, rng: np.random.Generator) -> np.ndarray:
@@ -130,7 +153,9 @@ class Photographer:
         return color
 
 
-def _make_up(model: FaceModel, rng: np.random.Generator) -> list[tuple[tuple[float, float, float], np.ndarray]]:
+def _make_up(
+    model: FaceModel, rng: np.random.Generator
+) -> list[tuple[tuple[float, float, float], np.ndarray]]:
     """Colors and their weights (n,), from the 68 landmarks of the mean face."""
     corners, barycentric = model.landmark_vertices("ibug68")
     mark = np.einsum("mi,mix->mx", barycentric, model.vertices[corners]).astype(float)
@@ -148,8 +173,15 @@ def _make_up(model: FaceModel, rng: np.random.Generator) -> list[tuple[tuple[flo
     lips = _lip_weight(points, mark)
     hairline = mark[27, 1] + rng.uniform(0.05, 0.075)
     sides = points[:, 2] < mark[[0, 16], 2].mean() - 0.01
-    hair = ((points[:, 1] > hairline) | (~face & sides & (points[:, 1] > mark[8, 1]))) * float(rng.random() < 0.7)
-    return [(BROW, 0.85 * brow * skin), (LIP, 0.75 * lips * skin), (LID, 0.6 * lid * skin), (HAIR, 0.9 * hair * skin)]
+    hair = ((points[:, 1] > hairline) | (~face & sides & (points[:, 1] > mark[8, 1]))) * float(
+        rng.random() < 0.7
+    )
+    return [
+        (BROW, 0.85 * brow * skin),
+        (LIP, 0.75 * lips * skin),
+        (LID, 0.6 * lid * skin),
+        (HAIR, 0.9 * hair * skin),
+    ]
 
 
 def _near(points: np.ndarray, line: np.ndarray, width: float) -> np.ndarray:
@@ -179,7 +211,9 @@ class LandmarkNet:
         self._outputs = self._net.getUnconnectedOutLayersNames()
 
     def detect(self, picture: np.ndarray, box: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """(478, 2) pixels of ``picture`` (h, w, 3) uint8; ``box`` (2, 2) of low and high corner is the first guess."""
+        """(478, 2) pixels of ``picture`` (h, w, 3) uint8; ``box`` (2, 2) of low and high corner is
+        the first guess.
+        """
         centre, side, angle = box.mean(axis=0), CROP_SCALE * np.ptp(box, axis=0).max(), 0.0
         points = np.zeros((478, 2))
         for _ in range(2):
@@ -192,16 +226,21 @@ class LandmarkNet:
             side = CROP_SCALE * np.ptp(level, axis=0).max()
         return points
 
-    def _once(self, picture: np.ndarray, centre: np.ndarray, side: float, angle: float) -> np.ndarray:
+    def _once(
+        self, picture: np.ndarray, centre: np.ndarray, side: float, angle: float
+    ) -> np.ndarray:
         cos, sin = side / NET_SIDE * np.cos(angle), side / NET_SIDE * np.sin(angle)
         linear = np.array([[cos, -sin], [sin, cos]])
         # Pixel centres are at halves in the points, at whole numbers in OpenCV.
         shift = centre - linear @ np.full(2, NET_SIDE / 2)
         matrix = np.column_stack([linear, shift + linear @ [0.5, 0.5] - 0.5])
         crop = cv2.warpAffine(
-            picture, matrix, (NET_SIDE, NET_SIDE), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            picture,
+            matrix,
+            (NET_SIDE, NET_SIDE),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
+        )
         self._net.setInput(cv2.dnn.blobFromImage(crop, 1 / 255.0))
         found = next(item for item in self._net.forward(self._outputs) if item.size == 478 * 3)
         return found.reshape(478, 3)[:, :2] @ linear.T + shift
@@ -213,7 +252,9 @@ def canonical_mesh(bundle: Path) -> np.ndarray:
         data = archive.read("geometry_pipeline_metadata_landmarks.binarypb")
     mesh = next(value for field, value in _fields(data) if field == 1)
     assert isinstance(mesh, bytes)
-    numbers = b"".join(value for field, value in _fields(mesh) if field == 3 and isinstance(value, bytes))
+    numbers = b"".join(
+        value for field, value in _fields(mesh) if field == 3 and isinstance(value, bytes)
+    )
     return np.frombuffer(numbers, "<f4").reshape(-1, 5)[:, :3].astype(float)
 
 

@@ -1,4 +1,5 @@
-"""How far MediaPipe's landmarks are off, each for itself and together, from what derive_landmarks.py measured.
+"""How far MediaPipe's landmarks are off, each for itself and together, from what
+derive_landmarks.py measured.
 
 python tools/landmark_scatter.py face_landmarker.task RESIDUALS.npz... --out mediapipe478.npz
 """
@@ -18,15 +19,17 @@ WELL, BARELY = 0.4, -0.1
 COUNT_MIN = 30
 # Median of a Rayleigh distribution over its standard deviation per axis.
 RAYLEIGH_MEDIAN = 1.1774
-# The distance of the outer eye corners over the face's size (jaw and brows), and a sharp point's deviation in shares of
-# the latter, which is the unit of what is written.
+# The distance of the outer eye corners over the face's size (jaw and brows), and a sharp point's
+# deviation in shares of the latter, which is the unit of what is written.
 EYE_CORNERS_PER_FACE, SHARP = 0.62, 0.0085
 CLIP = 3.0  # standard deviations, so that a few wild detections do not make the correlation
 
 
 def main() -> None:
     """Average the given files and write the result."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("bundle", type=Path, help="face_landmarker.task")
     parser.add_argument("residuals", type=Path, nargs="+", help="one file of each model")
     parser.add_argument("--out", type=Path, required=True, help="the .npz to write")
@@ -40,8 +43,10 @@ def main() -> None:
         shows = cosine > WELL
         left = without_pose(residual, shows, deviation, arrays["positions"])
         squared = squared_correlation(left, shows, deviations(left, cosine))
-        print(f"{path.name}: deviation {100 * np.median(deviation):.2f} % (median), "
-              f"{1 / squared:.0f} independent points")  # fmt: skip
+        print(
+            f"{path.name}: deviation {100 * np.median(deviation):.2f} % (median), "
+            f"{1 / squared:.0f} independent points"
+        )
         logs.append(np.log(deviation))
         squares.append(squared)
     mean = np.mean(logs, axis=0)
@@ -51,7 +56,9 @@ def main() -> None:
 
 
 def deviations(residual: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """(478,) robust standard deviation per axis, in shares of the distance of the outer eye corners."""
+    """(478,) robust standard deviation per axis, in shares of the distance of the outer eye
+    corners.
+    """
     distance = np.linalg.norm(residual, axis=-1)
     result = np.empty(distance.shape[1])
     for point, (lengths, faces) in enumerate(zip(distance.T, cosine.T, strict=True)):
@@ -60,22 +67,31 @@ def deviations(residual: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     return result
 
 
-def without_pose(residual: np.ndarray, shows: np.ndarray, deviation: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """(N, 478, 2) what an affine motion of each picture leaves: a fit gives the rest to the pose, not to the shape."""
-    design = np.column_stack([np.ones(len(positions)), positions[:, :2] / np.abs(positions[:, :2]).max()])
+def without_pose(
+    residual: np.ndarray, shows: np.ndarray, deviation: np.ndarray, positions: np.ndarray
+) -> np.ndarray:
+    """(N, 478, 2) what an affine motion of each picture leaves: a fit gives the rest to the pose,
+    not to the shape.
+    """
+    design = np.column_stack(
+        [np.ones(len(positions)), positions[:, :2] / np.abs(positions[:, :2]).max()]
+    )
     result = np.empty_like(residual)
     for left, picture, seen in zip(result, residual, shows, strict=True):
         weight = (seen / deviation)[:, None]
-        left[:] = picture - design @ np.linalg.lstsq(design * weight, picture * weight, rcond=None)[0]
+        left[:] = (
+            picture - design @ np.linalg.lstsq(design * weight, picture * weight, rcond=None)[0]
+        )
     return result
 
 
 def squared_correlation(residual: np.ndarray, shows: np.ndarray, deviation: np.ndarray) -> float:
-    """Mean squared correlation of all pairs of points: one over how many independent points there are.
+    """Mean squared correlation of all pairs of points: one over how many independent points there
+    are.
 
-    That is (tr C)^2 / tr C^2 of the correlation matrix C (Bretherton et al. 1999, "The Effective Number of Spatial
-    Degrees of Freedom of a Time-Varying Field"), less what chance adds to a square: a picture and its mirror image
-    count as one observation of two coordinates.
+    That is (tr C)^2 / tr C^2 of the correlation matrix C (Bretherton et al. 1999, "The Effective
+    Number of Spatial Degrees of Freedom of a Time-Varying Field"), less what chance adds to a
+    square: a picture and its mirror image count as one observation of two coordinates.
     """
     use = shows.sum(axis=0) >= COUNT_MIN
     residual, shows, deviation = residual[:, use], shows[:, use], deviation[use]

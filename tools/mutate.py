@@ -1,12 +1,14 @@
 """Mutation testing: each of many small errors put into a module must turn one of its tests red.
 
-A mutant lives in the memory of a child that runs the module's tests; the working tree is never changed. The child
-is forked from a process that has imported what takes long and has started no renderer, whose threads no fork survives.
+A mutant lives in the memory of a child that runs the module's tests; the working tree is never
+changed. The child is forked from a process that has imported what takes long and has started no
+renderer, whose threads no fork survives.
 
     python tools/mutate.py --modules fit.trust.guard contract.camera --count 20
 
-Two libraries were tried first. mutmut could not collect these tests, and forks after it has run them, renderer and all;
-cosmic-ray changes the files in place, changes numbers by one only, and pays seconds of imports for each mutant.
+Two libraries were tried first. mutmut could not collect these tests, and forks after it has run
+them, renderer and all; cosmic-ray changes the files in place, changes numbers by one only, and pays
+seconds of imports for each mutant.
 """
 
 from __future__ import annotations
@@ -41,42 +43,90 @@ TESTS: dict[str, tuple[str, ...]] = {
     },
     "fit.trust.checks": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.solve.descent": (FIT + "solve/test_descent.py",),
-    "fit.energy.photo_term": (FIT + "energy/test_energy_values.py", FIT + "energy/test_photometric.py", FIT + "energy/test_plan.py"),
+    "fit.energy.photo_term": (
+        FIT + "energy/test_energy_values.py",
+        FIT + "energy/test_photometric.py",
+        FIT + "energy/test_plan.py",
+    ),
     "fit.trust.guard": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.energy.landmark_term": (
-        FIT + "energy/test_landmark_values.py", FIT + "energy/test_landmark_term.py", FIT + "face/test_contour_lines.py",
+        FIT + "energy/test_landmark_values.py",
+        FIT + "energy/test_landmark_term.py",
+        FIT + "face/test_contour_lines.py",
     ),
     "fit.energy.noise": (FIT + "energy/test_noise_values.py", FIT + "energy/test_noise.py"),
     "fit.energy.normal_equations": (FIT + "energy/test_normal_equations.py",),
-    "fit.energy.photo_jacobian": (FIT + "energy/test_normal_equations.py", FIT + "energy/test_photometric.py"),
+    "fit.energy.photo_jacobian": (
+        FIT + "energy/test_normal_equations.py",
+        FIT + "energy/test_photometric.py",
+    ),
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
     "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
     "fit.stages.stage": (FIT + "energy/test_plan.py", FIT + "stages/test_recovery.py"),
     "fit.energy.shadow_edges": (FIT + "energy/test_shadow_edges.py",),
-    "fit.energy.silhouette": (FIT + "energy/test_silhouette_values.py", FIT + "energy/test_silhouette.py"),
+    "fit.energy.silhouette": (
+        FIT + "energy/test_silhouette_values.py",
+        FIT + "energy/test_silhouette.py",
+    ),
     "fit.solve.bounded_step": (FIT + "solve/test_solver.py",),
-}  # fmt: skip
+}
 HEAVY = (
-    "numpy", "scipy.linalg", "scipy.ndimage", "scipy.sparse", "scipy.stats", "scipy.spatial.transform",
-    "scipy.optimize", "scipy.interpolate", "skimage", "PIL.Image", "marshmallow", "hypothesis", "pytest", "cv2",
-)  # fmt: skip
-OPTIONS = ("-q", "-x", "-p", "no:cacheprovider", "--tb=line", "-W", "ignore::pytest.PytestAssertRewriteWarning")
+    "numpy",
+    "scipy.linalg",
+    "scipy.ndimage",
+    "scipy.sparse",
+    "scipy.stats",
+    "scipy.spatial.transform",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "skimage",
+    "PIL.Image",
+    "marshmallow",
+    "hypothesis",
+    "pytest",
+    "cv2",
+)
+OPTIONS = (
+    "-q",
+    "-x",
+    "-p",
+    "no:cacheprovider",
+    "--tb=line",
+    "-W",
+    "ignore::pytest.PytestAssertRewriteWarning",
+)
 SECONDS = 120.0  # a mutant that takes longer hangs
 ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
-    ast.Pow: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Mod: ast.Mult,
-}  # fmt: skip
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.Mod: ast.Mult,
+}
 # Each comparison becomes its neighbor and its opposite.
 COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
-    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
-    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
+    ast.Lt: (ast.LtE, ast.GtE),
+    ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.LtE),
+    ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,),
     ast.NotIn: (ast.In,),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a module: the number of the node in :func:`ast.walk`'s order, and which of its changes."""
+    """One change of a module: the number of the node in :func:`ast.walk`'s order, and which of its
+    changes.
+    """
 
     module: str
     node: int
@@ -128,19 +178,29 @@ def variants(node: ast.AST) -> list[tuple[str, ast.AST]]:
 
 
 def skipped(tree: ast.Module) -> set[int]:
-    """Nodes (by id) whose change no test could see: docstrings, annotations, messages of errors, fields' defaults."""
+    """Nodes (by id) whose change no test could see: docstrings, annotations, messages of errors,
+    fields' defaults.
+    """
     result: set[int] = set()
     for node in ast.walk(tree):
         hidden: list[ast.AST | None] = []
         if isinstance(node, ast.FunctionDef):
             arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
-            hidden += [node.returns, *(argument.annotation for argument in arguments), *node.decorator_list]
+            hidden += [
+                node.returns,
+                *(argument.annotation for argument in arguments),
+                *node.decorator_list,
+            ]
         elif isinstance(node, ast.AnnAssign):
             hidden.append(node.annotation)
         text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         if text or isinstance(node, ast.JoinedStr | ast.Assert):
             hidden.append(node)
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+        if (
+            isinstance(node, ast.If)
+            and isinstance(node.test, ast.Name)
+            and node.test.id == "TYPE_CHECKING"
+        ):
             hidden.append(node)
         for one in hidden:
             if one is not None:
@@ -193,8 +253,12 @@ class _Loader(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         exec(compile(self.tree, str(self.path), "exec"), module.__dict__)
 
 
-def survives(module: str, tests: Sequence[str], tree: ast.Module, path: Path, log: Path) -> tuple[bool, float]:
-    """Whether ``tests`` stay green over the mutated ``tree``, and the seconds it took; a hang is red."""
+def survives(
+    module: str, tests: Sequence[str], tree: ast.Module, path: Path, log: Path
+) -> tuple[bool, float]:
+    """Whether ``tests`` stay green over the mutated ``tree``, and the seconds it took; a hang is
+    red.
+    """
     began = time.monotonic()
     child = os.fork()
     if child == 0:
@@ -233,7 +297,10 @@ def chosen(module: str, source: str, count: int, seed: int) -> list[Mutant]:
 
 
 def examine(module: str, count: int, seed: int, root: Path, log: Path) -> Iterator[Mutant]:
-    """The chosen mutants of a module, each with whether it survived. Raises SystemExit where the tests are red."""
+    """The chosen mutants of a module, each with whether it survived.
+
+    Raises SystemExit where the tests are red.
+    """
     path = root / "backend" / "facestage" / f"{module.replace('.', '/')}.py"
     source = path.read_text(encoding="utf-8")
     tests = [test for test in TESTS[module] if (root / test).is_file()]
@@ -242,17 +309,27 @@ def examine(module: str, count: int, seed: int, root: Path, log: Path) -> Iterat
         raise SystemExit(f"The tests of {module} are red without any mutant; see {log}.")
     for mutant in chosen(module, source, count, seed):
         survived, seconds = survives(module, tests, mutated(source, mutant), path, log)
-        yield Mutant(module, mutant.node, mutant.variant, mutant.line, mutant.words, survived, seconds)
+        yield Mutant(
+            module, mutant.node, mutant.variant, mutant.line, mutant.words, survived, seconds
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Examine the modules, print the survivors and a table, and keep every mutant in a file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--modules", nargs="*", default=sorted(TESTS), help="modules of facestage; all by default")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--modules", nargs="*", default=sorted(TESTS), help="modules of facestage; all by default"
+    )
     parser.add_argument("--count", type=int, default=40, help="mutants per module at most (40)")
     parser.add_argument("--seed", type=int, default=0, help="which mutants are drawn (0)")
-    parser.add_argument("--out", type=Path, default=REPOSITORY / "build" / "mutants", help="folder for the outcome")
-    parser.add_argument("--root", type=Path, default=REPOSITORY, help="another working tree to examine")
+    parser.add_argument(
+        "--out", type=Path, default=REPOSITORY / "build" / "mutants", help="folder for the outcome"
+    )
+    parser.add_argument(
+        "--root", type=Path, default=REPOSITORY, help="another working tree to examine"
+    )
     given = parser.parse_args(arguments)
     out, root = given.out.resolve(), given.root.resolve()
     out.mkdir(parents=True, exist_ok=True)

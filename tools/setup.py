@@ -23,7 +23,8 @@ PROJECT = Path(__file__).resolve().parent.parent
 VENV = PROJECT / ".venv"
 STAMP = VENV / "facestage-setup.stamp"
 SUPPORTED = ("3.11", "3.13")  # the Pythons inside Blender 4.2-5.0 and 5.1+
-# Only files whose digests are in the list, and nothing that would have to be built: a build fetches what no list names.
+# Only files whose digests are in the list, and nothing that would have to be built: a build fetches
+# what no list names.
 LOCKED = ("--require-hashes", "--only-binary", ":all:")
 INGREDIENTS = ("pyproject.toml", "tools/*.py", "requirements/*.txt")
 
@@ -31,8 +32,12 @@ INGREDIENTS = ("pyproject.toml", "tools/*.py", "requirements/*.txt")
 def main() -> int:
     """Set up, or say in one sentence what the user has to do. Returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--python", help="interpreter for the environment (default: 3.11, else 3.13, on PATH)")
-    parser.add_argument("--force", action="store_true", help="set up again although nothing changed")
+    parser.add_argument(
+        "--python", help="interpreter for the environment (default: 3.11, else 3.13, on PATH)"
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="set up again although nothing changed"
+    )
     options = parser.parse_args()
     try:
         set_up(options.python, options.force)
@@ -63,7 +68,9 @@ def set_up(python: str | None, force: bool) -> None:
 
 
 def fingerprint() -> str:
-    """A digest of everything the environment is made from; the folder counts, since paths are stored in it."""
+    """A digest of everything the environment is made from; the folder counts, since paths are
+    stored in it.
+    """
     digest = hashlib.sha256(str(PROJECT).encode())
     for pattern in INGREDIENTS:
         for path in sorted(PROJECT.glob(pattern)):
@@ -82,10 +89,14 @@ def venv_version() -> str | None:
 
 
 def python_version(executable: str) -> str | None:
-    """Major.minor of an interpreter, or None when it does not start (a pyenv shim, a dangling link)."""
+    """Major.minor of an interpreter, or None when it does not start (a pyenv shim, a dangling
+    link).
+    """
     code = "import sys; print('%d.%d' % sys.version_info[:2])"
     try:
-        done = subprocess.run([executable, "-I", "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        done = subprocess.run(
+            [executable, "-I", "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        )
     except OSError:
         return None
     return done.stdout.decode().strip() if done.returncode == 0 else None
@@ -93,7 +104,11 @@ def python_version(executable: str) -> str | None:
 
 def find_python(wanted: str | None) -> str:
     """The interpreter to build the environment with."""
-    names = [wanted] if wanted else [*(f"python{version}" for version in SUPPORTED), "python3", sys.executable]
+    names = (
+        [wanted]
+        if wanted
+        else [*(f"python{version}" for version in SUPPORTED), "python3", sys.executable]
+    )
     found: dict[str, str] = {}
     for name in names:
         path = shutil.which(name)
@@ -106,22 +121,29 @@ def find_python(wanted: str | None) -> str:
     have = ", ".join(sorted(found)) or "none"
     raise SetupError(
         f"Python {' or '.join(SUPPORTED)} is needed, found: {have}; "
-        "install Python 3.11 (Debian: apt-get install python3 python3-venv; elsewhere: python.org) and run it again."
+        "install Python 3.11 (Debian: apt-get install python3 python3-venv; elsewhere: "
+        "python.org) and run it again."
     )
 
 
 def create_environment(python: str) -> None:
-    """Make .venv anew with ``python``; on a Debian without ensurepip, root gets python3-venv installed."""
+    """Make .venv anew with ``python``; on a Debian without ensurepip, root gets python3-venv
+    installed.
+    """
     if VENV.exists():
         say("The folder .venv is not a usable environment of the Python wanted; making it anew.")
         shutil.rmtree(VENV)
     say(f"Making .venv with {python} ...")
-    if subprocess.run([python, "-I", "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL).returncode:
+    if subprocess.run(
+        [python, "-I", "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL
+    ).returncode:
         install_venv_module(python)
     done = run([python, "-I", "-m", "venv", str(VENV)])
     if done.returncode:
         shutil.rmtree(VENV, ignore_errors=True)
-        raise SetupError(f"'{python} -m venv .venv' failed ({last_line(done)}); mend that and run it again.")
+        raise SetupError(
+            f"'{python} -m venv .venv' failed ({last_line(done)}); mend that and run it again."
+        )
 
 
 def install_venv_module(python: str) -> None:
@@ -136,7 +158,10 @@ def install_venv_module(python: str) -> None:
 def install_packages() -> None:
     """Install the locked packages and the project itself, editable."""
     lock = PROJECT / "requirements" / f"python{venv_version()}.txt"
-    say(f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the first time) ...")
+    say(
+        f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the "
+        "first time) ..."
+    )
     pip(*LOCKED, "-r", str(lock))
     # With the locked setuptools: a build of its own would fetch another.
     pip("--no-deps", "--no-build-isolation", "--no-index", "--editable", str(PROJECT))
@@ -144,7 +169,16 @@ def install_packages() -> None:
 
 def pip(*arguments: str) -> None:
     """Run pip install; on failure show its output and raise SetupError."""
-    command = [str(venv_python()), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--quiet", *arguments]
+    command = [
+        str(venv_python()),
+        "-I",
+        "-m",
+        "pip",
+        "install",
+        "--disable-pip-version-check",
+        "--quiet",
+        *arguments,
+    ]
     done = run(command)
     if done.returncode:
         print(done.stdout, file=sys.stderr)
@@ -157,9 +191,13 @@ def pip(*arguments: str) -> None:
 def run(command: list[str]) -> subprocess.CompletedProcess[str]:
     """Run a command without input, with its output and errors captured together."""
     return subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
         errors="replace",
-    )  # fmt: skip
+    )
 
 
 def last_line(done: subprocess.CompletedProcess[str]) -> str:

@@ -1,4 +1,5 @@
-"""Facestage's Blender extension: build a light stage and a face rig, fit them to a photo, edit the result.
+"""Facestage's Blender extension: build a light stage and a face rig, fit them to a photo, edit the
+result.
 
 May import bpy, numpy and facestage.contract only; the fitting itself runs in a process of its own.
 Importing this package is cheap and needs no bpy; :func:`register` loads the rest.

@@ -14,11 +14,15 @@ VARIABLE = "FACESTAGE_BACKEND"
 
 
 def find_backend(preferred: str = "") -> list[str]:
-    """The backend's command: the user's, else $FACESTAGE_BACKEND, else beside this Python, else on the PATH.
+    """The backend's command: the user's, else $FACESTAGE_BACKEND, else beside this Python, else on
+    the PATH.
 
     Raises BackendUnavailableError when there is none.
     """
-    for given, origin in ((preferred, "the add-on's preferences"), (os.environ.get(VARIABLE, ""), f"${VARIABLE}")):
+    for given, origin in (
+        (preferred, "the add-on's preferences"),
+        (os.environ.get(VARIABLE, ""), f"${VARIABLE}"),
+    ):
         if given.strip():
             return _resolved(given.strip(), origin)
     beside = Path(sys.executable).parent / ("facestage.exe" if os.name == "nt" else "facestage")
@@ -28,14 +32,23 @@ def find_backend(preferred: str = "") -> list[str]:
     if found:
         return [found]
     raise BackendUnavailableError(
-        "The Facestage backend was not found; install it (pip install facestage) and set its path in the add-on's "
+        "The Facestage backend was not found; install it (pip install facestage) and set its "
+        "path in the add-on's "
         f"preferences or in ${VARIABLE}."
     )
 
 
 def fit_command(backend: list[str], job: Path, out: Path, resume: bool = False) -> list[str]:
     """The command that fits a job folder into a result folder."""
-    return [*backend, "fit", "--job", str(job), "--out", str(out), *(["--resume"] if resume else [])]
+    return [
+        *backend,
+        "fit",
+        "--job",
+        str(job),
+        "--out",
+        str(out),
+        *(["--resume"] if resume else []),
+    ]
 
 
 def detect_command(backend: list[str], image: Path, out: Path, face: int = 1) -> list[str]:
@@ -71,12 +84,16 @@ def _resolved(text: str, origin: str) -> list[str]:
     name = words[0] if words else ""
     program = _on_path(name) if name == Path(name).name else shutil.which(name)
     if program is None:
-        raise BackendUnavailableError(f"The backend '{name}' set in {origin} does not exist; correct the path.")
+        raise BackendUnavailableError(
+            f"The backend '{name}' set in {origin} does not exist; correct the path."
+        )
     return [program, *words[1:]]
 
 
 def _on_path(name: str) -> str | None:
-    """The program ``name`` in a folder of $PATH that is named in full: one beside a photo may be anybody's."""
+    """The program ``name`` in a folder of $PATH that is named in full: one beside a photo may be
+    anybody's.
+    """
     for folder in map(Path, os.get_exec_path()):
         for suffix in ("", ".exe", ".bat", ".cmd") if os.name == "nt" else ("",):
             program = folder / f"{name}{suffix}"

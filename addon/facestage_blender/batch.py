@@ -1,7 +1,8 @@
 """Facestage without a window.
 
     python -P -m facestage_blender.batch --image PHOTO --out DIR [options]
-    blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out DIR [options]
+    blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out
+    DIR [options]
 
 Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.
 """
@@ -42,39 +43,70 @@ class Parser(argparse.ArgumentParser):
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    result = Parser(prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend.")
+    result = Parser(
+        prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend."
+    )
     result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
-    result.add_argument("--out", type=Path, required=True, help="folder for the .blend, the result and the pictures")
+    result.add_argument(
+        "--out", type=Path, required=True, help="folder for the .blend, the result and the pictures"
+    )
     face = result.add_mutually_exclusive_group()
     face.add_argument(
-        "--landmarks", type=Path, help="landmark file of the photo (landmarks.json); without it they are detected"
+        "--landmarks",
+        type=Path,
+        help="landmark file of the photo (landmarks.json); without it they are detected",
     )
     face.add_argument(
-        "--face", type=_face, default=1, metavar="K", help="which face to detect: 1 is the largest (default)"
+        "--face",
+        type=_face,
+        default=1,
+        metavar="K",
+        help="which face to detect: 1 is the largest (default)",
     )
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
     result.add_argument(
-        "--model", default="default", help="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE"
+        "--model",
+        default="default",
+        help="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
     )
     result.add_argument(
-        "--rig-blend", type=Path, metavar="FILE.blend", help="a scene with a face mesh of your own, instead of --model"
+        "--rig-blend",
+        type=Path,
+        metavar="FILE.blend",
+        help="a scene with a face mesh of your own, instead of --model",
     )
     result.add_argument("--rig-object", default="", metavar="NAME", help="the mesh in --rig-blend")
     result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
-    result.add_argument("--freeze", choices=PARAMETERS, nargs="*", default=[], metavar="NAME", help="what not to fit")
     result.add_argument(
-        "--budget", type=_budget, default=(None, GOOD), metavar="SECONDS|NAME",
+        "--freeze",
+        choices=PARAMETERS,
+        nargs="*",
+        default=[],
+        metavar="NAME",
+        help="what not to fit",
+    )
+    result.add_argument(
+        "--budget",
+        type=_budget,
+        default=(None, GOOD),
+        metavar="SECONDS|NAME",
         help=f"seconds that the fit may take, or {', '.join(QUALITIES)}",
-    )  # fmt: skip
+    )
     result.add_argument("--seed", type=int, default=0)
     result.add_argument("--device", choices=DEVICES, default="auto")
     result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
-    result.add_argument("--resume", action="store_true", help="go on from the last checkpoint in --out")
     result.add_argument(
-        "--relight", choices=sorted(LIGHT_DIRECTIONS), nargs="*", default=[], help="also render lit from there"
+        "--resume", action="store_true", help="go on from the last checkpoint in --out"
+    )
+    result.add_argument(
+        "--relight",
+        choices=sorted(LIGHT_DIRECTIONS),
+        nargs="*",
+        default=[],
+        help="also render lit from there",
     )
     result.add_argument(
         "--expression",
@@ -84,8 +116,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME=VALUE",
         help="render this expression",
     )
-    result.add_argument("--resolution", type=int, help="longer side of the extra pictures in pixels")
-    result.add_argument("--samples", type=int, default=64, help="samples per pixel of the extra pictures")
+    result.add_argument(
+        "--resolution", type=int, help="longer side of the extra pictures in pixels"
+    )
+    result.add_argument(
+        "--samples", type=int, default=64, help="samples per pixel of the extra pictures"
+    )
     return result
 
 
@@ -101,7 +137,10 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"facestage: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.", file=sys.stderr)
+        print(
+            "facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.",
+            file=sys.stderr,
+        )
         return 3
     except OSError as error:
         print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
@@ -115,15 +154,28 @@ def run(options: argparse.Namespace, backend: list[str]) -> None:
 
     out = options.out.resolve()
     order = pipeline.Order(
-        image=options.image.resolve(), out=out,
-        landmarks=_resolved(options.landmarks), camera=_resolved(options.camera), focal_px=options.focal_px,
-        model=options.model, lights=options.lights, light_color=options.light_color,
-        freeze=tuple(options.freeze), budget=options.budget[0], quality=options.budget[1],
-        seed=options.seed, device=options.device, truth=_resolved(options.truth), resume=options.resume,
+        image=options.image.resolve(),
+        out=out,
+        landmarks=_resolved(options.landmarks),
+        camera=_resolved(options.camera),
+        focal_px=options.focal_px,
+        model=options.model,
+        lights=options.lights,
+        light_color=options.light_color,
+        freeze=tuple(options.freeze),
+        budget=options.budget[0],
+        quality=options.budget[1],
+        seed=options.seed,
+        device=options.device,
+        truth=_resolved(options.truth),
+        resume=options.resume,
         face=options.face,
-        rig_blend=_resolved(options.rig_blend), rig_object=options.rig_object,
-    )  # fmt: skip
-    scene = pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
+        rig_blend=_resolved(options.rig_blend),
+        rig_object=options.rig_object,
+    )
+    scene = (
+        pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
+    )
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
     pictures = _extra_pictures(scene, options, out)
     print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
@@ -175,7 +227,9 @@ def _positive(text: str) -> float:
 
 def _face(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number, 1 for the largest face, found '{text}'")
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number, 1 for the largest face, found '{text}'"
+        )
     return int(text)
 
 
@@ -191,7 +245,9 @@ def _weight(text: str) -> tuple[str, float]:
     try:
         return name, float(value)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"expected NAME=VALUE with a number, found '{text}'") from None
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=VALUE with a number, found '{text}'"
+        ) from None
 
 
 def _resolved(path: Path | None) -> Path | None:

@@ -1,4 +1,6 @@
-"""Blender's camera and the contract's pinhole camera, exactly, with principal point and any sensor fit."""
+"""Blender's camera and the contract's pinhole camera, exactly, with principal point and any sensor
+fit.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,10 @@ def require_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     if scene.camera is None:
         raise InputError("The scene has no camera; choose a photo first, or add a camera.")
     if scene.camera.data.type != "PERSP":
-        raise InputError(f"The camera '{scene.camera.name}' is not a perspective camera; set its type to Perspective.")
+        raise InputError(
+            f"The camera '{scene.camera.name}' is not a perspective camera; set its type to "
+            "Perspective."
+        )
     return scene.camera
 
 
@@ -66,7 +71,10 @@ def ensure_camera(scene: bpy.types.Scene, collection: bpy.types.Collection) -> b
 
 
 def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> bpy.types.Image:
-    """Show the photo behind the camera's view and take over its size. Raises InputError when it is no image."""
+    """Show the photo behind the camera's view and take over its size.
+
+    Raises InputError when it is no image.
+    """
     image = load_image(path)
     image.alpha_mode = "NONE"  # alpha only masks the fit; the user sees the whole photo
     set_resolution(scene, *image.size)
@@ -101,9 +109,13 @@ def load_image(path: Path) -> bpy.types.Image:
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
     except RuntimeError as error:
-        raise InputError(f"The photo '{path}' cannot be read; expected a PNG, JPEG or EXR picture.") from error
+        raise InputError(
+            f"The photo '{path}' cannot be read; expected a PNG, JPEG or EXR picture."
+        ) from error
     if not (image.size[0] and image.size[1]):
         if not image.users:
             bpy.data.images.remove(image)
-        raise InputError(f"The photo '{path}' holds no picture; expected a PNG, JPEG or EXR picture.")
+        raise InputError(
+            f"The photo '{path}' holds no picture; expected a PNG, JPEG or EXR picture."
+        )
     return image

@@ -1,4 +1,7 @@
-"""One picture that shows all others with captions. Only the demo uses it: Blender has no matplotlib."""
+"""One picture that shows all others with captions.
+
+Only the demo uses it: Blender has no matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +28,13 @@ def contact_sheet(pictures: dict[str, np.ndarray], path: Path) -> None:
         cells.append((caption, pixels, row, column, span))
         column += span
     rows = row + 1
-    figure = Figure(figsize=(COLUMNS * CELL_INCHES, rows * (CELL_INCHES + 0.3)), dpi=DPI, facecolor=PAPER)
+    figure = Figure(
+        figsize=(COLUMNS * CELL_INCHES, rows * (CELL_INCHES + 0.3)), dpi=DPI, facecolor=PAPER
+    )
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(rows, COLUMNS, left=0.01, right=0.99, bottom=0.01, top=0.95, wspace=0.03, hspace=0.12)
+    grid = figure.add_gridspec(
+        rows, COLUMNS, left=0.01, right=0.99, bottom=0.01, top=0.95, wspace=0.03, hspace=0.12
+    )
     for caption, pixels, row, column, span in cells:
         axes = figure.add_subplot(grid[row, column : column + span])
         axes.imshow(np.clip(pixels, 0, 1), interpolation="lanczos")

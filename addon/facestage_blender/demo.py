@@ -1,4 +1,5 @@
-"""What `make demo` runs: a real photo and a synthetic one, the whole way from pixels to a relightable .blend.
+"""What `make demo` runs: a real photo and a synthetic one, the whole way from pixels to a
+relightable .blend.
 
 python -P -m facestage_blender.demo [--out out/demo]
 """
@@ -45,10 +46,18 @@ ERRORS = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the demo; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="facestage_blender.demo", description="Fit two photos and show the results.")
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for everything the demo makes")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel of the pictures")
-    parser.add_argument("--budget", type=float, default=BUDGET_SECONDS, help="seconds for each of the two fits")
+    parser = argparse.ArgumentParser(
+        prog="facestage_blender.demo", description="Fit two photos and show the results."
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/demo"), help="folder for everything the demo makes"
+    )
+    parser.add_argument(
+        "--samples", type=int, default=SAMPLES, help="samples per pixel of the pictures"
+    )
+    parser.add_argument(
+        "--budget", type=float, default=BUDGET_SECONDS, help="seconds for each of the two fits"
+    )
     options = parser.parse_args(arguments)
     started = time.monotonic()
     try:
@@ -75,7 +84,9 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     from . import pipeline, render
     from .backend import find_backend
 
-    print("1 of 2: a real photo (NASA's portrait of Eileen Collins, public domain)", file=sys.stderr)
+    print(
+        "1 of 2: a real photo (NASA's portrait of Eileen Collins, public domain)", file=sys.stderr
+    )
     out.mkdir(parents=True, exist_ok=True)
     photo = out / "astronaut.png"
     scene = pipeline.empty_scene()
@@ -99,7 +110,9 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
 
 
 def astronaut_landmarks(photo: Path, out: Path, backend: list[str]) -> tuple[Path, str]:
-    """The landmark file of the astronaut's portrait, and where it is from: detected, else the one that is shipped."""
+    """The landmark file of the astronaut's portrait, and where it is from: detected, else the one
+    that is shipped.
+    """
     from .backend import detect_command
     from .pipeline import run_backend
 
@@ -127,14 +140,20 @@ def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
     render_person(pipeline.empty_scene(), model, random_person(model, SEED), case, seed=SEED)
     scene = pipeline.empty_scene()
     order = pipeline.Order(
-        image=case / "photo.png", out=folder, landmarks=case / "landmarks.json", camera=case / "camera.json",
-        truth=case / "truth.npz", budget=budget,
-    )  # fmt: skip
+        image=case / "photo.png",
+        out=folder,
+        landmarks=case / "landmarks.json",
+        camera=case / "camera.json",
+        truth=case / "truth.npz",
+        budget=budget,
+    )
     result = pipeline.fit_photo(scene, order, backend, show)
     crop = head_crop(Landmarks.read(case / "landmarks.json"), result.camera)
     sheet = _pictures(scene, result, case / "photo.png", crop, folder, samples)
     rows = [
-        f"  {meaning:<36}{result.errors[name]:8.3f} {unit}" for name, meaning, unit in ERRORS if name in result.errors
+        f"  {meaning:<36}{result.errors[name]:8.3f} {unit}"
+        for name, meaning, unit in ERRORS
+        if name in result.errors
     ]
     return [
         "Synthetic photo against its truth",
@@ -146,7 +165,9 @@ def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
 
 
 def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) -> float:
-    """PSNR in dB between Cycles' picture of the written-back scene and the fit's own, direct light, in the face."""
+    """PSNR in dB between Cycles' picture of the written-back scene and the fit's own, direct light,
+    in the face.
+    """
     from .render import read_pixels, render_linear
 
     if result.folder is None:
@@ -161,7 +182,9 @@ def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) 
 
 
 def head_crop(landmarks: Landmarks, camera: Camera, side_px: float = 340.0) -> Crop:
-    """A square around the head of which the landmarks are the face, to be shown about ``side_px`` wide."""
+    """A square around the head of which the landmarks are the face, to be shown about ``side_px``
+    wide.
+    """
     from .render import Crop
 
     low, high = landmarks.points.min(axis=0), landmarks.points.max(axis=0)
@@ -170,10 +193,14 @@ def head_crop(landmarks: Landmarks, camera: Camera, side_px: float = 340.0) -> C
     centre = np.clip(centre, half, np.array([camera.width, camera.height]) - half)
     left, top = np.floor(centre - half).astype(int)
     side = int(2 * half)
-    return Crop((int(left), int(top), int(left) + side, int(top) + side), max(1, round(side_px / side)))
+    return Crop(
+        (int(left), int(top), int(left) + side, int(top) + side), max(1, round(side_px / side))
+    )
 
 
-def _pictures(scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, folder: Path, samples: int) -> Path:
+def _pictures(
+    scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, folder: Path, samples: int
+) -> Path:
     """Render the showcase, save each picture and the contact sheet; returns the sheet's path."""
     from .contact_sheet import contact_sheet
     from .render import save_png
@@ -189,7 +216,9 @@ def _pictures(scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, f
 
 
 def _with_skin_mask(pixels: np.ndarray) -> np.ndarray:
-    """(h, w, 4) the photo with an alpha channel that leaves out the hair, which no face model explains."""
+    """(h, w, 4) the photo with an alpha channel that leaves out the hair, which no face model
+    explains.
+    """
     polygon = np.array(read_json(SKIN, "outline of the skin")["polygon"])
     alpha = inside_polygon(polygon, pixels.shape[1], pixels.shape[0])
     return np.concatenate([pixels, alpha[..., None]], axis=2)

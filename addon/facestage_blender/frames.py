@@ -21,7 +21,8 @@ LIGHT_DIRECTIONS = {
 
 
 def stage_to_blender() -> np.ndarray:
-    """(3, 3) rotation: stage (x, y, z) becomes Blender (x, -z, y), so a face looks along -Y in Blender.
+    """(3, 3) rotation: stage (x, y, z) becomes Blender (x, -z, y), so a face looks along -Y in
+    Blender.
 
     The one place where the two conventions meet.
     """
@@ -41,20 +42,27 @@ def points_to_stage(points: np.ndarray) -> np.ndarray:
 def local_matrix(to_stage: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     """(4, 4) matrix of an object relative to the stage's empty.
 
-    ``to_stage`` (4, 4) maps the object's contract frame to the stage frame. ``axes`` says which axes the
-    object's own coordinates have: STAGE for a mesh stored in Blender's axes, CAMERA for a camera, whose
-    frame is the same in Blender and in the contract, or a matrix (4, 4) from them to the contract frame.
+    ``to_stage`` (4, 4) maps the object's contract frame to the stage frame. ``axes`` says which
+    axes the object's own coordinates have: STAGE for a mesh stored in Blender's axes, CAMERA for a
+    camera, whose frame is the same in Blender and in the contract, or a matrix (4, 4) from them to
+    the contract frame.
     """
     return _homogeneous(stage_to_blender()) @ np.asarray(to_stage, np.float64) @ _to_contract(axes)
 
 
 def to_stage_matrix(local: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     """The inverse of :func:`local_matrix`: (4, 4) object frame to stage frame."""
-    return _homogeneous(stage_to_blender()).T @ np.asarray(local, np.float64) @ np.linalg.inv(_to_contract(axes))
+    return (
+        _homogeneous(stage_to_blender()).T
+        @ np.asarray(local, np.float64)
+        @ np.linalg.inv(_to_contract(axes))
+    )
 
 
 def light_rotation(direction: np.ndarray, axis_x: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a Blender area light, which emits along its local -Z, in Blender's axes."""
+    """(3, 3) rotation of a Blender area light, which emits along its local -Z, in Blender's
+    axes.
+    """
     z = -np.asarray(direction, np.float64)
     x = np.asarray(axis_x, np.float64)
     return points_to_blender(np.stack([x, np.cross(z, x), z])).T

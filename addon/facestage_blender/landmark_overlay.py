@@ -1,4 +1,6 @@
-"""Draws landmarks over the 3D View while they are edited: by state in color, the ones that follow, the face's lines."""
+"""Draws landmarks over the 3D View while they are edited: by state in color, the ones that follow,
+the face's lines.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,15 @@ from .landmark_scheme import handles, lines
 from .landmarks import HIDDEN, IGNORED, VISIBLE, edited_landmarks, landmark_empties, shown_plane
 
 Color = tuple[float, float, float, float]
-COLORS = {VISIBLE: (0.25, 1.0, 0.35, 1.0), HIDDEN: (1.0, 0.6, 0.1, 1.0), IGNORED: (0.75, 0.75, 0.75, 1.0)}
+COLORS = {
+    VISIBLE: (0.25, 1.0, 0.35, 1.0),
+    HIDDEN: (1.0, 0.6, 0.1, 1.0),
+    IGNORED: (0.75, 0.75, 0.75, 1.0),
+}
 SELECTED_COLOR = (1.0, 1.0, 1.0, 1.0)
 FOLLOWER_COLOR, LINE_COLOR = (0.35, 0.8, 1.0, 0.75), (1.0, 1.0, 1.0, 0.4)
-HANDLE_RADIUS, SELECTED_RADIUS, FOLLOWER_RADIUS = 3.2, 5.2, 1.6  # pixels of the screen at a scale of 1
+# pixels of the screen at a scale of 1
+HANDLE_RADIUS, SELECTED_RADIUS, FOLLOWER_RADIUS = 3.2, 5.2, 1.6
 CORNERS = np.exp(2j * np.pi * np.arange(9) / 8).view(np.float64).reshape(-1, 2)
 
 
@@ -57,17 +64,25 @@ def draw() -> None:
     seen = on_screen(context.scene, landmarks, np.array(context.region_data.perspective_matrix))
     pixels = (0.5 + 0.5 * seen) * [context.region.width, context.region.height]
     _paint("LINES", line_ends(landmarks, pixels), LINE_COLOR)
-    for color, discs in discs_by_color(context.scene, landmarks, pixels, context.preferences.system.ui_scale):
+    for color, discs in discs_by_color(
+        context.scene, landmarks, pixels, context.preferences.system.ui_scale
+    ):
         _paint("TRIS", discs, color)
 
 
 def current_landmarks(scene: bpy.types.Scene) -> Landmarks | None:
-    """The landmarks as the empties show them, worked out anew only when one has changed; None when they make no set."""
+    """The landmarks as the empties show them, worked out anew only when one has changed; None when
+    they make no set.
+    """
     empties = landmark_empties(scene)
     made_of = (
-        scene.name, scene.facestage.landmark_plane.name,
-        *((item.name, item.facestage_landmark.state, *item.matrix_world.col[3]) for item in empties),
-    )  # fmt: skip
+        scene.name,
+        scene.facestage.landmark_plane.name,
+        *(
+            (item.name, item.facestage_landmark.state, *item.matrix_world.col[3])
+            for item in empties
+        ),
+    )
     if made_of != Overlay.made_of:
         try:
             Overlay.landmarks = edited_landmarks(scene)
@@ -78,10 +93,14 @@ def current_landmarks(scene: bpy.types.Scene) -> Landmarks | None:
 
 
 def on_screen(scene: bpy.types.Scene, landmarks: Landmarks, view: np.ndarray) -> np.ndarray:
-    """(m, 2) where the landmarks are in a view with perspective matrix (4, 4), -1..1; NaN for those behind it."""
+    """(m, 2) where the landmarks are in a view with perspective matrix (4, 4), -1..1; NaN for those
+    behind it.
+    """
     plane = scene.facestage.landmark_plane
     local = on_plane(landmarks.points, *photo_size(plane))
-    points = np.c_[local, np.zeros(len(local)), np.ones(len(local))] @ (view @ plane_matrix(plane)).T
+    points = (
+        np.c_[local, np.zeros(len(local)), np.ones(len(local))] @ (view @ plane_matrix(plane)).T
+    )
     return points[:, :2] / np.where(points[:, 3:] > 0, points[:, 3:], np.nan)
 
 
@@ -95,7 +114,9 @@ def line_ends(landmarks: Landmarks, pixels: np.ndarray) -> np.ndarray:
 def discs_by_color(
     scene: bpy.types.Scene, landmarks: Landmarks, pixels: np.ndarray, scale: float
 ) -> list[tuple[Color, np.ndarray]]:
-    """Colors, each with the triangles (3 t, 2) of its discs: what follows first, what can be dragged over it."""
+    """Colors, each with the triangles (3 t, 2) of its discs: what follows first, what can be
+    dragged over it.
+    """
     indices = [handle.index for handle in handles(landmarks.scheme, len(landmarks.points))]
     followers = np.setdiff1d(np.arange(len(pixels)), indices)
     empties = landmark_empties(scene)
@@ -125,7 +146,9 @@ def _paint(kind: str, points: np.ndarray, color: Color) -> None:
     if not len(points):
         return
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    batch = batch_for_shader(shader, kind, {"pos": np.c_[points, np.zeros(len(points))].astype(np.float32)})
+    batch = batch_for_shader(
+        shader, kind, {"pos": np.c_[points, np.zeros(len(points))].astype(np.float32)}
+    )
     shader.bind()
     shader.uniform_float("color", color)
     gpu.state.blend_set("ALPHA")

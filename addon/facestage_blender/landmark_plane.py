@@ -1,7 +1,8 @@
 """The plane in front of the camera that is the photo, and where on it an object is seen.
 
-It follows the camera by a constraint and its lens by drivers, so that what stands on it stays on its pixel whatever
-becomes of the camera. On the plane the photo's longer side is 1, x points right, y up, and its centre is the origin.
+It follows the camera by a constraint and its lens by drivers, so that what stands on it stays on
+its pixel whatever becomes of the camera. On the plane the photo's longer side is 1, x points right,
+y up, and its centre is the origin.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ def plane_camera(plane: bpy.types.Object) -> bpy.types.Object | None:
 
 
 def plane_matrix(plane: bpy.types.Object) -> np.ndarray:
-    """(4, 4) the plane's coordinates to the world's, from the camera: Blender need not update what is hidden."""
+    """(4, 4) the plane's coordinates to the world's, from the camera: Blender need not update what
+    is hidden.
+    """
     view = plane_camera(plane)
     if view is None:
         return np.array(plane.matrix_world, np.float64)
@@ -71,21 +74,30 @@ def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
     width, height = photo_size(plane)
     view = plane_camera(plane)
     if empty.parent == plane and not empty.constraints:
-        # In double precision, and true for objects that Blender does not update because they are hidden.
+        # In double precision, and true for objects that Blender does not update because they are
+        # hidden.
         u, v, w = np.array(empty.matrix_parent_inverse @ empty.matrix_basis, np.float64)[:3, 3]
         if w == 0 or view is None:
-            return np.array([0.5 * width + u * max(width, height), 0.5 * height - v * max(width, height)])
+            return np.array(
+                [0.5 * width + u * max(width, height), 0.5 * height - v * max(width, height)]
+            )
         camera = read_camera(view.data, width, height)
         origin, scale = _plane_in_camera(camera, plane[DEPTH])
         point = origin + scale * np.array([u, v, w])
     elif view is None:
-        raise InputError(f"The landmark '{empty.name}' is no longer on the photo; press Revert, or parent it again.")
+        raise InputError(
+            f"The landmark '{empty.name}' is no longer on the photo; press Revert, or parent "
+            "it again."
+        )
     else:
         camera = read_camera(view.data, width, height)
         point = (np.linalg.inv(_pose(view)) @ np.array([*empty.matrix_world.translation, 1.0]))[:3]
     pixel = camera.project(point[None])[0]
     if not np.isfinite(pixel).all():
-        raise InputError(f"The landmark '{empty.name}' is behind the camera; press Revert, or move it onto the photo.")
+        raise InputError(
+            f"The landmark '{empty.name}' is behind the camera; press Revert, or move it onto "
+            "the photo."
+        )
     return pixel
 
 
@@ -96,8 +108,12 @@ def _pose(camera: bpy.types.Object) -> np.ndarray:
     return pose
 
 
-def _follow_camera(plane: bpy.types.Object, camera: bpy.types.Object, width: int, height: int) -> None:
-    """Hold the plane where the photo is: a constraint for the camera's pose, drivers for its lens."""
+def _follow_camera(
+    plane: bpy.types.Object, camera: bpy.types.Object, width: int, height: int
+) -> None:
+    """Hold the plane where the photo is: a constraint for the camera's pose, drivers for its
+    lens.
+    """
     hold = plane.constraints.new("CHILD_OF")
     hold.target = camera
     hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # as _pose
@@ -105,19 +121,26 @@ def _follow_camera(plane: bpy.types.Object, camera: bpy.types.Object, width: int
     longer, depth = max(width, height), plane[DEPTH]
     plane.location[2] = -depth
     for axis in range(3):
-        # As read_camera: the focal length is lens * side / sensor with the side that the sensor is fitted to.
+        # As read_camera: the focal length is lens * side / sensor with the side that the sensor is
+        # fitted to.
         _drive(
-            plane, "scale", axis, camera,
+            plane,
+            "scale",
+            axis,
+            camera,
             f"{depth} / lens * (sensor_height * {longer / height!r} if sensor_fit > 1.5 else "
             f"sensor_width * ({longer / width!r} if sensor_fit > 0.5 else 1.0))",
             ("lens", "sensor_fit", "sensor_width", "sensor_height"),
-        )  # fmt: skip
+        )
     for axis, shift in enumerate(("shift_x", "shift_y")):
         _drive(
-            plane, "location", axis, camera,
+            plane,
+            "location",
+            axis,
+            camera,
             f"{depth} / lens * {shift} * (sensor_height if sensor_fit > 1.5 else sensor_width)",
             ("lens", "sensor_fit", "sensor_width", "sensor_height", shift),
-        )  # fmt: skip
+        )
 
 
 def _drive(
@@ -128,7 +151,9 @@ def _drive(
     expression: str,
     inputs: tuple[str, ...],
 ) -> None:
-    """Drive a channel by properties of the camera's lens; plain arithmetic runs without leave to run scripts."""
+    """Drive a channel by properties of the camera's lens; plain arithmetic runs without leave to
+    run scripts.
+    """
     driver = plane.driver_add(channel, axis).driver
     driver.type, driver.expression = "SCRIPTED", expression
     for name in inputs:

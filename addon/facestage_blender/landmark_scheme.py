@@ -1,4 +1,5 @@
-"""Which landmarks of a scheme a person edits, what they are called, and how the others follow. No bpy.
+"""Which landmarks of a scheme a person edits, what they are called, and how the others follow. No
+bpy.
 
 Left and right are the person's own: the right eye is on the left of the picture.
 """
@@ -11,25 +12,61 @@ import numpy as np
 
 # The 68 points of the ibug scheme, in its order.
 IBUG_NAMES = (
-    "right temple", *["right jaw"] * 7, "chin", *["left jaw"] * 7, "left temple",
-    "right brow outer end", *["right brow"] * 3, "right brow inner end",
-    "left brow inner end", *["left brow"] * 3, "left brow outer end",
-    "nose root", "nose bridge", "nose bridge", "nose tip",
-    "right nose wing", "right nostril", "nose base", "left nostril", "left nose wing",
-    "right eye outer corner", "right upper lid", "right upper lid",
-    "right eye inner corner", "right lower lid", "right lower lid",
-    "left eye inner corner", "left upper lid", "left upper lid",
-    "left eye outer corner", "left lower lid", "left lower lid",
-    "right mouth corner", *["upper lip"] * 5, "left mouth corner", *["lower lip"] * 5,
-    "right inner mouth corner", *["upper lip inside"] * 3,
-    "left inner mouth corner", *["lower lip inside"] * 3,
-)  # fmt: skip
+    "right temple",
+    *["right jaw"] * 7,
+    "chin",
+    *["left jaw"] * 7,
+    "left temple",
+    "right brow outer end",
+    *["right brow"] * 3,
+    "right brow inner end",
+    "left brow inner end",
+    *["left brow"] * 3,
+    "left brow outer end",
+    "nose root",
+    "nose bridge",
+    "nose bridge",
+    "nose tip",
+    "right nose wing",
+    "right nostril",
+    "nose base",
+    "left nostril",
+    "left nose wing",
+    "right eye outer corner",
+    "right upper lid",
+    "right upper lid",
+    "right eye inner corner",
+    "right lower lid",
+    "right lower lid",
+    "left eye inner corner",
+    "left upper lid",
+    "left upper lid",
+    "left eye outer corner",
+    "left lower lid",
+    "left lower lid",
+    "right mouth corner",
+    *["upper lip"] * 5,
+    "left mouth corner",
+    *["lower lip"] * 5,
+    "right inner mouth corner",
+    *["upper lip inside"] * 3,
+    "left inner mouth corner",
+    *["lower lip inside"] * 3,
+)
 
-# Lines through the ibug points, as a face is drawn with them: first and last point, and whether they close.
+# Lines through the ibug points, as a face is drawn with them: first and last point, and whether
+# they close.
 IBUG_LINES = (
-    (0, 16, False), (17, 21, False), (22, 26, False), (27, 30, False), (31, 35, False),
-    (36, 41, True), (42, 47, True), (48, 59, True), (60, 67, True),
-)  # fmt: skip
+    (0, 16, False),
+    (17, 21, False),
+    (22, 26, False),
+    (27, 30, False),
+    (31, 35, False),
+    (36, 41, True),
+    (42, 47, True),
+    (48, 59, True),
+    (60, 67, True),
+)
 
 # Points of MediaPipe's 478 that lie where the ibug points do, in the order of the ibug scheme.
 MEDIAPIPE_AS_IBUG = (
@@ -40,7 +77,13 @@ MEDIAPIPE_AS_IBUG = (
     61, 39, 37, 0, 267, 269, 291, 405, 314, 17, 84, 181,
     78, 82, 13, 312, 308, 317, 14, 87,
 )  # fmt: skip
-MEDIAPIPE_EXTRA = {10: "hairline", 67: "right forehead", 297: "left forehead", 468: "right pupil", 473: "left pupil"}
+MEDIAPIPE_EXTRA = {
+    10: "hairline",
+    67: "right forehead",
+    297: "left forehead",
+    468: "right pupil",
+    473: "left pupil",
+}
 
 # Softens the spline where two handles nearly coincide, as the lids of a closed eye do.
 STIFFNESS = 1e-4
@@ -48,19 +91,24 @@ STIFFNESS = 1e-4
 
 @dataclass(frozen=True)
 class Handle:
-    """A landmark that can be dragged: its place in the scheme's list, and the name it is shown by."""
+    """A landmark that can be dragged: its place in the scheme's list, and the name it is shown
+    by.
+    """
 
     index: int
     name: str
 
 
 def handles(scheme: str, count: int) -> tuple[Handle, ...]:
-    """The landmarks of ``scheme`` (``count`` points) that a person edits; of an unknown scheme all of them.
+    """The landmarks of ``scheme`` (``count`` points) that a person edits; of an unknown scheme all
+    of them.
 
     Names carry the number that the scheme's own figure shows: ibug counts from 1, MediaPipe from 0.
     """
     if scheme == "ibug68" and count == len(IBUG_NAMES):
-        return tuple(Handle(index, f"Landmark {index + 1} {name}") for index, name in enumerate(IBUG_NAMES))
+        return tuple(
+            Handle(index, f"Landmark {index + 1} {name}") for index, name in enumerate(IBUG_NAMES)
+        )
     if scheme == "mediapipe478" and count == 478:
         named = [*zip(MEDIAPIPE_AS_IBUG, IBUG_NAMES, strict=True), *MEDIAPIPE_EXTRA.items()]
         return tuple(Handle(index, f"Landmark {index} {name}") for index, name in named)
@@ -79,10 +127,12 @@ def lines(scheme: str) -> tuple[tuple[int, ...], ...]:
 
 
 def follow(points: np.ndarray, indices: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """All points (m, 2) after those at ``indices`` (k,) were dragged to ``moved`` (k, 2), in pixels.
+    """All points (m, 2) after those at ``indices`` (k,) were dragged to ``moved`` (k, 2), in
+    pixels.
 
-    The dragged ones are where they were dragged; the others follow by the thin-plate spline of the drags
-    (Bookstein 1989), which bends the least. Points without a position (NaN) neither pull nor follow.
+    The dragged ones are where they were dragged; the others follow by the thin-plate spline of the
+    drags (Bookstein 1989), which bends the least. Points without a position (NaN) neither pull nor
+    follow.
     """
     result = np.array(points, np.float64)
     result[indices] = moved
@@ -95,7 +145,8 @@ def follow(points: np.ndarray, indices: np.ndarray, moved: np.ndarray) -> np.nda
 
 
 def nearest_handle(points: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """(m,) for every point the entry of ``indices`` (k,) that lies nearest to it; points without a position: the first.
+    """(m,) for every point the entry of ``indices`` (k,) that lies nearest to it; points without a
+    position: the first.
 
     What is marked hidden at a handle is hidden around it.
     """
@@ -107,7 +158,9 @@ def nearest_handle(points: np.ndarray, indices: np.ndarray) -> np.ndarray:
 
 
 def _thin_plate(sources: np.ndarray, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Values (m, 2) at ``points`` (m, 2) of the spline that takes ``values`` (k, 2) at ``sources`` (k, 2)."""
+    """Values (m, 2) at ``points`` (m, 2) of the spline that takes ``values`` (k, 2) at ``sources``
+    (k, 2).
+    """
     centre = sources.mean(axis=0)
     size = max(float(np.abs(sources - centre).max()), 1e-9)
     knots, wanted = (sources - centre) / size, (points - centre) / size

@@ -1,4 +1,6 @@
-"""Landmarks as empties on the photo: made from a set of landmarks, dragged by the user, read back in pixels."""
+"""Landmarks as empties on the photo: made from a set of landmarks, dragged by the user, read back
+in pixels.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,16 @@ from facestage.contract.result import Result
 from facestage.contract.storage import finite
 
 from .camera import put_photo_in_front, require_camera
-from .landmark_plane import DEPTH, SIZE, build_plane, empty_pixel, on_plane, photo_size, plane_camera, put_on_plane
+from .landmark_plane import (
+    DEPTH,
+    SIZE,
+    build_plane,
+    empty_pixel,
+    on_plane,
+    photo_size,
+    plane_camera,
+    put_on_plane,
+)
 from .landmark_scheme import Handle, follow, handles, nearest_handle
 from .stage import facestage_collection
 
@@ -30,8 +41,11 @@ EMPTY_SHARE = 0.011  # size of an empty as a share of the face's
 UNMOVED_PX, UNMOVED_SHARE = 1e-3, 2e-7
 
 
-def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, height: int) -> bpy.types.Object:
-    """Show the landmarks of a ``width`` x ``height`` photo as empties in place of those shown; returns their plane.
+def show_landmarks(
+    scene: bpy.types.Scene, landmarks: Landmarks, width: int, height: int
+) -> bpy.types.Object:
+    """Show the landmarks of a ``width`` x ``height`` photo as empties in place of those shown;
+    returns their plane.
 
     Raises InputError when the scene has no perspective camera.
     """
@@ -42,7 +56,11 @@ def show_landmarks(scene: bpy.types.Scene, landmarks: Landmarks, width: int, hei
     plane = build_plane(collection, camera, width, height)
     plane[BASE] = json.dumps(finite(landmarks.to_json()))
     put_photo_in_front(camera, True)
-    size = EMPTY_SHARE * float(np.ptp(landmarks.points[landmarks.counted], axis=0).max()) / max(width, height)
+    size = (
+        EMPTY_SHARE
+        * float(np.ptp(landmarks.points[landmarks.counted], axis=0).max())
+        / max(width, height)
+    )
     editable = handles(landmarks.scheme, len(landmarks.points))
     starts = on_plane(_starts(landmarks, editable, width, height), width, height)
     for handle, start in zip(editable, starts, strict=True):
@@ -63,7 +81,9 @@ def shown_plane(scene: bpy.types.Scene) -> bpy.types.Object | None:
     plane = scene.facestage.landmark_plane
     return (
         plane
-        if plane is not None and plane.name in scene.objects and {BASE, SIZE, DEPTH} <= set(plane.keys())
+        if plane is not None
+        and plane.name in scene.objects
+        and {BASE, SIZE, DEPTH} <= set(plane.keys())
         else None
     )
 
@@ -77,25 +97,37 @@ def require_plane(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def landmark_empties(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The landmarks' empties in the order of the scheme, also those that the user gave another parent."""
-    marked = [item for item in scene.objects if item.type == "EMPTY" and item.facestage_landmark.index >= 0]
+    """The landmarks' empties in the order of the scheme, also those that the user gave another
+    parent.
+    """
+    marked = [
+        item
+        for item in scene.objects
+        if item.type == "EMPTY" and item.facestage_landmark.index >= 0
+    ]
     return sorted(marked, key=lambda item: (item.facestage_landmark.index, item.name))
 
 
 def base_landmarks(plane: bpy.types.Object) -> Landmarks:
-    """The landmarks that the empties were made from. Raises InputError when the scene does not hold them any more."""
+    """The landmarks that the empties were made from.
+
+    Raises InputError when the scene does not hold them any more.
+    """
     try:
         data = dict(decode_json(str(plane[BASE]).encode()))
     except (TypeError, ValueError) as error:
-        raise InputError("The landmarks in the scene are damaged; press Detect Landmarks again.") from error
+        raise InputError(
+            "The landmarks in the scene are damaged; press Detect Landmarks again."
+        ) from error
     return Landmarks.from_json(data, "set of landmarks in the scene")
 
 
 def edited_landmarks(scene: bpy.types.Scene) -> Landmarks:
-    """The landmarks as the empties show them: points (m, 2) in pixels, those without an empty following the others.
+    """The landmarks as the empties show them: points (m, 2) in pixels, those without an empty
+    following the others.
 
-    An empty that was deleted is a landmark that is ignored. Raises InputError when an empty was duplicated, is behind
-    the camera, or too few are left.
+    An empty that was deleted is a landmark that is ignored. Raises InputError when an empty was
+    duplicated, is behind the camera, or too few are left.
     """
     plane = require_plane(scene)
     base = base_landmarks(plane)
@@ -116,17 +148,27 @@ def edited_landmarks(scene: bpy.types.Scene) -> Landmarks:
     nearest[indices] = np.arange(len(indices))
     before = [_state(base, index) for index in range(len(base.points))]
     # Only what the user has changed at a handle spreads to the landmarks around it.
-    now = [states[k] if states[k] != before[indices[k]] else before[index] for index, k in enumerate(nearest)]
+    now = [
+        states[k] if states[k] != before[indices[k]] else before[index]
+        for index, k in enumerate(nearest)
+    ]
     return with_states(base, follow(base.points, indices, moved), now)
 
 
 def with_states(base: Landmarks, points: np.ndarray, states: list[str]) -> Landmarks:
-    """The landmarks at ``points`` (m, 2) with a state each. Raises InputError when too few are left."""
+    """The landmarks at ``points`` (m, 2) with a state each.
+
+    Raises InputError when too few are left.
+    """
     given = point_weights(base)
     weights = np.where(given > 0, given, 1.0)
     ignored = np.array([state == IGNORED for state in states])
     visible = np.array([state == VISIBLE for state in states]) | (ignored & base.visible)
-    data: dict[str, Any] = {"scheme": base.scheme, "points": points.tolist(), "visible": visible.tolist()}
+    data: dict[str, Any] = {
+        "scheme": base.scheme,
+        "points": points.tolist(),
+        "visible": visible.tolist(),
+    }
     if ignored.any() or (given != 1).any():
         data["weights"] = np.where(ignored, 0.0, weights).tolist()
     return Landmarks.from_json(data, "set of landmarks in the scene")
@@ -151,7 +193,9 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
 
 
 def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
-    """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and edited."""
+    """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and
+    edited.
+    """
     path = (result.folder or Path()) / FOUND
     if scene.facestage.landmarks or shown_plane(scene) is not None or not is_file(path):
         return
@@ -161,10 +205,14 @@ def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
 
 
 def _starts(base: Landmarks, editable: tuple[Handle, ...], width: int, height: int) -> np.ndarray:
-    """(k, 2) where the handles' empties are made; those without a position wait along the photo's lower edge."""
+    """(k, 2) where the handles' empties are made; those without a position wait along the photo's
+    lower edge.
+    """
     starts = base.points[[handle.index for handle in editable]].copy()
     lost = ~np.isfinite(starts).all(axis=1)
-    starts[lost] = np.c_[np.linspace(0.05, 0.95, lost.sum()) * width, np.full(lost.sum(), 0.98 * height)]
+    starts[lost] = np.c_[
+        np.linspace(0.05, 0.95, lost.sum()) * width, np.full(lost.sum(), 0.98 * height)
+    ]
     return starts
 
 
@@ -185,5 +233,7 @@ def _by_index(empties: list[bpy.types.Object]) -> dict[int, bpy.types.Object]:
     for empty in empties:
         other = found.setdefault(empty.facestage_landmark.index, empty)
         if other is not empty:
-            raise InputError(f"'{other.name}' and '{empty.name}' are the same landmark; delete one of them.")
+            raise InputError(
+                f"'{other.name}' and '{empty.name}' are the same landmark; delete one of them."
+            )
     return found

@@ -1,4 +1,6 @@
-"""The skin's material: the fit's reflectance (contract/brdf.py) as Cycles nodes, and its textures."""
+"""The skin's material: the fit's reflectance (contract/brdf.py) as Cycles nodes, and its
+textures.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +17,21 @@ TEXTURES = ("Albedo", "Specular", "Roughness")  # the roughness map is linked wh
 
 
 def skin_group() -> bpy.types.NodeTree:
-    """The shared node group: diffuse K_DIFFUSE * albedo, plus c_spec times a GGX lobe with Schlick's F0.
+    """The shared node group: diffuse K_DIFFUSE * albedo, plus c_spec times a GGX lobe with
+    Schlick's F0.
 
-    A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its base
-    color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
+    A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its
+    base color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
     """
     group = bpy.data.node_groups.get(GROUP)
     if group is not None:
         return group
     group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-    sockets = (("Albedo", "Color", (0.5, 0.3, 0.2, 1.0)), ("Specular", "Float", 1.0), ("Roughness", "Float", 0.45))
+    sockets = (
+        ("Albedo", "Color", (0.5, 0.3, 0.2, 1.0)),
+        ("Specular", "Float", 1.0),
+        ("Roughness", "Float", 0.45),
+    )
     for name, kind, default in sockets:
         socket = group.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
         socket.default_value = default
@@ -37,7 +44,10 @@ def skin_group() -> bpy.types.NodeTree:
 
 def _wire_group(group: bpy.types.NodeTree) -> None:
     nodes, links = group.nodes, group.links
-    inputs, output = _node(nodes, "NodeGroupInput", -900, 0), _node(nodes, "NodeGroupOutput", 700, 0)
+    inputs, output = (
+        _node(nodes, "NodeGroupInput", -900, 0),
+        _node(nodes, "NodeGroupOutput", 700, 0),
+    )
 
     scale = _node(nodes, "ShaderNodeVectorMath", -600, 250)
     scale.operation = "SCALE"
@@ -71,17 +81,22 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
 
 
 def part_materials(parts: np.ndarray, uv_map: str = "") -> list[bpy.types.Material]:
-    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for see-through shells.
+    """A new material for each part of the face (indices into PARTS): the skin's, or nothing for
+    see-through shells.
 
     uv_map: the UV map of its textures; empty for the mesh's active one.
     """
     return [
-        _see_through() if part == OTHER else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map)
+        _see_through()
+        if part == OTHER
+        else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map)
         for part in parts
     ]
 
 
-def plain_material(name: str, color: tuple[float, float, float], roughness: float) -> bpy.types.Material:
+def plain_material(
+    name: str, color: tuple[float, float, float], roughness: float
+) -> bpy.types.Material:
     """A new dielectric material of one color (linear RGB), for what is not skin."""
     material, nodes, links = _empty_material(name)
     surface = _node(nodes, "ShaderNodeBsdfPrincipled", 0, 0)
@@ -93,10 +108,14 @@ def plain_material(name: str, color: tuple[float, float, float], roughness: floa
 
 
 def _see_through() -> bpy.types.Material:
-    """Tear film, lashes and the like: the fit does not trace them, so they must not hide the eyes."""
+    """Tear film, lashes and the like: the fit does not trace them, so they must not hide the
+    eyes.
+    """
     material, nodes, links = _empty_material(f"Facestage {PARTS[OTHER].capitalize()}")
     output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
-    links.new(_node(nodes, "ShaderNodeBsdfTransparent", 0, 0).outputs["BSDF"], output.inputs["Surface"])
+    links.new(
+        _node(nodes, "ShaderNodeBsdfTransparent", 0, 0).outputs["BSDF"], output.inputs["Surface"]
+    )
     return material
 
 
@@ -129,9 +148,12 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
 
 
 def set_textures(
-    rig: bpy.types.Object, albedo: bpy.types.Image, specular: bpy.types.Image, roughness: float,
+    rig: bpy.types.Object,
+    albedo: bpy.types.Image,
+    specular: bpy.types.Image,
+    roughness: float,
     roughness_map: bpy.types.Image | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Give all materials of a rig these textures; images used no more are removed.
 
     Without a ``roughness_map`` the skin has the one value ``roughness``.
@@ -162,7 +184,9 @@ def set_textures(
 
 
 def texture_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image of a texture (h, w, 3) or (h, w), row 0 at v = 1, that Blender does not color-convert."""
+    """A packed float image of a texture (h, w, 3) or (h, w), row 0 at v = 1, that Blender does not
+    color-convert.
+    """
     height, width = pixels.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
     rgba = np.ones((height, width, 4), np.float32)

@@ -1,4 +1,7 @@
-"""What the user can do at once: build the stage, choose files, apply a result, relight. Each calls one function."""
+"""What the user can do at once: build the stage, choose files, apply a result, relight.
+
+Each calls one function.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,8 +28,12 @@ from .write_back import apply_result
 REPORT = "report.html"
 
 
-def reported(operator: bpy.types.Operator, context: bpy.types.Context, action: Callable[[], object]) -> set[str]:
-    """Run an action with the user's mode and selection preserved; a user's error becomes the operator's report."""
+def reported(
+    operator: bpy.types.Operator, context: bpy.types.Context, action: Callable[[], object]
+) -> set[str]:
+    """Run an action with the user's mode and selection preserved; a user's error becomes the
+    operator's report.
+    """
     try:
         with preserved(context.view_layer):
             action()
@@ -37,7 +44,10 @@ def reported(operator: bpy.types.Operator, context: bpy.types.Context, action: C
 
 
 class FACESTAGE_OT_build_stage(bpy.types.Operator):
-    """Build the light stage: square area lights on a hemisphere around the face. Resets the lights that exist"""
+    """Build the light stage: square area lights on a hemisphere around the face.
+
+    Resets the lights that exist
+    """
 
     bl_idname = "facestage.build_stage"
     bl_label = "Build Light Stage"
@@ -55,7 +65,10 @@ class FACESTAGE_OT_build_stage(bpy.types.Operator):
 
 
 class FACESTAGE_OT_choose_photo(bpy.types.Operator, ImportHelper):
-    """Choose the photo. It is shown behind the camera's view; renders get its size and no tone curve"""
+    """Choose the photo.
+
+    It is shown behind the camera's view; renders get its size and no tone curve
+    """
 
     bl_idname = "facestage.choose_photo"
     bl_label = "Choose Photo"
@@ -83,14 +96,19 @@ class FACESTAGE_OT_choose_landmarks(bpy.types.Operator, ImportHelper):
 
 
 class FACESTAGE_OT_apply_result(bpy.types.Operator):
-    """Put the last fit into the scene: sliders, pose, textures, lights and camera, as one undo step"""
+    """Put the last fit into the scene: sliders, pose, textures, lights and camera, as one undo
+    step
+    """
 
     bl_idname = "facestage.apply_result"
     bl_label = "Apply Result"
     bl_options = {"REGISTER", "UNDO"}
 
     folder: StringProperty(
-        name="Folder", description="Result folder; empty: the last fit's", subtype="DIR_PATH", options={"SKIP_SAVE"}
+        name="Folder",
+        description="Result folder; empty: the last fit's",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -170,7 +188,10 @@ class FACESTAGE_OT_light_states(bpy.types.Operator):
 
 
 def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
-    """Make ``path`` the scene's photo and show it behind the camera. Raises InputError when it is no picture."""
+    """Make ``path`` the scene's photo and show it behind the camera.
+
+    Raises InputError when it is no picture.
+    """
     path, settings = absolute(str(path)), scene.facestage
     show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
     if settings.photo and absolute(settings.photo) != path:
@@ -194,7 +215,10 @@ def forget_landmarks(scene: bpy.types.Scene) -> None:
 
 
 def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
-    """The folder given, else that of the scene's last fit. Raises InputError for what can be no path."""
+    """The folder given, else that of the scene's last fit.
+
+    Raises InputError for what can be no path.
+    """
     return absolute(given or scene.facestage.result or str(work_folder(scene) / "result"))
 
 

@@ -1,4 +1,7 @@
-"""What runs the backend: build the rig (which asks it for the face model), fit, check. Modal, never blocking."""
+"""What runs the backend: build the rig (which asks it for the face model), fit, check.
+
+Modal, never blocking.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +30,9 @@ POLL_SECONDS = 0.1
 
 
 class Running:
-    """The one backend process of this Blender, so that it can be stopped when the add-on goes away."""
+    """The one backend process of this Blender, so that it can be stopped when the add-on goes
+    away.
+    """
 
     process: ClassVar[BackendProcess | None] = None
 
@@ -42,7 +47,8 @@ def stop_running() -> None:
 class BackendTask:
     """Mixin of operators that start the backend, watch it from a timer, and act when it is done.
 
-    Called from a script (``execute``) the operator waits; from the interface (``invoke``) it does not.
+    Called from a script (``execute``) the operator waits; from the interface (``invoke``) it does
+    not.
     """
 
     task = ""
@@ -112,11 +118,16 @@ class BackendTask:
         state.fraction, state.photo_error, state.seconds_left = 0.0, -1.0, -1.0
         return True
 
-    def _end(self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome) -> set[str]:
+    def _end(
+        self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
+    ) -> set[str]:
         Running.process = None
         context.window_manager.facestage.task = ""
         if not outcome.ok:
-            self._fail(context, outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.")
+            self._fail(
+                context,
+                outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.",
+            )
             return {"CANCELLED"}
         try:
             with preserved(context.view_layer):
@@ -139,7 +150,10 @@ class BackendTask:
 
 
 class FACESTAGE_OT_build_rig(BackendTask, bpy.types.Operator):
-    """Build the face rig: a mesh with identity and expression sliders and a skin material. Replaces the present one"""
+    """Build the face rig: a mesh with identity and expression sliders and a skin material.
+
+    Replaces the present one
+    """
 
     bl_idname = "facestage.build_rig"
     bl_label = "Build Face Rig"
@@ -149,7 +163,9 @@ class FACESTAGE_OT_build_rig(BackendTask, bpy.types.Operator):
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """Ask the backend for the model as one file."""
-        return model_command(backend_command(context), context.scene.facestage.model, self._file(context))
+        return model_command(
+            backend_command(context), context.scene.facestage.model, self._file(context)
+        )
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
         """Build the rig, and the stage when there is none."""
@@ -159,7 +175,10 @@ class FACESTAGE_OT_build_rig(BackendTask, bpy.types.Operator):
         self._file(context).unlink()
         stage = settings.stage
         if stage is None or stage.name not in scene.objects:
-            stage = build_stage(scene, default_stage(settings.light_count, settings.light_radius, settings.light_side))
+            stage = build_stage(
+                scene,
+                default_stage(settings.light_count, settings.light_radius, settings.light_side),
+            )
         build_rig(scene, model, settings.model, stage)
 
     def _file(self, context: bpy.types.Context) -> Path:
@@ -177,7 +196,9 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
     resumable = True
 
     resume: BoolProperty(
-        name="Resume", description="Go on from the last checkpoint of a fit that was stopped", options={"SKIP_SAVE"}
+        name="Resume",
+        description="Go on from the last checkpoint of a fit that was stopped",
+        options={"SKIP_SAVE"},
     )
     apply: BoolProperty(
         name="Apply",
@@ -235,7 +256,9 @@ class FACESTAGE_OT_check_backend(BackendTask, bpy.types.Operator):
         """Run the backend's own check."""
         return doctor_command(backend_command(context))
 
-    def _end(self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome) -> set[str]:
+    def _end(
+        self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
+    ) -> set[str]:
         preferences = addon_preferences(context)
         if preferences is not None:
             preferences.report = process.output or outcome.message
@@ -252,7 +275,8 @@ def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
 
 
 def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
-    """Have the sidebars and the preferences drawn again, which show the progress; the views only with ``everything``.
+    """Have the sidebars and the preferences drawn again, which show the progress; the views only
+    with ``everything``.
 
     Drawing a view ten times a second takes from the backend what it computes with.
     """
@@ -263,4 +287,9 @@ def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
                     region.tag_redraw()
 
 
-CLASSES = (FACESTAGE_OT_build_rig, FACESTAGE_OT_fit, FACESTAGE_OT_cancel, FACESTAGE_OT_check_backend)
+CLASSES = (
+    FACESTAGE_OT_build_rig,
+    FACESTAGE_OT_fit,
+    FACESTAGE_OT_cancel,
+    FACESTAGE_OT_check_backend,
+)

@@ -1,4 +1,6 @@
-"""What the user does with landmarks: have them found, edit them on the photo, keep or revert the edit."""
+"""What the user does with landmarks: have them found, edit them on the photo, keep or revert the
+edit.
+"""
 
 from pathlib import Path
 
@@ -38,7 +40,9 @@ class FACESTAGE_OT_detect_landmarks(BackendTask, bpy.types.Operator):
         scene = context.scene
         photo = require_photo(scene)
         self.out = free_path(work_folder(scene), DETECTED)
-        return detect_command(backend_command(context), photo, self.out, scene.facestage.face_number)
+        return detect_command(
+            backend_command(context), photo, self.out, scene.facestage.face_number
+        )
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
         """Remember the landmarks and show them."""
@@ -49,7 +53,9 @@ class FACESTAGE_OT_detect_landmarks(BackendTask, bpy.types.Operator):
         scene.facestage.landmarks, scene.facestage.landmarks_from = str(self.out), "DETECTED"
         look_at_face(context, shown.show_landmarks(scene, landmarks, width, height), landmarks)
 
-    def _end(self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome) -> set[str]:
+    def _end(
+        self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
+    ) -> set[str]:
         verdict = super()._end(context, process, outcome)
         if verdict == {"FINISHED"}:
             ready_to_drag(context)
@@ -69,7 +75,10 @@ class FACESTAGE_OT_forget_landmarks(bpy.types.Operator):
 
 
 class FACESTAGE_OT_edit_landmarks(bpy.types.Operator):
-    """Show the landmarks on the photo as points that you can drag (G). The ones between them follow"""
+    """Show the landmarks on the photo as points that you can drag (G).
+
+    The ones between them follow
+    """
 
     bl_idname = "facestage.edit_landmarks"
     bl_label = "Edit Landmarks"
@@ -97,7 +106,11 @@ class FACESTAGE_OT_landmark_state(bpy.types.Operator):
         description="What the fit makes of the selected landmarks",
         items=[
             (shown.VISIBLE, "Visible", "The photo shows these points of the face"),
-            (shown.HIDDEN, "Hidden", "Something hides these points: where they are is a guess, which counts less"),
+            (
+                shown.HIDDEN,
+                "Hidden",
+                "Something hides these points: where they are is a guess, which counts less",
+            ),
             (shown.IGNORED, "Ignored", "The fit does not look at these landmarks"),
         ],
     )
@@ -109,7 +122,9 @@ class FACESTAGE_OT_landmark_state(bpy.types.Operator):
 
 
 class FACESTAGE_OT_done_landmarks(bpy.types.Operator):
-    """Keep the landmarks as they are now: they are written to a file of their own, and the points go away"""
+    """Keep the landmarks as they are now: they are written to a file of their own, and the points
+    go away
+    """
 
     bl_idname = "facestage.done_landmarks"
     bl_label = "Done"
@@ -138,9 +153,14 @@ class FACESTAGE_OT_revert_landmarks(bpy.types.Operator):
 
 
 def edit_landmarks(scene: bpy.types.Scene) -> None:
-    """Show the landmarks of the scene's file on its photo. Raises InputError when there are none."""
+    """Show the landmarks of the scene's file on its photo.
+
+    Raises InputError when there are none.
+    """
     if not scene.facestage.landmarks:
-        raise InputError("There are no landmarks to edit; press Detect Landmarks, or choose a landmark file.")
+        raise InputError(
+            "There are no landmarks to edit; press Detect Landmarks, or choose a landmark file."
+        )
     width, height = load_image(require_photo(scene)).size
     shown.remove_landmarks(scene)
     landmarks = read_landmarks(scene, width, height)
@@ -149,7 +169,8 @@ def edit_landmarks(scene: bpy.types.Scene) -> None:
 
 
 def keep_landmarks(scene: bpy.types.Scene) -> None:
-    """Write the landmarks as the empties show them, unless nothing was changed, and take the empties away.
+    """Write the landmarks as the empties show them, unless nothing was changed, and take the
+    empties away.
 
     A file that was there is left alone, so that undo leads back to what it held.
     """
@@ -164,7 +185,10 @@ def keep_landmarks(scene: bpy.types.Scene) -> None:
 
 
 def mark_landmarks(scene: bpy.types.Scene, selected: list[bpy.types.Object], state: str) -> None:
-    """Set the state of the landmarks among the selected objects. Raises InputError when there is none."""
+    """Set the state of the landmarks among the selected objects.
+
+    Raises InputError when there is none.
+    """
     empties = [item for item in shown.landmark_empties(scene) if item in selected]
     if not empties:
         raise InputError("No landmark is selected; click one of the points on the photo first.")

@@ -1,4 +1,6 @@
-"""Choosing the face model: a menu of the kinds there are, each with its license, and a file browser."""
+"""Choosing the face model: a menu of the kinds there are, each with its license, and a file
+browser.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ DEFAULT = "default"
 
 @dataclass(frozen=True)
 class ModelKind:
-    """A kind of face model that the backend loads: what it is called, its license, and what files it comes as."""
+    """A kind of face model that the backend loads: what it is called, its license, and what files
+    it comes as.
+    """
 
     label: str
     license: str
@@ -32,29 +36,48 @@ class ModelKind:
 # By the word that the backend's specification begins with.
 KINDS = {
     DEFAULT: ModelKind(
-        "Built-in Head", "GPL-3.0-or-later", "A head made by code from published body measurements", "USER"
+        "Built-in Head",
+        "GPL-3.0-or-later",
+        "A head made by code from published body measurements",
+        "USER",
     ),
     "ict": ModelKind(
-        "ICT-FaceKit", "MIT", "Scanned heads with 100 identities and 53 expressions: its folder or archive"
+        "ICT-FaceKit",
+        "MIT",
+        "Scanned heads with 100 identities and 53 expressions: its folder or archive",
     ),
     "flame": ModelKind(
-        "FLAME", "the FLAME license, non-commercial; FLAME 2023 Open alone is CC-BY-4.0",
-        "Scanned heads with a jaw that turns: a FLAME file, or the folder it is in", patterns="*.pkl;*.npz",
+        "FLAME",
+        "the FLAME license, non-commercial; FLAME 2023 Open alone is CC-BY-4.0",
+        "Scanned heads with a jaw that turns: a FLAME file, or the folder it is in",
+        patterns="*.pkl;*.npz",
     ),
     "bfm": ModelKind(
-        "Basel Face Model", "the Basel Face Model's, non-commercial research only",
-        "Scanned faces with their colors: a Basel Face Model file, or the folder it is in", patterns="*.mat;*.h5",
+        "Basel Face Model",
+        "the Basel Face Model's, non-commercial research only",
+        "Scanned faces with their colors: a Basel Face Model file, or the folder it is in",
+        patterns="*.mat;*.h5",
     ),
     "gnm": ModelKind(
-        "GNM Head", "Apache-2.0", "Google's head model: its gnm_head.npz, or the folder it is in", patterns="*.npz"
+        "GNM Head",
+        "Apache-2.0",
+        "Google's head model: its gnm_head.npz, or the folder it is in",
+        patterns="*.npz",
     ),
     "rig": ModelKind(
-        "Your Own Rig", "yours", "A mesh with shape keys that was written to a file", "SHAPEKEY_DATA"
+        "Your Own Rig",
+        "yours",
+        "A mesh with shape keys that was written to a file",
+        "SHAPEKEY_DATA",
     ),
     "npz": ModelKind(
-        "Facestage Model", "as the file says", "A face model saved in Facestage's own form", "FILE", "*.npz"
+        "Facestage Model",
+        "as the file says",
+        "A face model saved in Facestage's own form",
+        "FILE",
+        "*.npz",
     ),
-}  # fmt: skip
+}
 
 
 class FACESTAGE_OT_choose_model(bpy.types.Operator, ImportHelper):
@@ -67,12 +90,17 @@ class FACESTAGE_OT_choose_model(bpy.types.Operator, ImportHelper):
     kind: EnumProperty(
         name="Kind",
         description="Kind of face model",
-        items=[(name, kind.label, f"{kind.help}. License: {kind.license}") for name, kind in KINDS.items()],
+        items=[
+            (name, kind.label, f"{kind.help}. License: {kind.license}")
+            for name, kind in KINDS.items()
+        ],
     )
     filter_glob: StringProperty(default="*", options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
-    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+    def description(
+        cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
         """The tooltip: what this kind is, and under which license."""
         kind = KINDS[properties.kind]
         return f"{kind.help}. License: {kind.license}"
@@ -86,7 +114,9 @@ class FACESTAGE_OT_choose_model(bpy.types.Operator, ImportHelper):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remember the model."""
-        return reported(self, context, lambda: choose_model(context.scene, self.kind, self.filepath))
+        return reported(
+            self, context, lambda: choose_model(context.scene, self.kind, self.filepath)
+        )
 
 
 class FACESTAGE_MT_model(bpy.types.Menu):
@@ -114,7 +144,8 @@ def choose_model(scene: bpy.types.Scene, kind: str, filepath: str = "") -> None:
     path = absolute(filepath) if filepath else Path()
     if not filepath or not (is_file(path) or is_folder(path)):
         raise InputError(
-            f"The face model '{filepath}' does not exist; choose the file or folder of {KINDS[kind].label}."
+            f"The face model '{filepath}' does not exist; choose the file or folder of "
+            f"{KINDS[kind].label}."
         )
     scene.facestage.model = f"{kind}:{path}"
 
@@ -129,9 +160,15 @@ def model_label(specification: str) -> str:
 
 
 def model_license(scene: bpy.types.Scene) -> str:
-    """The license of the chosen face model: as the model itself says once its rig is built, else as its kind says."""
+    """The license of the chosen face model: as the model itself says once its rig is built, else as
+    its kind says.
+    """
     specification, rig = scene.facestage.model, scene.facestage.rig
-    if rig is not None and rig.facestage_face.model == specification and "facestage_license" in rig.data:
+    if (
+        rig is not None
+        and rig.facestage_face.model == specification
+        and "facestage_license" in rig.data
+    ):
         return str(rig.data["facestage_license"])
     kind = KINDS.get(specification.partition(":")[0])
     return kind.license if kind is not None else "unknown"

@@ -1,4 +1,6 @@
-"""What shows the face relit while the lights are edited: turn the preview on and off, prepare it."""
+"""What shows the face relit while the lights are edited: turn the preview on and off, prepare
+it.
+"""
 
 import bpy
 
@@ -13,7 +15,9 @@ from .process import BackendProcess
 
 
 class FACESTAGE_OT_relight_preview(bpy.types.Operator):
-    """Show the photo relit over the camera's view while you change colors, powers and states of the lights"""
+    """Show the photo relit over the camera's view while you change colors, powers and states of the
+    lights
+    """
 
     bl_idname = "facestage.relight_preview"
     bl_label = "Relight Preview"

@@ -20,7 +20,10 @@ from .process import BackendProcess
 from .stage import build_stage, default_stage
 from .user_state import preserved
 
-MARK_ITEMS = [(name, words, f"{words}; left and right are the face's own") for name, (words, _) in MARKS.items()]
+MARK_ITEMS = [
+    (name, words, f"{words}; left and right are the face's own")
+    for name, (words, _) in MARKS.items()
+]
 
 
 def _active_mesh(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -29,7 +32,10 @@ def _active_mesh(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 class FACESTAGE_OT_use_my_mesh(BackendTask, bpy.types.Operator):
-    """Make the active mesh the face to fit: its shape keys become the sliders of the fit. The mesh is not moved yet"""
+    """Make the active mesh the face to fit: its shape keys become the sliders of the fit.
+
+    The mesh is not moved yet
+    """
 
     bl_idname = "facestage.use_my_mesh"
     bl_label = "Use My Mesh"
@@ -59,11 +65,20 @@ class FACESTAGE_OT_use_my_mesh(BackendTask, bpy.types.Operator):
         settings = scene.facestage
         item = scene.objects.get(name)
         if item is None:
-            raise InputError(f"The mesh '{name}' is gone; make the mesh of a face active and press Use My Mesh again.")
+            raise InputError(
+                f"The mesh '{name}' is gone; make the mesh of a face active and press Use My "
+                "Mesh again."
+            )
         if settings.stage is None or settings.stage.name not in scene.objects:
-            build_stage(scene, default_stage(settings.light_count, settings.light_radius, settings.light_side))
+            build_stage(
+                scene,
+                default_stage(settings.light_count, settings.light_radius, settings.light_side),
+            )
         adopt(scene, item, f"rig:{path}", model, rig, own)
-        sliders = f"{len(own.expression)} expressions, {len(own.identity) or len(model.identity_names)} shapes of faces"
+        sliders = (
+            f"{len(own.expression)} expressions, "
+            f"{len(own.identity) or len(model.identity_names)} shapes of faces"
+        )
         self.report({"INFO"}, "; ".join([f"'{name}' is the face now: {sliders}", *notes]) + ".")
 
     def _file(self) -> Path:
@@ -77,7 +92,9 @@ class FACESTAGE_OT_mark_landmark(bpy.types.Operator):
     bl_label = "Mark Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    landmark: EnumProperty(name="Landmark", description="What the selected vertices are", items=MARK_ITEMS)
+    landmark: EnumProperty(
+        name="Landmark", description="What the selected vertices are", items=MARK_ITEMS
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -96,7 +113,9 @@ class FACESTAGE_OT_clear_landmark(bpy.types.Operator):
     bl_label = "Clear Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    landmark: EnumProperty(name="Landmark", description="Which landmark to forget", items=MARK_ITEMS)
+    landmark: EnumProperty(
+        name="Landmark", description="Which landmark to forget", items=MARK_ITEMS
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -126,7 +145,10 @@ class FACESTAGE_PT_own_mesh(bpy.types.Panel):
             return
         face = item.facestage_face
         used = bool(face.own_mesh) and context.scene.facestage.rig == item
-        layout.label(text=f"{item.name}{' is the face' if used else ''}", icon="CHECKMARK" if used else "MESH_DATA")
+        layout.label(
+            text=f"{item.name}{' is the face' if used else ''}",
+            icon="CHECKMARK" if used else "MESH_DATA",
+        )
         column = layout.column(align=True)
         column.prop(face, "fit_shape")
         column.prop(face, "own_materials")
@@ -164,7 +186,9 @@ class FACESTAGE_PT_mesh_landmarks(bpy.types.Panel):
             marked = MARK_GROUP + name in item.vertex_groups
             row = column.row(align=True)
             row.operator(
-                "facestage.mark_landmark", text=words, icon="CHECKBOX_HLT" if marked else "CHECKBOX_DEHLT"
+                "facestage.mark_landmark",
+                text=words,
+                icon="CHECKBOX_HLT" if marked else "CHECKBOX_DEHLT",
             ).landmark = name
             if marked:
                 row.operator("facestage.clear_landmark", text="", icon="X").landmark = name

@@ -1,7 +1,8 @@
-"""A mesh of the user's as a face rig: read with its shape keys, and written back to without changing what is theirs.
+"""A mesh of the user's as a face rig: read with its shape keys, and written back to without
+changing what is theirs.
 
-What Facestage must know of it later (which slider each shape of the model is, and where the model's frame lies in the
-mesh) is kept on the object as JSON: :class:`OwnMesh`.
+What Facestage must know of it later (which slider each shape of the model is, and where the model's
+frame lies in the mesh) is kept on the object as JSON: :class:`OwnMesh`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,10 @@ FACTOR_MAX = 1e9  # of numbers in a record
 IDENTITY_SPREAD = 2.0  # standard deviations from rest to the end of an identity slider
 # What a material's name says; the first that fits counts.
 _PART_WORDS = (
-    (OTHER, r"lash|brow|hair|beard|tear|cornea|occlusion|wet|cloth|shirt|glass|transparent|\bother\b"),
+    (
+        OTHER,
+        r"lash|brow|hair|beard|tear|cornea|occlusion|wet|cloth|shirt|glass|transparent|\bother\b",
+    ),
     (EYES, r"eye(?!lid)|iris|sclera|pupil"),
     (TEETH, r"teeth|tooth|denture"),
     (MOUTH, r"mouth|gum|tongue|saliva"),
@@ -44,7 +48,9 @@ class _Slider(Checked):
     def __init__(self) -> None:
         super().__init__("a shape key and a number that is not 0")
 
-    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> tuple[str, float]:
+    def _deserialize(
+        self, value: Any, attr: str | None, data: Any, **kwargs: Any
+    ) -> tuple[str, float]:
         if not isinstance(value, list) or len(value) != 2 or not isinstance(value[0], str):
             raise self.wrong(value)
         factor = Number(-FACTOR_MAX, FACTOR_MAX).deserialize(value[1])
@@ -72,10 +78,13 @@ class OwnMeshSchema(FileSchema):
 class OwnMesh:
     """What ties a user's mesh to its face model."""
 
-    identity: dict[str, tuple[str, float]]  # identity shape -> shape key, and its value at one standard deviation
+    # identity shape -> shape key, and its value at one standard deviation
+    identity: dict[str, tuple[str, float]]
     expression: dict[str, tuple[str, float]]  # expression -> shape key, and its value at weight 1
-    to_model: list[list[float]] = field(default_factory=list)  # (4, 4) the mesh's coordinates -> the model frame
-    borrowed: dict[str, float] = field(default_factory=dict)  # identity mode of the default model -> fitted weight
+    # (4, 4) the mesh's coordinates -> the model frame
+    to_model: list[list[float]] = field(default_factory=list)
+    # identity mode of the default model -> fitted weight
+    borrowed: dict[str, float] = field(default_factory=dict)
     uv_layer: str = ""
 
     @classmethod
@@ -101,15 +110,16 @@ class OwnMesh:
 def read_mesh(item: bpy.types.Object | None) -> tuple[RigFile, OwnMesh, list[str]]:
     """The object's mesh for the backend, its sliders, and sentences on what was left out.
 
-    Must run in object mode. A UV map named "Facestage" is added where the mesh's own cannot carry one texture.
-    Raises InputError when the object is no mesh that can be a face.
+    Must run in object mode. A UV map named "Facestage" is added where the mesh's own cannot carry
+    one texture. Raises InputError when the object is no mesh that can be a face.
     """
     if item is None or item.type != "MESH":
         raise InputError("No mesh is active; select the mesh of a face and make it active.")
     mesh = item.data
     if len(mesh.vertices) < 100 or len(mesh.polygons) < 100:
         raise InputError(
-            f"The mesh '{item.name}' has {len(mesh.vertices)} vertices and {len(mesh.polygons)} faces; a face needs at "
+            f"The mesh '{item.name}' has {len(mesh.vertices)} vertices and "
+            f"{len(mesh.polygons)} faces; a face needs at "
             "least 100 of each: make the mesh of a face active."
         )
     vertices, identity, expression, own, notes = read_shapes(item)
@@ -122,25 +132,47 @@ def read_mesh(item: bpy.types.Object | None) -> tuple[RigFile, OwnMesh, list[str
     if min(abs(value) for value in scale) < 1e-9:
         raise InputError(f"The object '{item.name}' is scaled to nothing; reset its scale (Alt S).")
     rig = RigFile(
-        name=item.name, license="yours", vertices=vertices, scale=(scale.x, scale.y, scale.z),
-        polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=_parts(item)[source], uvs=uvs.astype(np.float32),
-        expression_names=tuple(own.expression), expression_offsets=expression,
-        identity_names=tuple(own.identity), identity_offsets=identity,
-        borrow_identity=item.facestage_face.fit_shape, marks=read_marks(item),
-    )  # fmt: skip
+        name=item.name,
+        license="yours",
+        vertices=vertices,
+        scale=(scale.x, scale.y, scale.z),
+        polygons=polygons,
+        polygon_uvs=polygon_uvs,
+        polygon_part=_parts(item)[source],
+        uvs=uvs.astype(np.float32),
+        expression_names=tuple(own.expression),
+        expression_offsets=expression,
+        identity_names=tuple(own.identity),
+        identity_offsets=identity,
+        borrow_identity=item.facestage_face.fit_shape,
+        marks=read_marks(item),
+    )
     return rig, own, notes
 
 
-def read_shapes(item: bpy.types.Object) -> tuple[np.ndarray, np.ndarray, np.ndarray, OwnMesh, list[str]]:
-    """Vertices (n, 3) without any key, identity and expression offsets, their sliders, and what was left out."""
+def read_shapes(
+    item: bpy.types.Object,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, OwnMesh, list[str]]:
+    """Vertices (n, 3) without any key, identity and expression offsets, their sliders, and what was
+    left out.
+    """
     mesh, prefix = item.data, item.facestage_face.identity_prefix.lower()
     offsets: dict[bool, list[np.ndarray]] = {True: [], False: []}
     own = OwnMesh({}, {})
     none = np.zeros((0, len(mesh.vertices), 3), np.float32)
     if mesh.shape_keys is None or len(mesh.shape_keys.key_blocks) < 2:
-        return _points(mesh.vertices), none, none, own, [f"'{item.name}' has no shape keys: no expression is fitted"]
+        return (
+            _points(mesh.vertices),
+            none,
+            none,
+            own,
+            [f"'{item.name}' has no shape keys: no expression is fitted"],
+        )
     if not mesh.shape_keys.use_relative:
-        raise InputError(f"The shape keys of '{item.name}' are absolute; turn on Relative in Object Data > Shape Keys.")
+        raise InputError(
+            f"The shape keys of '{item.name}' are absolute; turn on Relative in Object Data > "
+            "Shape Keys."
+        )
     driven = _driven(mesh.shape_keys)
     reference = mesh.shape_keys.reference_key
     base = _points(reference.data)
@@ -170,7 +202,8 @@ def read_shapes(item: bpy.types.Object) -> tuple[np.ndarray, np.ndarray, np.ndar
                 offsets[False].append(factor * offset)
     notes = [f"{len(names)} {why} shape keys are left out" for why, names in left_out.items()]
     identity, expression = (
-        np.stack(offsets[kind]).astype(np.float32) if offsets[kind] else none for kind in (True, False)
+        np.stack(offsets[kind]).astype(np.float32) if offsets[kind] else none
+        for kind in (True, False)
     )
     return base, identity, expression, own, notes
 
@@ -179,12 +212,15 @@ def model_frame(rig: RigFile, model: FaceModel) -> np.ndarray:
     """(4, 4) from the mesh's own coordinates to the model frame, from the same vertices in both."""
     if len(model.vertices) != len(rig.vertices):
         raise InputError(
-            f"The backend's model has {len(model.vertices)} vertices, the mesh {len(rig.vertices)}; press Use My Mesh "
+            f"The backend's model has {len(model.vertices)} vertices, the mesh "
+            f"{len(rig.vertices)}; press Use My Mesh "
             "again."
         )
     middle = rig.vertices.mean(axis=0)
     size = max(float(np.ptp(rig.vertices)), 1e-12)
-    columns = np.concatenate([(rig.vertices - middle) / size, np.ones((len(rig.vertices), 1))], axis=1)
+    columns = np.concatenate(
+        [(rig.vertices - middle) / size, np.ones((len(rig.vertices), 1))], axis=1
+    )
     solution = np.linalg.lstsq(columns, model.vertices.astype(np.float64), rcond=None)[0]
     matrix = np.eye(4)
     matrix[:3, :3] = solution[:3].T / size
@@ -192,7 +228,9 @@ def model_frame(rig: RigFile, model: FaceModel) -> np.ndarray:
     return matrix
 
 
-def read_own_weights(rig: bpy.types.Object, own: OwnMesh) -> tuple[dict[str, float], dict[str, float]]:
+def read_own_weights(
+    rig: bpy.types.Object, own: OwnMesh
+) -> tuple[dict[str, float], dict[str, float]]:
     """Identity and expression weights by the model's names, as the sliders show them."""
     keys = _key_blocks(rig)
     values = {name: key.value for name, key in keys.items()}
@@ -211,7 +249,8 @@ def read_own_weights(rig: bpy.types.Object, own: OwnMesh) -> tuple[dict[str, flo
 def own_slider_values(
     rig: bpy.types.Object, own: OwnMesh, identity: dict[str, float], expression: dict[str, float]
 ) -> dict[str, float]:
-    """Values of the user's sliders for the given weights; identity modes that are not theirs: :func:`write_shape`.
+    """Values of the user's sliders for the given weights; identity modes that are not theirs:
+    :func:`write_shape`.
 
     Raises InputError for a slider that is gone.
     """
@@ -223,7 +262,8 @@ def own_slider_values(
                 continue
             if name not in shapes or shapes[name][0] not in keys:
                 raise InputError(
-                    f"The mesh '{rig.name}' has no shape key '{shapes.get(name, (name, 0))[0]}' any more; press Use My "
+                    f"The mesh '{rig.name}' has no shape key "
+                    f"'{shapes.get(name, (name, 0))[0]}' any more; press Use My "
                     "Mesh again."
                 )
             key, factor = shapes[name]
@@ -231,8 +271,11 @@ def own_slider_values(
     return values
 
 
-def write_shape(rig: bpy.types.Object, own: OwnMesh, weights: dict[str, float], offsets: np.ndarray) -> None:
-    """Put the part of the fitted shape that no slider of the mesh makes into one shape key of its own.
+def write_shape(
+    rig: bpy.types.Object, own: OwnMesh, weights: dict[str, float], offsets: np.ndarray
+) -> None:
+    """Put the part of the fitted shape that no slider of the mesh makes into one shape key of its
+    own.
 
     weights: the default model's identity modes; offsets (n, 3) in the mesh's own coordinates.
     """
@@ -248,9 +291,15 @@ def write_shape(rig: bpy.types.Object, own: OwnMesh, weights: dict[str, float], 
 
 
 def read_marks(item: bpy.types.Object) -> dict[str, np.ndarray]:
-    """Marked landmarks: name in MARKS -> vertex indices. They are vertex groups, so that they survive editing."""
-    group_name = {group.index: group.name[len(MARK_GROUP) :] for group in item.vertex_groups
-                  if group.name.startswith(MARK_GROUP)}  # fmt: skip
+    """Marked landmarks: name in MARKS -> vertex indices.
+
+    They are vertex groups, so that they survive editing.
+    """
+    group_name = {
+        group.index: group.name[len(MARK_GROUP) :]
+        for group in item.vertex_groups
+        if group.name.startswith(MARK_GROUP)
+    }
     found: dict[str, list[int]] = {}
     if group_name:
         for vertex in item.data.vertices:
@@ -261,10 +310,16 @@ def read_marks(item: bpy.types.Object) -> dict[str, np.ndarray]:
 
 
 def mark(item: bpy.types.Object, name: str) -> int:
-    """Make the selected vertices a landmark's place; returns how many. Raises InputError when none is selected."""
+    """Make the selected vertices a landmark's place; returns how many.
+
+    Raises InputError when none is selected.
+    """
     chosen = [vertex.index for vertex in item.data.vertices if vertex.select]
     if not chosen:
-        raise InputError(f"No vertex of '{item.name}' is selected; select the vertex of the landmark in Edit Mode.")
+        raise InputError(
+            f"No vertex of '{item.name}' is selected; select the vertex of the landmark in "
+            "Edit Mode."
+        )
     clear_mark(item, name)
     item.vertex_groups.new(name=MARK_GROUP + name).add(chosen, 1.0, "REPLACE")
     return len(chosen)
@@ -290,7 +345,11 @@ def _driven(keys: bpy.types.Key) -> set[str]:
     if keys.animation_data is None:
         return set()
     paths = [driver.data_path for driver in keys.animation_data.drivers]
-    return {key.name for key in keys.key_blocks if any(path == key.path_from_id("value") for path in paths)}
+    return {
+        key.name
+        for key in keys.key_blocks
+        if any(path == key.path_from_id("value") for path in paths)
+    }
 
 
 def _group_weights(item: bpy.types.Object, name: str) -> np.ndarray:
@@ -298,12 +357,16 @@ def _group_weights(item: bpy.types.Object, name: str) -> np.ndarray:
     group = item.vertex_groups.get(name)
     if group is not None:
         for vertex in item.data.vertices:
-            weights[vertex.index] = next((m.weight for m in vertex.groups if m.group == group.index), 0.0)
+            weights[vertex.index] = next(
+                (m.weight for m in vertex.groups if m.group == group.index), 0.0
+            )
     return weights
 
 
 def _quads_and_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices and corners (p, 4) int32 of quads and triangles, and the face (p,) each comes from; n-gons are split."""
+    """Vertices and corners (p, 4) int32 of quads and triangles, and the face (p,) each comes from;
+    n-gons are split.
+    """
     start, total = np.empty((2, len(mesh.polygons)), np.int32)
     mesh.polygons.foreach_get("loop_start", start)
     mesh.polygons.foreach_get("loop_total", total)
@@ -328,7 +391,9 @@ def _quads_and_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, 
 
 
 def slot_parts(item: bpy.types.Object) -> list[int]:
-    """The part of the face in each material slot: as the user marked the material, else by its name."""
+    """The part of the face in each material slot: as the user marked the material, else by its
+    name.
+    """
     parts = []
     for slot in item.material_slots:
         material = slot.material

@@ -21,13 +21,24 @@ SPECULAR_SIZE = 32
 OFFSET_MAX = 1e12  # units of the mesh; beyond, single floats end
 
 
-def export_mesh(item: bpy.types.Object | None, folder: Path) -> tuple[Path, RigFile, OwnMesh, list[str]]:
-    """Write the object's mesh into ``folder`` for the backend: the file of ``rig:FILE``, and what :func:`adopt` needs.
+def export_mesh(
+    item: bpy.types.Object | None, folder: Path
+) -> tuple[Path, RigFile, OwnMesh, list[str]]:
+    """Write the object's mesh into ``folder`` for the backend: the file of ``rig:FILE``, and what
+    :func:`adopt` needs.
 
     Must run in object mode. Raises InputError when the object cannot be a face.
     """
-    if item is not None and item.type == "MESH" and item.facestage_face.is_rig and not item.facestage_face.own_mesh:
-        raise InputError(f"'{item.name}' was built by Facestage and is a face rig already; choose a mesh of your own.")
+    if (
+        item is not None
+        and item.type == "MESH"
+        and item.facestage_face.is_rig
+        and not item.facestage_face.own_mesh
+    ):
+        raise InputError(
+            f"'{item.name}' was built by Facestage and is a face rig already; choose a mesh of "
+            "your own."
+        )
     rig, own, notes = read_mesh(item)
     path = folder / f"{bpy.path.clean_name(rig.name)}.rig.npz"
     rig.save(path)
@@ -35,12 +46,18 @@ def export_mesh(item: bpy.types.Object | None, folder: Path) -> tuple[Path, RigF
 
 
 def adopt(
-    scene: bpy.types.Scene, item: bpy.types.Object, spec: str, model: FaceModel, rig: RigFile, own: OwnMesh
+    scene: bpy.types.Scene,
+    item: bpy.types.Object,
+    spec: str,
+    model: FaceModel,
+    rig: RigFile,
+    own: OwnMesh,
 ) -> None:
-    """Make the object the scene's rig for the model that the backend made of it; nothing is moved yet.
+    """Make the object the scene's rig for the model that the backend made of it; nothing is moved
+    yet.
 
-    With the object's "Facestage skin" the materials of face, eyes and mouth give way to Facestage's; the user's stay
-    in the file.
+    With the object's "Facestage skin" the materials of face, eyes and mouth give way to
+    Facestage's; the user's stay in the file.
     """
     own.to_model = model_frame(rig, model).tolist()
     own.borrowed = {} if own.identity else dict.fromkeys(model.identity_names, 0.0)
@@ -51,9 +68,14 @@ def adopt(
     if not face.own_materials:
         return
     _replace_materials(item, own.uv_layer)
-    albedo = paint_vertices(model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE)
+    albedo = paint_vertices(
+        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
+    )
     specular = np.ones((SPECULAR_SIZE, SPECULAR_SIZE), np.float32)
-    images = texture_image("Facestage Albedo", albedo), texture_image("Facestage Specular", specular)
+    images = (
+        texture_image("Facestage Albedo", albedo),
+        texture_image("Facestage Specular", specular),
+    )
     set_textures(item, *images, roughness=face.roughness)
 
 
@@ -61,13 +83,15 @@ def check_vertices(rig: bpy.types.Object, result: Result) -> None:
     """Raise InputError when the mesh was edited since the result was made."""
     if len(rig.data.vertices) != len(result.vertices):
         raise InputError(
-            f"The mesh '{rig.name}' has {len(rig.data.vertices)} vertices, the result {len(result.vertices)}; press "
+            f"The mesh '{rig.name}' has {len(rig.data.vertices)} vertices, the result "
+            f"{len(result.vertices)}; press "
             "Use My Mesh and fit again."
         )
 
 
 def borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> np.ndarray | None:
-    """(n, 3) the part of the fitted shape that the mesh has no sliders for, in its own coordinates; None without any.
+    """(n, 3) the part of the fitted shape that the mesh has no sliders for, in its own coordinates;
+    None without any.
 
     Raises InputError when the mesh's shape keys cannot carry it.
     """
@@ -81,17 +105,24 @@ def borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> np.nd
     shown = np.array([weights.get(name, 0.0) for name in shapes.expression])
     rest: np.ndarray = fitted - base - np.tensordot(shown, offsets, 1)
     if not np.isfinite(rest).all() or np.abs(rest).max() > OFFSET_MAX:
-        raise InputError(f"The result's face is too far from the mesh '{rig.name}'; press Use My Mesh and fit again.")
+        raise InputError(
+            f"The result's face is too far from the mesh '{rig.name}'; press Use My Mesh and "
+            "fit again."
+        )
     return rest
 
 
 def _replace_materials(item: bpy.types.Object, uv_layer: str) -> None:
-    """Give every slot that the fit colors Facestage's material of its part; the user's are kept in the file."""
+    """Give every slot that the fit colors Facestage's material of its part; the user's are kept in
+    the file.
+    """
     if not item.material_slots:
         item.data.materials.append(None)
     for slot, part in zip(item.material_slots, slot_parts(item), strict=True):
         old = slot.material
-        if part == OTHER or (old is not None and old.node_tree is not None and GROUP in old.node_tree.nodes):
+        if part == OTHER or (
+            old is not None and old.node_tree is not None and GROUP in old.node_tree.nodes
+        ):
             continue
         fresh = part_materials(np.array([part if part < len(PARTS) else 0]), uv_layer)[0]
         fresh.facestage_part = PARTS[part].upper() if part < len(PARTS) else "AUTO"

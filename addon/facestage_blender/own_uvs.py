@@ -16,9 +16,9 @@ _MAX_LAYERS = 8
 def face_uvs(item: bpy.types.Object) -> tuple[str, np.ndarray]:
     """Name of the UV map to use, and its (l, 2) float64 corners in 0..1.
 
-    The mesh's own map serves when it is one square without overlaps. Several squares (materials, UDIM tiles) are
-    packed into a map named "Facestage"; without UVs, or with halves on top of each other, that map is unwrapped anew.
-    The mesh's own maps and its selection stay as they are.
+    The mesh's own map serves when it is one square without overlaps. Several squares (materials,
+    UDIM tiles) are packed into a map named "Facestage"; without UVs, or with halves on top of each
+    other, that map is unwrapped anew. The mesh's own maps and its selection stay as they are.
     """
     mesh = item.data
     own = [layer for layer in mesh.uv_layers if layer.name != LAYER]
@@ -36,7 +36,9 @@ def face_uvs(item: bpy.types.Object) -> tuple[str, np.ndarray]:
     area = np.empty(len(mesh.polygons), np.float32)
     mesh.polygons.foreach_get("area", area)
     counts = np.maximum(np.bincount(polygon, minlength=len(material)), 1)
-    middle = np.stack([np.bincount(polygon, uvs[:, k], len(material)) / counts for k in range(2)], axis=1)
+    middle = np.stack(
+        [np.bincount(polygon, uvs[:, k], len(material)) / counts for k in range(2)], axis=1
+    )
     square = np.floor(middle)
     _, tile = np.unique(np.column_stack([material, square]), axis=0, return_inverse=True)
     tile = tile.ravel()
@@ -65,7 +67,10 @@ def _layer(mesh: bpy.types.Mesh) -> bpy.types.MeshUVLoopLayer:
     layer = mesh.uv_layers.get(LAYER)
     if layer is None:
         if len(mesh.uv_layers) >= _MAX_LAYERS:
-            raise InputError(f"The mesh '{mesh.name}' has {_MAX_LAYERS} UV maps, the most there can be; remove one.")
+            raise InputError(
+                f"The mesh '{mesh.name}' has {_MAX_LAYERS} UV maps, the most there can be; "
+                "remove one."
+            )
         active = mesh.uv_layers.active_index
         layer = mesh.uv_layers.new(name=LAYER, do_init=False)
         mesh.uv_layers.active_index = max(active, 0)
@@ -73,7 +78,9 @@ def _layer(mesh: bpy.types.Mesh) -> bpy.types.MeshUVLoopLayer:
 
 
 def _unwrapped(item: bpy.types.Object) -> np.ndarray:
-    """(l, 2) corners of the map named "Facestage", unwrapped by Blender; the selection is restored."""
+    """(l, 2) corners of the map named "Facestage", unwrapped by Blender; the selection is
+    restored.
+    """
     mesh = item.data
     _layer(mesh)
     active = mesh.uv_layers.active_index
@@ -97,7 +104,9 @@ def _unwrapped(item: bpy.types.Object) -> np.ndarray:
         bpy.ops.mesh.select_all(action="SELECT")
         bpy.ops.uv.smart_project(island_margin=0.004)
     except RuntimeError as error:
-        raise InputError(f"The mesh '{item.name}' cannot be unwrapped ({error}); give it a UV map.") from error
+        raise InputError(
+            f"The mesh '{item.name}' cannot be unwrapped ({error}); give it a UV map."
+        ) from error
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
         for element, state in zip((mesh.vertices, mesh.edges, mesh.polygons), kept, strict=True):

@@ -1,4 +1,6 @@
-"""The sidebar of the 3D View from the light stage on: the steps in order, progress, and errors in words."""
+"""The sidebar of the 3D View from the light stage on: the steps in order, progress, and errors in
+words.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -66,7 +68,9 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw state, color and power of each light."""
         layout = self.layout
-        layout.operator_menu_enum("facestage.light_states", "state", text="Set All", icon="LIGHT_AREA")
+        layout.operator_menu_enum(
+            "facestage.light_states", "state", text="Set All", icon="LIGHT_AREA"
+        )
         column = layout.column(align=True)
         for light in stage_lights(context.scene.facestage.stage):
             row = column.row(align=True)
@@ -91,10 +95,14 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
         """Draw the choice of model and the rig's builder."""
         layout, settings = self.layout, context.scene.facestage
         layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
-        draw_wrapped(layout, f"License: {model_license(context.scene)}", "NONE", line_length(context))
+        draw_wrapped(
+            layout, f"License: {model_license(context.scene)}", "NONE", line_length(context)
+        )
         built = settings.rig is not None
         layout.operator(
-            "facestage.build_rig", icon="FILE_REFRESH" if built else "ADD", text="Rebuild Face Rig" if built else None
+            "facestage.build_rig",
+            icon="FILE_REFRESH" if built else "ADD",
+            text="Rebuild Face Rig" if built else None,
         )
 
 
@@ -109,7 +117,11 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the fit's button or its progress."""
-        layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
+        layout, settings, state = (
+            self.layout,
+            context.scene.facestage,
+            context.window_manager.facestage,
+        )
         if state.task:
             draw_progress(layout, state)
         else:
@@ -172,7 +184,11 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what can be done with a result."""
-        layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
+        layout, settings, state = (
+            self.layout,
+            context.scene.facestage,
+            context.window_manager.facestage,
+        )
         folder = existing(result_folder, context.scene) or Path()
         buttons = layout.column(align=True)
         buttons.enabled = is_file(folder / "result.json") and not state.task
@@ -181,7 +197,9 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
         report.enabled = is_file(folder / REPORT)
         report.operator("facestage.open_report", icon="URL")
         if settings.stage is not None:
-            layout.operator_menu_enum("facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT")
+            layout.operator_menu_enum(
+                "facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT"
+            )
             _draw_preview(layout, context, folder)
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
@@ -191,7 +209,9 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
 
 
 def existing(folder: Callable[[bpy.types.Scene], Path], scene: bpy.types.Scene) -> Path | None:
-    """A folder of the scene's; None where what is set can be none: the operators say what is wrong, a panel draws."""
+    """A folder of the scene's; None where what is set can be none: the operators say what is wrong,
+    a panel draws.
+    """
     try:
         return folder(scene)
     except InputError:
@@ -199,14 +219,18 @@ def existing(folder: Callable[[bpy.types.Scene], Path], scene: bpy.types.Scene) 
 
 
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
-    """The live preview's switch, or what makes it possible, and why it does not follow the lights."""
+    """The live preview's switch, or what makes it possible, and why it does not follow the
+    lights.
+    """
     preview = context.window_manager.facestage_preview
     ready = preview.active or is_file(folder / RELIGHT_CACHE)
     row = layout.row(align=True)
     row.enabled = is_file(folder / "result.json") and not context.window_manager.facestage.task
     if ready:
         row.operator(
-            "facestage.relight_preview", icon="HIDE_OFF" if preview.active else "HIDE_ON", depress=preview.active
+            "facestage.relight_preview",
+            icon="HIDE_OFF" if preview.active else "HIDE_ON",
+            depress=preview.active,
         )
     row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
     if preview.status:

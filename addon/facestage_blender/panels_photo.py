@@ -28,7 +28,11 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice of photo, its landmarks and its lens."""
-        layout, settings, state = self.layout, context.scene.facestage, context.window_manager.facestage
+        layout, settings, state = (
+            self.layout,
+            context.scene.facestage,
+            context.window_manager.facestage,
+        )
         photo = bpy.path.basename(settings.photo)
         layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=photo or "Choose Photo")
         if state.task == FACESTAGE_OT_detect_landmarks.task:
@@ -42,7 +46,9 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
             face.prop(settings, "face_number")
         row = layout.row(align=True)
         file = bpy.path.basename(settings.landmarks)
-        row.operator("facestage.choose_landmarks", icon="EMPTY_AXIS", text=file or "Choose Landmarks")
+        row.operator(
+            "facestage.choose_landmarks", icon="EMPTY_AXIS", text=file or "Choose Landmarks"
+        )
         if file:
             row.operator("facestage.forget_landmarks", icon="X", text="")
         if shown_plane(context.scene) is not None:
@@ -62,7 +68,9 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     """What can be done with the points while they are on the photo."""
     empties = landmark_empties(context.scene)
     states = [empty.facestage_landmark.state for empty in empties]
-    counts = [f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states]
+    counts = [
+        f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states
+    ]
     layout.label(text=f"{len(empties)} points to drag (G)", icon="EMPTY_AXIS")
     if counts:
         layout.label(text=", ".join(counts), icon="BLANK1")
@@ -84,7 +92,10 @@ def landmark_lines(settings: bpy.types.PropertyGroup) -> list[str]:
         count, left = _count(path, path.stat().st_mtime_ns)
     except (OSError, InputError):
         return ["The landmark file cannot be read"]
-    return [f"{count} points, {FROM[settings.landmarks_from]}", *([f"{left} hidden or ignored"] if left else [])]
+    return [
+        f"{count} points, {FROM[settings.landmarks_from]}",
+        *([f"{left} hidden or ignored"] if left else []),
+    ]
 
 
 @lru_cache(maxsize=4)

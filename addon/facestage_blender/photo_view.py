@@ -18,7 +18,9 @@ ZOOM_LIMIT = 600.0  # Blender's own
 
 
 def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks: Landmarks) -> None:
-    """Show the photo in the 3D View in use, else in all of the window's, the landmarks' face large in its middle."""
+    """Show the photo in the 3D View in use, else in all of the window's, the landmarks' face large
+    in its middle.
+    """
     areas = context.window.screen.areas if context.window is not None else []
     views = [area for area in areas if area.type == "VIEW_3D"]
     for area in [context.area] if context.area in views else views:
@@ -40,10 +42,14 @@ def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks:
         _zoom(region, rv3d, np.array(low), np.array(high))
 
 
-def _zoom(region: bpy.types.Region, rv3d: bpy.types.RegionView3D, low: np.ndarray, high: np.ndarray) -> None:
-    """Bring the box from ``low`` to ``high`` (2,), in the region's pixels at zoom and offset 0, to the view's middle.
+def _zoom(
+    region: bpy.types.Region, rv3d: bpy.types.RegionView3D, low: np.ndarray, high: np.ndarray
+) -> None:
+    """Bring the box from ``low`` to ``high`` (2,), in the region's pixels at zoom and offset 0, to
+    the view's middle.
 
-    Blender's camera view is magnified by (zoom / 50 + sqrt 2)^2 / 2 from there; its offset is in regions.
+    Blender's camera view is magnified by (zoom / 50 + sqrt 2)^2 / 2 from there; its offset is in
+    regions.
     """
     size = np.array([region.width, region.height], float)
     factor = max(1.0, FACE_SHARE * float((size / np.maximum(high - low, 1.0)).min()))

@@ -1,4 +1,7 @@
-"""The whole way without a window: build -> job -> backend -> result -> write-back -> save. For batch and demo."""
+"""The whole way without a window: build -> job -> backend -> result -> write-back -> save.
+
+For batch and demo.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +83,9 @@ def open_scene(path: Path) -> bpy.types.Scene:
         with quiet():
             bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise InputError(f"The scene '{path}' cannot be opened; give a .blend that this Blender can read.") from error
+        raise InputError(
+            f"The scene '{path}' cannot be opened; give a .blend that this Blender can read."
+        ) from error
     return bpy.context.scene
 
 
@@ -91,7 +96,9 @@ def _register() -> None:
         registration.register()
 
 
-def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]) -> Result:
+def fit_photo(
+    scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
+) -> Result:
     """Build stage and rig, fit them to the photo, write the result back and save the .blend.
 
     Raises FacestageError with the backend's own sentence when it fails; then no .blend is written.
@@ -110,7 +117,9 @@ def fit_photo(scene: bpy.types.Scene, order: Order, backend: list[str], on_event
     return result
 
 
-def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]) -> None:
+def prepare_scene(
+    scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
+) -> None:
     """Check the order's files, then build the light stage and the rig, and set the scene's job."""
     width, height = load_image(order.image).size
     if order.landmarks is not None:
@@ -124,7 +133,8 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
         order.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one that you may write to."
+            f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one "
+            "that you may write to."
         ) from error
     if order.rig_blend is not None:
         use_mesh(scene, order.rig_object, order.out, backend, on_event)
@@ -133,7 +143,11 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
     settings.face_number = order.face
     settings.light_count, settings.light_color = order.lights, order.light_color
-    settings.freeze, settings.budget, settings.seed = set(order.freeze), order.budget or 0.0, order.seed
+    settings.freeze, settings.budget, settings.seed = (
+        set(order.freeze),
+        order.budget or 0.0,
+        order.seed,
+    )
     settings.device, settings.output, settings.quality = order.device, str(order.out), order.quality
     empty = build_stage(scene, stage)
     if order.rig_blend is None:
@@ -147,17 +161,29 @@ def prepare_scene(scene: bpy.types.Scene, order: Order, backend: list[str], on_e
 
 
 def use_mesh(
-    scene: bpy.types.Scene, name: str, folder: Path, backend: list[str], on_event: Callable[[Event], None]
+    scene: bpy.types.Scene,
+    name: str,
+    folder: Path,
+    backend: list[str],
+    on_event: Callable[[Event], None],
 ) -> None:
-    """Make the scene's mesh of this name the face rig; without a name, the only mesh that has shape keys."""
-    keyed = [item for item in scene.objects if item.type == "MESH" and item.data.shape_keys is not None]
+    """Make the scene's mesh of this name the face rig; without a name, the only mesh that has shape
+    keys.
+    """
+    keyed = [
+        item for item in scene.objects if item.type == "MESH" and item.data.shape_keys is not None
+    ]
     item = scene.objects.get(name) if name else keyed[0] if len(keyed) == 1 else None
     if item is None:
-        meshes = ", ".join(sorted(other.name for other in scene.objects if other.type == "MESH")) or "none"
+        meshes = (
+            ", ".join(sorted(other.name for other in scene.objects if other.type == "MESH"))
+            or "none"
+        )
         raise InputError(
             f"The scene has no object '{name}'; its meshes: {meshes}."
             if name
-            else f"{len(keyed)} meshes of the scene have shape keys; name one with --rig-object (meshes: {meshes})."
+            else f"{len(keyed)} meshes of the scene have shape keys; name one with "
+            f"--rig-object (meshes: {meshes})."
         )
     for layer in scene.view_layers:
         layer.update()
@@ -202,11 +228,15 @@ def save_blend(path: Path) -> None:
         with quiet():
             bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
     except (OSError, RuntimeError) as error:
-        raise InputError(f"Cannot write '{path}'; choose an output folder that you may write to.") from error
+        raise InputError(
+            f"Cannot write '{path}'; choose an output folder that you may write to."
+        ) from error
 
 
 def progress_printer() -> Callable[[Event], None]:
-    """A function that shows events on stderr: one changing line on a terminal, a line for each stage elsewhere."""
+    """A function that shows events on stderr: one changing line on a terminal, a line for each
+    stage elsewhere.
+    """
     terminal = sys.stderr.isatty()
     last = ""
 
@@ -218,7 +248,12 @@ def progress_printer() -> Callable[[Event], None]:
         if event.seconds_left is not None:
             text += f"  about {event.seconds_left:.0f} s left"
         if terminal:
-            print(f"\r{text:<78}", end="\n" if event.kind == "done" else "", file=sys.stderr, flush=True)
+            print(
+                f"\r{text:<78}",
+                end="\n" if event.kind == "done" else "",
+                file=sys.stderr,
+                flush=True,
+            )
         elif event.stage != last:
             print(text, file=sys.stderr, flush=True)
         last = event.stage
@@ -231,7 +266,8 @@ def _known_camera(order: Order, width: int, height: int) -> Camera | None:
         camera = Camera.read(order.camera)
         if (camera.width, camera.height) != (width, height):
             raise InputError(
-                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} pixels, the photo has "
+                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} "
+                "pixels, the photo has "
                 f"{width} x {height}; give the camera of this photo."
             )
         return camera

@@ -13,7 +13,8 @@ from .online import online_access
 
 REPORT_LINES = 14
 OFFLINE = (
-    "Online access is off (System > Network), so the backend downloads nothing: to find faces it needs the landmark "
+    "Online access is off (System > Network), so the backend downloads nothing: to find faces "
+    "it needs the landmark "
     "model on this machine, and Check Backend says where."
 )
 
@@ -25,10 +26,13 @@ class FacestagePreferences(bpy.types.AddonPreferences):
 
     backend: StringProperty(
         name="Backend",
-        description="Command of the backend. Empty: $FACESTAGE_BACKEND, else facestage beside Python or on PATH",
+        description="Command of the backend. Empty: $FACESTAGE_BACKEND, else facestage beside "
+        "Python or on PATH",
         subtype="FILE_PATH",
     )
-    report: StringProperty(name="Report", description="What the last check of the backend said", options={"SKIP_SAVE"})
+    report: StringProperty(
+        name="Report", description="What the last check of the backend said", options={"SKIP_SAVE"}
+    )
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the backend's path, the check, and what it said."""
@@ -42,7 +46,11 @@ class FacestagePreferences(bpy.types.AddonPreferences):
         if not online_access():
             draw_wrapped(layout, OFFLINE, "INFO", 90)
         running = context.window_manager.facestage.task
-        layout.operator("facestage.check_backend", icon="VIEWZOOM", text="Checking ..." if running else "Check Backend")
+        layout.operator(
+            "facestage.check_backend",
+            icon="VIEWZOOM",
+            text="Checking ..." if running else "Check Backend",
+        )
         if self.report:
             box = layout.box().column(align=True)
             for line in self.report.splitlines()[-REPORT_LINES:]:
@@ -50,7 +58,10 @@ class FacestagePreferences(bpy.types.AddonPreferences):
 
 
 def backend_command(context: bpy.types.Context) -> list[str]:
-    """The backend's command as the user set it or as it is found. Raises BackendUnavailableError."""
+    """The backend's command as the user set it or as it is found.
+
+    Raises BackendUnavailableError.
+    """
     preferences = addon_preferences(context)
     return find_backend(preferences.backend if preferences else "")
 
@@ -62,7 +73,8 @@ def addon_preferences(context: bpy.types.Context) -> FacestagePreferences | None
 
 
 def work_folder(scene: bpy.types.Scene) -> Path:
-    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary folder.
+    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary
+    folder.
 
     Raises InputError when what is set can be no path.
     """
@@ -75,7 +87,9 @@ def work_folder(scene: bpy.types.Scene) -> Path:
 
 
 def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
-    """Draw a sentence over several lines of about ``width`` characters: Blender's labels do not wrap."""
+    """Draw a sentence over several lines of about ``width`` characters: Blender's labels do not
+    wrap.
+    """
     words, line, lines = text.split(), "", []
     for word in words:
         if line and len(line) + 1 + len(word) > width:

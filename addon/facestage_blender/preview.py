@@ -1,8 +1,10 @@
-"""The live relight preview: an image that follows the colors, powers and states of the stage's lights.
+"""The live relight preview: an image that follows the colors, powers and states of the stage's
+lights.
 
-While it is on, a handler looks for changes after Blender has updated the scene; a picture is made only when the
-lights' radiance, or whether the result still describes the scene, is another than the one shown. The image is never
-saved with the .blend and does not outlive the preview, whatever is undone.
+While it is on, a handler looks for changes after Blender has updated the scene; a picture is made
+only when the lights' radiance, or whether the result still describes the scene, is another than the
+one shown. The image is never saved with the .blend and does not outlive the preview, whatever is
+undone.
 """
 
 from __future__ import annotations
@@ -31,11 +33,15 @@ class Preview:
 
     photo: ClassVar[RelitPhoto | None] = None
     scene: ClassVar[str] = ""
-    shown: ClassVar[tuple[str, bytes] | None] = None  # what the image shows: what is wrong, else which radiance
+    # what the image shows: what is wrong, else which radiance
+    shown: ClassVar[tuple[str, bytes] | None] = None
 
 
 def start(scene: bpy.types.Scene) -> None:
-    """Show the scene's last result under its present lights and follow them. Raises InputError without a cache."""
+    """Show the scene's last result under its present lights and follow them.
+
+    Raises InputError without a cache.
+    """
     photo = RelitPhoto.load(result_folder(scene), scene.facestage.photo)
     stop()
     Preview.photo, Preview.scene = photo, scene.name
@@ -98,7 +104,9 @@ def remove_image() -> None:
 
 
 def register() -> None:
-    """Watch undo, files and saving: the image must not stay in a .blend, nor come back when the preview is off."""
+    """Watch undo, files and saving: the image must not stay in a .blend, nor come back when the
+    preview is off.
+    """
     for events, handler in WATCHED:
         events().append(handler)
 
@@ -119,7 +127,9 @@ def _current(scene: bpy.types.Scene, photo: RelitPhoto) -> RelitPhoto:
 
 
 def _show(scene: bpy.types.Scene, photo: RelitPhoto, pixels: np.ndarray) -> None:
-    """Write pixels (h w, 4), linear, into the preview's image, in front of what the scene's camera sees."""
+    """Write pixels (h w, 4), linear, into the preview's image, in front of what the scene's camera
+    sees.
+    """
     image = find_image()
     if image is not None and tuple(image.size) != photo.size:
         remove_image()
@@ -130,7 +140,9 @@ def _show(scene: bpy.types.Scene, photo: RelitPhoto, pixels: np.ndarray) -> None
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     camera = scene.camera.data if scene.camera is not None else None
-    if camera is not None and not any(background.image == image for background in camera.background_images):
+    if camera is not None and not any(
+        background.image == image for background in camera.background_images
+    ):
         background = camera.background_images.new()
         background.image, background.alpha, background.frame_method = image, 1.0, "FIT"
         background.display_depth = "FRONT"
@@ -148,7 +160,9 @@ def _say(status: str) -> None:
 
 
 def _soon() -> None:
-    """Refresh after the changes that Blender is working on; without a window there are no timers: now."""
+    """Refresh after the changes that Blender is working on; without a window there are no timers:
+    now.
+    """
     if bpy.app.background:
         refresh()
     elif not bpy.app.timers.is_registered(refresh):

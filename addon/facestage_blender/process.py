@@ -1,4 +1,7 @@
-"""Start, watch and cancel the backend: a child process that prints one event per line. No bpy; never blocks."""
+"""Start, watch and cancel the backend: a child process that prints one event per line.
+
+No bpy; never blocks.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,9 @@ KILL_AFTER_SECONDS = 10.0  # a backend that has not stopped by then is killed
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the backend ended: the contract's exit code (1 for anything unforeseen) and one sentence."""
+    """How the backend ended: the contract's exit code (1 for anything unforeseen) and one
+    sentence.
+    """
 
     code: int
     message: str
@@ -38,11 +43,13 @@ class Outcome:
 class BackendProcess:
     """One run of the backend. Poll it from a timer; every method returns at once."""
 
-    def __init__(self, command: Sequence[str], online: bool = True, kill_after: float = KILL_AFTER_SECONDS) -> None:
+    def __init__(
+        self, command: Sequence[str], online: bool = True, kill_after: float = KILL_AFTER_SECONDS
+    ) -> None:
         """Start ``command``, which may fetch what it lacks when ``online``.
 
-        ``kill_after``: seconds that a cancelled child has to stop by itself. Raises BackendUnavailableError when it
-        cannot be started.
+        ``kill_after``: seconds that a cancelled child has to stop by itself. Raises
+        BackendUnavailableError when it cannot be started.
         """
         self._kill_after = kill_after
         self.command = list(command)
@@ -53,9 +60,16 @@ class BackendProcess:
         self._cancelled_at: float | None = None
         try:
             self._child = subprocess.Popen(
-                self.command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                text=True, encoding="utf-8", errors="replace", bufsize=1, env=_environment(online),
-            )  # fmt: skip
+                self.command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+                bufsize=1,
+                env=_environment(online),
+            )
         except OSError as error:
             raise BackendUnavailableError(
                 f"The backend '{self.command[0]}' cannot be started ({error.strerror or error}); "
@@ -80,7 +94,10 @@ class BackendProcess:
 
     def poll(self) -> list[Event]:
         """The events since the last call; also sees to a cancelled child that does not stop."""
-        overdue = self._cancelled_at is not None and time.monotonic() - self._cancelled_at > self._kill_after
+        overdue = (
+            self._cancelled_at is not None
+            and time.monotonic() - self._cancelled_at > self._kill_after
+        )
         if overdue and self._child.poll() is None:
             self._child.kill()
         events = []
@@ -102,8 +119,12 @@ class BackendProcess:
             return None
         return explain(code, list(self._errors), self.failure, self._cancelled_at is not None)
 
-    def wait(self, on_event: Callable[[Event], None] | None = None, interval: float = 0.05) -> Outcome:
-        """Block until the child ends (for scripts without a window), handing every event to ``on_event``."""
+    def wait(
+        self, on_event: Callable[[Event], None] | None = None, interval: float = 0.05
+    ) -> Outcome:
+        """Block until the child ends (for scripts without a window), handing every event to
+        ``on_event``.
+        """
         while True:
             outcome = self.outcome()
             for event in self.poll():
@@ -131,7 +152,8 @@ class BackendProcess:
 
 def _environment(online: bool) -> dict[str, str]:
     """What the backend is told beside its command line."""
-    # A backend given as "python -m facestage" must not import what lies in the folder that Blender was started in.
+    # A backend given as "python -m facestage" must not import what lies in the folder that Blender
+    # was started in.
     return with_online_access({**os.environ, "PYTHONSAFEPATH": "1"}, online)
 
 
@@ -150,13 +172,19 @@ def explain(code: int, errors: Sequence[str], failure: str, cancelled: bool) -> 
         except ValueError:
             name = f"signal {-code}"
         hint = ", perhaps for lack of memory" if name == "SIGKILL" else ""
-        return Outcome(1, f"The backend was killed ({name}{hint}); the scene is unchanged, press Resume to go on.")
+        return Outcome(
+            1,
+            f"The backend was killed ({name}{hint}); the scene is unchanged, press Resume to "
+            "go on.",
+        )
     detail = f": {said}" if said else ""
     return Outcome(1, f"The backend stopped unexpectedly (exit code {code}){detail}")
 
 
 def _cancelled(said: str) -> str:
-    """What a cancelled run leaves, by the backend's own words; one that had to be killed left none."""
+    """What a cancelled run leaves, by the backend's own words; one that had to be killed left
+    none.
+    """
     if "--resume" in said:
         return "Cancelled; the last checkpoint is kept, press Resume to go on from it."
     if said:

@@ -1,4 +1,6 @@
-"""What Facestage stores: settings on the scene, marks on its objects, the running fit on the window manager."""
+"""What Facestage stores: settings on the scene, marks on its objects, the running fit on the window
+manager.
+"""
 
 import bpy
 from bpy.props import (
@@ -13,7 +15,14 @@ from bpy.props import (
 
 from facestage.contract.face_model import PARTS
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
-from facestage.contract.light_stage import DEFAULT_COUNT, DEFAULT_RADIUS, DEFAULT_SIDE, FROZEN, OFF, ON
+from facestage.contract.light_stage import (
+    DEFAULT_COUNT,
+    DEFAULT_RADIUS,
+    DEFAULT_SIDE,
+    FROZEN,
+    OFF,
+    ON,
+)
 from facestage.contract.quality import GOOD, QUALITIES, describe
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
@@ -44,7 +53,9 @@ DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
 
 def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None:
-    """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for later."""
+    """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for
+    later.
+    """
     light = owner.id_data
     light.hide_render = light.hide_viewport = owner.state == "OFF"
 
@@ -63,7 +74,9 @@ def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
 class LightSettings(bpy.types.PropertyGroup):
     """What the fit may do with one light of the stage."""
 
-    index: IntProperty(name="Index", description="Place of the light on the stage's lattice", default=-1)
+    index: IntProperty(
+        name="Index", description="Place of the light on the stage's lattice", default=-1
+    )
     state: EnumProperty(
         name="State",
         description="What the fit does with this light",
@@ -76,7 +89,9 @@ class LightSettings(bpy.types.PropertyGroup):
         update=_on_light_state,
     )
     fitted_radiance: FloatVectorProperty(
-        name="Fitted radiance", description="What the last fit found, to return to after relighting", size=3
+        name="Fitted radiance",
+        description="What the last fit found, to return to after relighting",
+        size=3,
     )
 
 
@@ -85,25 +100,39 @@ class FaceSettings(bpy.types.PropertyGroup):
 
     is_rig: BoolProperty(name="Face rig", description="This mesh was built by Facestage")
     model: StringProperty(name="Face model", description="The face model this rig was built from")
-    roughness: FloatProperty(name="Roughness", description="Roughness of the skin as last fitted", default=0.45)
-    albedo_image: PointerProperty(type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear")
-    specular_image: PointerProperty(type=bpy.types.Image, name="Specular", description="Specular map, linear")
-    roughness_image: PointerProperty(type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear")
-    own_mesh: StringProperty(name="Own mesh", description="How a mesh of the user's is tied to its face model")
+    roughness: FloatProperty(
+        name="Roughness", description="Roughness of the skin as last fitted", default=0.45
+    )
+    albedo_image: PointerProperty(
+        type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear"
+    )
+    specular_image: PointerProperty(
+        type=bpy.types.Image, name="Specular", description="Specular map, linear"
+    )
+    roughness_image: PointerProperty(
+        type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear"
+    )
+    own_mesh: StringProperty(
+        name="Own mesh", description="How a mesh of the user's is tied to its face model"
+    )
     fit_shape: BoolProperty(
         name="Fit the face's shape",
-        description="The fit may give the mesh the shape of the face in the photo. Where the mesh has no identity "
-        "sliders, the shape is borrowed from the default face and written to one new shape key, Facestage Shape",
+        description="The fit may give the mesh the shape of the face in the photo. Where the "
+        "mesh has no identity "
+        "sliders, the shape is borrowed from the default face and written to one new shape "
+        "key, Facestage Shape",
         default=True,
     )
     identity_prefix: StringProperty(
         name="Identity sliders",
-        description="Shape keys whose names begin so change who the face is; all others are expressions",
+        description="Shape keys whose names begin so change who the face is; all others are "
+        "expressions",
         default="identity",
     )
     own_materials: BoolProperty(
         name="Facestage skin",
-        description="Give face, eyes and mouth Facestage's material with the fitted textures. Your materials stay in "
+        description="Give face, eyes and mouth Facestage's material with the fitted textures. "
+        "Your materials stay in "
         "the file; off: they stay on the mesh",
         default=True,
     )
@@ -112,14 +141,22 @@ class FaceSettings(bpy.types.PropertyGroup):
 class LandmarkSettings(bpy.types.PropertyGroup):
     """Marks an empty as a landmark on the photo."""
 
-    index: IntProperty(name="Index", description="Place of the landmark in its scheme; -1: no landmark", default=-1)
+    index: IntProperty(
+        name="Index", description="Place of the landmark in its scheme; -1: no landmark", default=-1
+    )
     size: FloatProperty(name="Size", description="Size at which a visible landmark is drawn")
     state: EnumProperty(
         name="State",
         description="What the fit makes of this landmark",
         items=[
             ("VISIBLE", "Visible", "The photo shows this point of the face", "HIDE_OFF", 0),
-            ("HIDDEN", "Hidden", "Something hides this point: where it is was guessed, and counts less", "HIDE_ON", 1),
+            (
+                "HIDDEN",
+                "Hidden",
+                "Something hides this point: where it is was guessed, and counts less",
+                "HIDE_ON",
+                1,
+            ),
             ("IGNORED", "Ignored", "The fit does not look at this landmark", "X", 2),
         ],
         default="VISIBLE",
@@ -131,13 +168,18 @@ class SceneSettings(bpy.types.PropertyGroup):
     """The job as the user has set it up, and where its result went."""
 
     stage: PointerProperty(
-        type=bpy.types.Object, name="Light stage", description="The empty that carries the light stage"
+        type=bpy.types.Object,
+        name="Light stage",
+        description="The empty that carries the light stage",
     )
-    rig: PointerProperty(type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh)
+    rig: PointerProperty(
+        type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh
+    )
     photo: StringProperty(name="Photo", description="The photo to fit", subtype="FILE_PATH")
     landmarks: StringProperty(
         name="Landmarks",
-        description="Landmark file of the photo (landmarks.json). Empty: the fit finds them by itself",
+        description="Landmark file of the photo (landmarks.json). Empty: the fit finds them "
+        "by itself",
         subtype="FILE_PATH",
     )
     landmarks_from: EnumProperty(
@@ -146,10 +188,16 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=[(name, *texts) for name, texts in LANDMARK_SOURCES.items()],
     )
     landmark_plane: PointerProperty(
-        type=bpy.types.Object, name="Photo plane", description="Carries the landmarks' empties while they are edited"
+        type=bpy.types.Object,
+        name="Photo plane",
+        description="Carries the landmarks' empties while they are edited",
     )
     face_number: IntProperty(
-        name="Face", description="Which face of the photo: 1 is the largest", default=1, min=1, soft_max=10
+        name="Face",
+        description="Which face of the photo: 1 is the largest",
+        default=1,
+        min=1,
+        soft_max=10,
     )
     model: StringProperty(
         name="Face model",
@@ -173,7 +221,12 @@ class SceneSettings(bpy.types.PropertyGroup):
         unit="LENGTH",
     )
     light_side: FloatProperty(
-        name="Size", description="Side of each square light", default=DEFAULT_SIDE, min=0.001, soft_max=2, unit="LENGTH"
+        name="Size",
+        description="Side of each square light",
+        default=DEFAULT_SIDE,
+        min=0.001,
+        soft_max=2,
+        unit="LENGTH",
     )
     light_color: EnumProperty(
         name="Light color",
@@ -193,22 +246,31 @@ class SceneSettings(bpy.types.PropertyGroup):
         options={"ENUM_FLAG"},
     )
     start_from_rig: BoolProperty(
-        name="Start from the rig", description="Start the fit at the rig's present sliders instead of the mean face"
+        name="Start from the rig",
+        description="Start the fit at the rig's present sliders instead of the mean face",
     )
     keep_camera: BoolProperty(
         name="Keep camera",
-        description="Leave the scene's camera where it is and move the head; otherwise the camera is placed by the fit",
+        description="Leave the scene's camera where it is and move the head; otherwise the "
+        "camera is placed by the fit",
     )
     known_lens: BoolProperty(
         name="Known lens",
-        description="The scene camera's focal length and shift are those of the photo; otherwise they are guessed",
+        description="The scene camera's focal length and shift are those of the photo; "
+        "otherwise they are guessed",
     )
-    weight_photo: FloatProperty(name="Photo", description="Trust in the photo's pixels", default=1, min=0, soft_max=10)
+    weight_photo: FloatProperty(
+        name="Photo", description="Trust in the photo's pixels", default=1, min=0, soft_max=10
+    )
     weight_landmarks: FloatProperty(
         name="Landmarks", description="Trust in the landmarks", default=1, min=0, soft_max=10
     )
-    weight_prior: FloatProperty(name="Prior", description="Pull towards the mean face", default=1, min=0, soft_max=10)
-    weight_light: FloatProperty(name="Light", description="Pull towards white light", default=1, min=0, soft_max=10)
+    weight_prior: FloatProperty(
+        name="Prior", description="Pull towards the mean face", default=1, min=0, soft_max=10
+    )
+    weight_light: FloatProperty(
+        name="Light", description="Pull towards white light", default=1, min=0, soft_max=10
+    )
     quality: EnumProperty(
         name="Quality",
         description="How far the fit goes",
@@ -216,20 +278,30 @@ class SceneSettings(bpy.types.PropertyGroup):
         default=GOOD,
     )
     budget: FloatProperty(
-        name="Budget", description="Time for the fit; 0 is no limit", default=0, min=0, unit="TIME_ABSOLUTE"
+        name="Budget",
+        description="Time for the fit; 0 is no limit",
+        default=0,
+        min=0,
+        unit="TIME_ABSOLUTE",
     )
     seed: IntProperty(name="Seed", description="Seed of the random numbers", default=0, min=0)
     device: EnumProperty(
         name="Device",
         description="Where the fit computes",
-        items=[(name, DEVICE_NAMES[name], f"Compute on: {DEVICE_NAMES[name].lower()}") for name in DEVICES],
+        items=[
+            (name, DEVICE_NAMES[name], f"Compute on: {DEVICE_NAMES[name].lower()}")
+            for name in DEVICES
+        ],
     )
     output: StringProperty(
         name="Output",
-        description="Folder for the job and the result. Empty: beside the .blend, or a temporary folder",
+        description="Folder for the job and the result. Empty: beside the .blend, or a "
+        "temporary folder",
         subtype="DIR_PATH",
     )
-    result: StringProperty(name="Result", description="Folder of the last result", subtype="DIR_PATH")
+    result: StringProperty(
+        name="Result", description="Folder of the last result", subtype="DIR_PATH"
+    )
 
 
 class RunState(bpy.types.PropertyGroup):
@@ -238,21 +310,34 @@ class RunState(bpy.types.PropertyGroup):
     task: StringProperty(name="Task", description="What is running; empty when nothing is")
     stage: StringProperty(name="Stage", description="Stage of the fit")
     message: StringProperty(name="Message", description="Last message of the backend")
-    doubtful: BoolProperty(name="Doubtful", description="The last fit did not simply converge: its message says why")
-    failure: StringProperty(name="Error", description="Why the last run ended without a result")
-    fraction: FloatProperty(name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR")
-    photo_error: FloatProperty(
-        name="Photo error", description="Root mean square difference to the photo, linear", default=-1
+    doubtful: BoolProperty(
+        name="Doubtful", description="The last fit did not simply converge: its message says why"
     )
-    seconds_left: FloatProperty(name="Time left", description="Estimate of the seconds left", default=-1)
+    failure: StringProperty(name="Error", description="Why the last run ended without a result")
+    fraction: FloatProperty(
+        name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR"
+    )
+    photo_error: FloatProperty(
+        name="Photo error",
+        description="Root mean square difference to the photo, linear",
+        default=-1,
+    )
+    seconds_left: FloatProperty(
+        name="Time left", description="Estimate of the seconds left", default=-1
+    )
     cancel: BoolProperty(name="Cancel", description="Set to ask the running process to stop")
 
 
 class PreviewState(bpy.types.PropertyGroup):
-    """The live relight preview, as the panel shows it. Lives on the window manager: neither saved nor undone."""
+    """The live relight preview, as the panel shows it.
+
+    Lives on the window manager: neither saved nor undone.
+    """
 
     active: BoolProperty(name="Active", description="The relight preview is on")
-    status: StringProperty(name="Status", description="Why the preview shows the photo as it is; empty when it follows")
+    status: StringProperty(
+        name="Status", description="Why the preview shows the photo as it is; empty when it follows"
+    )
 
 
 CLASSES = (LightSettings, FaceSettings, LandmarkSettings, SceneSettings, RunState, PreviewState)

@@ -14,9 +14,13 @@ SHARPNESS = 6.0  # exponent of the cosine lobe: a soft key light that still cast
 
 
 def relight(scene: bpy.types.Scene, direction: str) -> None:
-    """White light from one side, of the same total radiance as the fitted lights; all lights are turned on."""
+    """White light from one side, of the same total radiance as the fitted lights; all lights are
+    turned on.
+    """
     if direction not in LIGHT_DIRECTIONS:
-        raise InputError(f"Cannot light from '{direction}'; expected one of {', '.join(LIGHT_DIRECTIONS)}.")
+        raise InputError(
+            f"Cannot light from '{direction}'; expected one of {', '.join(LIGHT_DIRECTIONS)}."
+        )
     empty = require_stage(scene)
     lights = stage_lights(empty)
     stage = read_stage(empty)

@@ -1,4 +1,6 @@
-"""The photo with the fitted face under other lights: from the result's relight cache, for the scene's lights."""
+"""The photo with the fitted face under other lights: from the result's relight cache, for the
+scene's lights.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,15 @@ TOLERANCE = 1e-4  # metres and unit vectors; Blender keeps single floats
 
 @dataclass(frozen=True)
 class RelitPhoto:
-    """What a result shows under any radiance of its lights, in the order of Blender's pixels (row 0 at the bottom)."""
+    """What a result shows under any radiance of its lights, in the order of Blender's pixels (row 0
+    at the bottom).
+    """
 
     result: Result
     cache: RelightCache
     changed: int  # when the cache was written, ns
-    photo: np.ndarray  # (h w, 4) float32 linear RGBA, of the cache's size; black where there is no photo
+    # (h w, 4) float32 linear RGBA, of the cache's size; black where there is no photo
+    photo: np.ndarray
     places: np.ndarray  # (P,) int, the cache's pixels in it
     behind: np.ndarray  # (P, 3) the photo's share of those pixels
 
@@ -52,22 +57,32 @@ class RelitPhoto:
         return self.cache.width, self.cache.height
 
     def pixels(self, radiance: np.ndarray) -> np.ndarray:
-        """(h w, 4) float32 linear RGBA: the face under ``radiance`` (N, 3), around it the photo as it is."""
+        """(h w, 4) float32 linear RGBA: the face under ``radiance`` (N, 3), around it the photo as
+        it is.
+        """
         pixels = self.photo.copy()
         pixels[self.places, :3] = self.behind + self.cache.colors(radiance)
         return pixels
 
     def difference(self, scene: bpy.types.Scene, stage: LightStage) -> str:
-        """What of the scene is no longer as in the result, beyond the lights' radiance; empty when nothing is."""
+        """What of the scene is no longer as in the result, beyond the lights' radiance; empty when
+        nothing is.
+        """
         fitted, settings = self.result.stage, scene.facestage
         if len(stage) != len(fitted):
             return f"The stage has {len(stage)} lights, the result {len(fitted)}"
         for name in ("position", "direction", "axis_x", "side"):
-            offset = np.abs(getattr(stage, name) - getattr(fitted, name)).reshape(len(stage), -1).max(axis=1)
+            offset = (
+                np.abs(getattr(stage, name) - getattr(fitted, name))
+                .reshape(len(stage), -1)
+                .max(axis=1)
+            )
             if offset.max() > TOLERANCE:
                 return f"Light {int(offset.argmax()) + 1} was moved, turned or resized"
         if settings.rig is not None and settings.rig.name in scene.objects:
-            head = frames.to_stage_matrix(relative_matrix(settings.stage, settings.rig), rig_axes(settings.rig))
+            head = frames.to_stage_matrix(
+                relative_matrix(settings.stage, settings.rig), rig_axes(settings.rig)
+            )
             if not np.allclose(head, self.result.model_to_stage, atol=TOLERANCE):
                 return "The head was moved"
             if not self._same_sliders(settings.rig):
@@ -75,7 +90,9 @@ class RelitPhoto:
         return "" if self._same_camera(scene) else "The camera was moved or has another lens"
 
     def _same_sliders(self, rig: bpy.types.Object) -> bool:
-        for shown, fitted in zip(read_weights(rig), (self.result.identity, self.result.expression), strict=True):
+        for shown, fitted in zip(
+            read_weights(rig), (self.result.identity, self.result.expression), strict=True
+        ):
             values = np.array(list(shown.values()))
             wanted = np.clip(fitted, -SLIDER_LIMIT, SLIDER_LIMIT)
             if values.shape != wanted.shape or not np.allclose(values, wanted, atol=TOLERANCE):
@@ -90,7 +107,11 @@ class RelitPhoto:
         fitted = self.result.camera
         camera = read_camera(scene.camera.data, fitted.width, fitted.height)
         return bool(
-            np.allclose(frames.to_stage_matrix(local, frames.CAMERA), self.result.camera_to_stage, atol=TOLERANCE)
+            np.allclose(
+                frames.to_stage_matrix(local, frames.CAMERA),
+                self.result.camera_to_stage,
+                atol=TOLERANCE,
+            )
             and np.isclose(camera.focal_px, fitted.focal_px, rtol=TOLERANCE)
             and np.allclose(camera.principal_px, fitted.principal_px, atol=TOLERANCE * fitted.width)
         )
@@ -105,7 +126,9 @@ def changed_at(folder: Path) -> int:
 
 
 def _photo_pixels(path: str, width: int, height: int) -> np.ndarray:
-    """(h w, 4) linear RGBA of the photo at another size, its nearest pixels; black without a readable photo."""
+    """(h w, 4) linear RGBA of the photo at another size, its nearest pixels; black without a
+    readable photo.
+    """
     pixels = np.zeros((height, width, 4), np.float32)
     pixels[..., 3] = 1
     if path:

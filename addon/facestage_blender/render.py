@@ -16,12 +16,20 @@ import numpy as np
 
 from .material import image_pixels
 
-BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
+BOUNCES = (
+    "max_bounces",
+    "diffuse_bounces",
+    "glossy_bounces",
+    "transmission_bounces",
+    "volume_bounces",
+)
 
 
 @dataclass(frozen=True)
 class Crop:
-    """A part of the camera's view, ``box`` = (left, top, right, bottom) in pixels, enlarged ``scale`` times."""
+    """A part of the camera's view, ``box`` = (left, top, right, bottom) in pixels, enlarged
+    ``scale`` times.
+    """
 
     box: tuple[int, int, int, int]
     scale: int = 1
@@ -99,7 +107,9 @@ def read_pixels(path: Path) -> np.ndarray:
 
 
 def save_png(path: Path, pixels: np.ndarray) -> None:
-    """Write sRGB-encoded pixels (h, w, 3), or with straight alpha (h, w, 4), in 0..1 as an 8-bit PNG."""
+    """Write sRGB-encoded pixels (h, w, 3), or with straight alpha (h, w, 4), in 0..1 as an 8-bit
+    PNG.
+    """
     _save(path, pixels, "PNG", is_float=False)
 
 
@@ -111,12 +121,16 @@ def save_exr(path: Path, pixels: np.ndarray) -> None:
 def srgb(linear: np.ndarray) -> np.ndarray:
     """SRGB encoding of linear values, clipped to 0..1."""
     linear = np.clip(np.nan_to_num(linear), 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
+    )
 
 
 def linear(encoded: np.ndarray) -> np.ndarray:
     """Linear values of sRGB-encoded ones."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4)
+    return np.where(
+        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4
+    )
 
 
 def save_jpeg(path: Path, pixels: np.ndarray, quality: int) -> None:
@@ -124,10 +138,14 @@ def save_jpeg(path: Path, pixels: np.ndarray, quality: int) -> None:
     _save(path, pixels, "JPEG", is_float=False, quality=quality)
 
 
-def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool, quality: int = 0) -> None:
+def _save(
+    path: Path, pixels: np.ndarray, file_format: str, is_float: bool, quality: int = 0
+) -> None:
     height, width = pixels.shape[:2]
     alpha = pixels.shape[2] == 4
-    image = bpy.data.images.new("Facestage picture", width, height, alpha=alpha, float_buffer=is_float, is_data=True)
+    image = bpy.data.images.new(
+        "Facestage picture", width, height, alpha=alpha, float_buffer=is_float, is_data=True
+    )
     try:
         rgba = np.ones((height, width, 4), np.float32)
         rgba[..., : pixels.shape[2]] = pixels[::-1]
@@ -140,7 +158,9 @@ def _save(path: Path, pixels: np.ndarray, file_format: str, is_float: bool, qual
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Without a window Blender prints a line for every picture; keep them out of the command line's output."""
+    """Without a window Blender prints a line for every picture; keep them out of the command line's
+    output.
+    """
     if not bpy.app.background:
         yield
         return

@@ -63,7 +63,9 @@ def _load(result: Result, name: str) -> bpy.types.Image:
         if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it
             raise damaged
         if not np.isfinite(image_pixels(image)).all():
-            raise InputError(f"The result's picture '{path}' holds NaN or infinity; run the fit again.")
+            raise InputError(
+                f"The result's picture '{path}' holds NaN or infinity; run the fit again."
+            )
         image.pack()
     except (RuntimeError, InputError) as error:
         bpy.data.images.remove(image)

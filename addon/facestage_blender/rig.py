@@ -1,4 +1,6 @@
-"""The face rig: a mesh with shape keys, UVs, materials and vertex groups, from the contract's FaceModel."""
+"""The face rig: a mesh with shape keys, UVs, materials and vertex groups, from the contract's
+FaceModel.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,11 @@ TEXTURE_SIZE = 512
 NAME_LENGTH = 63  # bytes of a name in Blender
 
 
-def build_rig(scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.types.Object) -> bpy.types.Object:
-    """Build the rig of ``model`` under the stage's empty, or rebuild the scene's present one in place.
+def build_rig(
+    scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.types.Object
+) -> bpy.types.Object:
+    """Build the rig of ``model`` under the stage's empty, or rebuild the scene's present one in
+    place.
 
     A mesh of the user's that serves as the rig is left alone.
 
@@ -48,15 +53,22 @@ def build_rig(scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.ty
         rig.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
     if retired is not None:
         _remove_mesh(retired)
-    albedo = paint_vertices(model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE)
+    albedo = paint_vertices(
+        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
+    )
     specular = np.ones((32, 32), np.float32)
-    images = texture_image("Facestage Albedo", albedo), texture_image("Facestage Specular", specular)
+    images = (
+        texture_image("Facestage Albedo", albedo),
+        texture_image("Facestage Specular", specular),
+    )
     set_textures(rig, *images, roughness=rig.facestage_face.roughness)
     return rig
 
 
 def build_mesh(model: FaceModel) -> bpy.types.Mesh:
-    """The mean face as a mesh in Blender's axes, with quads, UVs, smooth shading and a material for each part."""
+    """The mean face as a mesh in Blender's axes, with quads, UVs, smooth shading and a material for
+    each part.
+    """
     mesh = bpy.data.meshes.new(NAME)
     corners = 3 + (model.polygons[:, 3] >= 0).astype(np.int32)
     used = np.arange(4) < corners[:, None]
@@ -65,12 +77,18 @@ def build_mesh(model: FaceModel) -> bpy.types.Mesh:
     mesh.loops.add(int(corners.sum()))
     mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(model.polygons[used]))
     mesh.polygons.add(len(corners))
-    mesh.polygons.foreach_set("loop_start", np.concatenate([[0], np.cumsum(corners)[:-1]]).astype(np.int32))
+    mesh.polygons.foreach_set(
+        "loop_start", np.concatenate([[0], np.cumsum(corners)[:-1]]).astype(np.int32)
+    )
     uv = mesh.uv_layers.new(name="UVMap", do_init=False)
     parts = np.unique(model.polygon_part)
-    mesh.polygons.foreach_set("material_index", np.searchsorted(parts, model.polygon_part).astype(np.int32))
+    mesh.polygons.foreach_set(
+        "material_index", np.searchsorted(parts, model.polygon_part).astype(np.int32)
+    )
     mesh.update(calc_edges=True)
-    uv.uv.foreach_set("vector", np.ascontiguousarray(model.uvs[model.polygon_uvs[used]], np.float32).ravel())
+    uv.uv.foreach_set(
+        "vector", np.ascontiguousarray(model.uvs[model.polygon_uvs[used]], np.float32).ravel()
+    )
     mesh.shade_smooth()
     for material in part_materials(parts):
         mesh.materials.append(material)
@@ -80,7 +98,9 @@ def build_mesh(model: FaceModel) -> bpy.types.Mesh:
 
 
 def add_shape_keys(rig: bpy.types.Object, model: FaceModel) -> None:
-    """Add Basis, one key for each identity mode and one for each expression, to a mesh without keys."""
+    """Add Basis, one key for each identity mode and one for each expression, to a mesh without
+    keys.
+    """
     rig.shape_key_add(name="Basis", from_mix=False)
     basis = _blender_points(model.vertices)
     gaussian = np.zeros(len(model.identity_names), bool)
@@ -103,7 +123,9 @@ def require_rig(scene: bpy.types.Scene) -> bpy.types.Object:
     if rig is None or rig.name not in scene.objects or not rig.facestage_face.is_rig:
         raise InputError("The scene has no face rig; press Build Face Rig first.")
     if rig.data.shape_keys is None and not rig.facestage_face.own_mesh:
-        raise InputError(f"The face rig '{rig.name}' has lost its shape keys; press Build Face Rig again.")
+        raise InputError(
+            f"The face rig '{rig.name}' has lost its shape keys; press Build Face Rig again."
+        )
     return rig
 
 
@@ -118,17 +140,28 @@ def read_weights(rig: bpy.types.Object) -> tuple[dict[str, float], dict[str, flo
     if own is not None:
         return read_own_weights(rig, own)
     values = {key.name: float(key.value) for key in list(rig.data.shape_keys.key_blocks)[1:]}
-    identity = {name[len(IDENTITY) :]: value for name, value in values.items() if name.startswith(IDENTITY)}
-    return identity, {name: value for name, value in values.items() if not name.startswith(IDENTITY)}
+    identity = {
+        name[len(IDENTITY) :]: value for name, value in values.items() if name.startswith(IDENTITY)
+    }
+    return identity, {
+        name: value for name, value in values.items() if not name.startswith(IDENTITY)
+    }
 
 
-def set_weights(rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]) -> None:
+def set_weights(
+    rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]
+) -> None:
     """Move the sliders to the given weights. Raises InputError for a name the rig does not have."""
     move_sliders(rig, slider_values(rig, identity, expression))
 
 
-def slider_values(rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]) -> dict[str, float]:
-    """Shape key -> its value for the given weights. Raises InputError for a name the rig does not have."""
+def slider_values(
+    rig: bpy.types.Object, identity: dict[str, float], expression: dict[str, float]
+) -> dict[str, float]:
+    """Shape key -> its value for the given weights.
+
+    Raises InputError for a name the rig does not have.
+    """
     own = OwnMesh.of(rig)
     if own is not None:
         return own_slider_values(rig, own, identity, expression)
@@ -138,10 +171,13 @@ def slider_values(rig: bpy.types.Object, identity: dict[str, float], expression:
     missing = [name for name in wanted if name not in keys]
     if missing:
         raise InputError(
-            f"The face rig '{rig.name}' has no shape key '{missing[0]}' ({len(missing)} of {len(wanted)} are missing); "
+            f"The face rig '{rig.name}' has no shape key '{missing[0]}' ({len(missing)} of "
+            f"{len(wanted)} are missing); "
             "build the rig of the same face model."
         )
-    return {name: min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT) for name, value in wanted.items()}
+    return {
+        name: min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT) for name, value in wanted.items()
+    }
 
 
 def move_sliders(rig: bpy.types.Object, values: dict[str, float]) -> None:

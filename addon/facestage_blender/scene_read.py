@@ -59,7 +59,8 @@ def read_job(scene: bpy.types.Scene) -> Job:
 
 
 def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks | None:
-    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else the file's, else None.
+    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else
+    the file's, else None.
 
     Raises InputError when they are not of this photo.
     """
@@ -67,7 +68,8 @@ def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks
     if plane is not None:
         if photo_size(plane) != (width, height):
             raise InputError(
-                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x {photo_size(plane)[1]} pixels, the "
+                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x "
+                f"{photo_size(plane)[1]} pixels, the "
                 f"photo has {width} x {height}; press Done, then Detect Landmarks again."
             )
         landmarks = edited_landmarks(scene)
@@ -90,7 +92,8 @@ def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
     """(4, 4) pose of the rig in the stage frame."""
     rig = require_rig(scene)
     matrix = frames.to_stage_matrix(relative_matrix(require_stage(scene), rig), rig_axes(rig))
-    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))  # a mesh of the user's may have been scaled since
+    # a mesh of the user's may have been scaled since
+    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))
     return matrix
 
 
@@ -105,7 +108,9 @@ def absolute(path: str) -> Path:
 def _initial(
     scene: bpy.types.Scene, frozen: tuple[str, ...], camera_to_stage: np.ndarray | None
 ) -> dict[str, np.ndarray]:
-    """Where the fit starts: what is frozen must be said, the rest only when the user asks for it."""
+    """Where the fit starts: what is frozen must be said, the rest only when the user asks for
+    it.
+    """
     settings, rig = scene.facestage, require_rig(scene)
     identity, expression = read_weights(rig)
     values: dict[str, np.ndarray] = {}

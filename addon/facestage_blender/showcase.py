@@ -1,4 +1,6 @@
-"""Pictures of a fitted scene: the fit over the photo, its textures on the face, new light, a new expression."""
+"""Pictures of a fitted scene: the fit over the photo, its textures on the face, new light, a new
+expression.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,20 @@ from .rig import read_weights, require_rig, set_weights
 
 BACKDROP = 0.02  # linear grey behind a face that is not where the photo was
 SURPRISE = {
-    "jawOpen": 0.75, "browInnerUp": 0.9, "browOuterUpLeft": 0.6, "browOuterUpRight": 0.6,
-    "eyeWideLeft": 0.5, "eyeWideRight": 0.5, "mouthFunnel": 0.25,
-}  # fmt: skip
+    "jawOpen": 0.75,
+    "browInnerUp": 0.9,
+    "browOuterUpLeft": 0.6,
+    "browOuterUpRight": 0.6,
+    "eyeWideLeft": 0.5,
+    "eyeWideRight": 0.5,
+    "mouthFunnel": 0.25,
+}
 LIGHT_FROM = "left"
 
 
-def showcase(scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, samples: int) -> dict[str, np.ndarray]:
+def showcase(
+    scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, samples: int
+) -> dict[str, np.ndarray]:
     """Caption -> sRGB picture (h, w, 3) in 0..1. Leaves lights and sliders as the fit had them."""
     rig = require_rig(scene)
     background = linear(_shown(photo, crop))
@@ -38,10 +47,14 @@ def showcase(scene: bpy.types.Scene, result: Result, photo: Path, crop: Crop, sa
         "light probe": light_probe(result),
     }
     relight(scene, LIGHT_FROM)
-    pictures[f"relit from the {LIGHT_FROM}"] = _on_backdrop(render_linear(scene, samples, crop=crop, denoise=True))
+    pictures[f"relit from the {LIGHT_FROM}"] = _on_backdrop(
+        render_linear(scene, samples, crop=crop, denoise=True)
+    )
     _, fitted = read_weights(rig)
     set_weights(rig, {}, {name: SURPRISE.get(name, 0.0) for name in fitted})
-    pictures["new expression"] = _on_backdrop(render_linear(scene, samples, crop=crop, denoise=True))
+    pictures["new expression"] = _on_backdrop(
+        render_linear(scene, samples, crop=crop, denoise=True)
+    )
     set_weights(rig, {}, fitted)
     restore_lights(scene)
     return pictures
@@ -72,14 +85,19 @@ def _shown(photo: Path, crop: Crop) -> np.ndarray:
 
 def _bilinear(pixels: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     top, left = np.floor(y).astype(int), np.floor(x).astype(int)
-    bottom, right = np.minimum(top + 1, pixels.shape[0] - 1), np.minimum(left + 1, pixels.shape[1] - 1)
+    bottom, right = (
+        np.minimum(top + 1, pixels.shape[0] - 1),
+        np.minimum(left + 1, pixels.shape[1] - 1),
+    )
     b, a = (y - top)[:, None, None], (x - left)[None, :, None]
     upper = pixels[top][:, left] * (1 - a) + pixels[top][:, right] * a
     lower = pixels[bottom][:, left] * (1 - a) + pixels[bottom][:, right] * a
     return upper * (1 - b) + lower * b
 
 
-def _texture_on_face(scene: bpy.types.Scene, rig: bpy.types.Object, name: str, crop: Crop) -> np.ndarray:
+def _texture_on_face(
+    scene: bpy.types.Scene, rig: bpy.types.Object, name: str, crop: Crop
+) -> np.ndarray:
     """The face shining with one of its textures, lights left out."""
     with _shining(rig, name):
         pixels = render_linear(scene, 16, crop=crop)
@@ -90,7 +108,9 @@ def _texture_on_face(scene: bpy.types.Scene, rig: bpy.types.Object, name: str, c
 
 @contextmanager
 def _shining(rig: bpy.types.Object, name: str) -> Iterator[None]:
-    """For the block, the rig's materials emit their texture ``name`` instead of reflecting light."""
+    """For the block, the rig's materials emit their texture ``name`` instead of reflecting
+    light.
+    """
     undo = []
     try:
         for material in rig.data.materials:

@@ -16,10 +16,15 @@ TOLERANCE = 0.004  # metres; a landmark on a lid or lip lies in the surface, not
 
 
 class Sightlines:
-    """Rays from the camera to a head (n, 3) in the camera frame and to other meshes, without see-through shells."""
+    """Rays from the camera to a head (n, 3) in the camera frame and to other meshes, without
+    see-through shells.
+    """
 
     def __init__(
-        self, model: FaceModel, vertices: np.ndarray, others: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+        self,
+        model: FaceModel,
+        vertices: np.ndarray,
+        others: Sequence[tuple[np.ndarray, np.ndarray]] = (),
     ) -> None:
         rendered = model.triangle_part != OTHER
         points, triangles = [vertices], [model.triangles[rendered]]
@@ -29,26 +34,38 @@ class Sightlines:
             points.append(other)
             labels.append(np.full(len(faces), WORN, np.uint8))
         self.labels = np.concatenate(labels)
-        self.tree = BVHTree.FromPolygons(np.concatenate(points).tolist(), np.concatenate(triangles).tolist())
+        self.tree = BVHTree.FromPolygons(
+            np.concatenate(points).tolist(), np.concatenate(triangles).tolist()
+        )
 
     def picture(self, camera: Camera) -> np.ndarray:
         """(h, w) uint8 label of what lies at the centre of each pixel."""
         x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
         principal = camera.principal_px
         rays = np.stack(
-            [(x - principal[0]) / camera.focal_px, (principal[1] - y) / camera.focal_px, np.full_like(x, -1.0)], axis=-1
+            [
+                (x - principal[0]) / camera.focal_px,
+                (principal[1] - y) / camera.focal_px,
+                np.full_like(x, -1.0),
+            ],
+            axis=-1,
         )
         hits = [self.tree.ray_cast((0, 0, 0), ray)[2] for ray in rays.reshape(-1, 3).tolist()]
         labels = [BACKGROUND if hit is None else self.labels[hit] for hit in hits]
         return np.array(labels, np.uint8).reshape(x.shape)
 
     def visible(self, points: np.ndarray) -> np.ndarray:
-        """(m,) bool: nothing lies between the camera and a point (m, 3) but what is within TOLERANCE of it."""
+        """(m,) bool: nothing lies between the camera and a point (m, 3) but what is within
+        TOLERANCE of it.
+        """
         distance = np.linalg.norm(points, axis=1)
-        return np.array([
-            self.tree.ray_cast((0, 0, 0), (point / far).tolist(), float(far - TOLERANCE))[2] is None
-            for point, far in zip(points, distance, strict=True)
-        ])  # fmt: skip
+        return np.array(
+            [
+                self.tree.ray_cast((0, 0, 0), (point / far).tolist(), float(far - TOLERANCE))[2]
+                is None
+                for point, far in zip(points, distance, strict=True)
+            ]
+        )
 
 
 def _labels(model: FaceModel) -> np.ndarray:

@@ -26,7 +26,9 @@ TOTAL_RADIANCE = 100.0
 def default_stage(count: int, radius: float, side: float) -> LightStage:
     """A new stage whose lights together expose a face well at any count, radius and size."""
     stage = fibonacci_stage(count, radius, side)
-    return stage.with_radiance(np.full((count, 3), TOTAL_RADIANCE / count * (0.2 * radius / side) ** 2))
+    return stage.with_radiance(
+        np.full((count, 3), TOTAL_RADIANCE / count * (0.2 * radius / side) ** 2)
+    )
 
 
 def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
@@ -67,7 +69,11 @@ def facestage_collection(scene: bpy.types.Scene) -> bpy.types.Collection:
 
 def stage_lights(empty: bpy.types.Object) -> list[bpy.types.Object]:
     """The stage's lights in lattice order."""
-    lights = [child for child in empty.children if child.type == "LIGHT" and child.facestage_light.index >= 0]
+    lights = [
+        child
+        for child in empty.children
+        if child.type == "LIGHT" and child.facestage_light.index >= 0
+    ]
     return sorted(lights, key=lambda light: (light.facestage_light.index, light.name))
 
 
@@ -90,7 +96,9 @@ def read_stage(empty: bpy.types.Object) -> LightStage:
         raise InputError("The light stage has no light; press Build Light Stage again.")
     for light in lights:
         if light.data.type != "AREA" or light.data.shape != "SQUARE":
-            raise InputError(f"The light '{light.name}' is not a square area light; set its type and shape back.")
+            raise InputError(
+                f"The light '{light.name}' is not a square area light; set its type and shape back."
+            )
     local = np.array([relative_matrix(empty, light) for light in lights])
     axes = local[:, :3, :3] / np.linalg.norm(local[:, :3, :3], axis=1, keepdims=True)
     states = np.array([LIGHT_STATES[light.facestage_light.state] for light in lights])
@@ -126,16 +134,21 @@ def light_radiance(light: bpy.types.Object) -> np.ndarray:
 
 
 def set_light_radiance(light: bpy.types.Object, radiance: np.ndarray, side: float) -> None:
-    """Give a light of ``side`` metres the color and power of an RGB radiance (3,); black keeps the color."""
+    """Give a light of ``side`` metres the color and power of an RGB radiance (3,); black keeps the
+    color.
+    """
     peak = float(np.max(radiance))
     if peak > 0:
         light.data.color = np.asarray(radiance, np.float64) / peak
     light.data.energy = peak * math.pi * side**2
 
 
-def _new_light(collection: bpy.types.Collection, empty: bpy.types.Object, index: int) -> bpy.types.Object:
+def _new_light(
+    collection: bpy.types.Collection, empty: bpy.types.Object, index: int
+) -> bpy.types.Object:
     light = bpy.data.objects.new(
-        f"Facestage Light {index + 1:02d}", bpy.data.lights.new(f"Facestage Light {index + 1:02d}", "AREA")
+        f"Facestage Light {index + 1:02d}",
+        bpy.data.lights.new(f"Facestage Light {index + 1:02d}", "AREA"),
     )
     collection.objects.link(light)
     light.parent = empty
@@ -154,7 +167,8 @@ def _set_light(light: bpy.types.Object, stage: LightStage, index: int) -> None:
     data = light.data
     data.type, data.shape, data.size = "AREA", "SQUARE", float(stage.side[index])
     data.spread = math.pi
-    data.cutoff_distance = float(stage.side[index])  # only how long the 3D View draws the light's axis
+    # only how long the 3D View draws the light's axis
+    data.cutoff_distance = float(stage.side[index])
     for name, value in (("exposure", 0.0), ("normalize", True), ("use_temperature", False)):
         if hasattr(data, name):  # which of these exist depends on the version of Blender
             setattr(data, name, value)

@@ -1,6 +1,7 @@
 """A photo whose truth is known: a person of the face model, rendered by Cycles.
 
-The skin has texture that no albedo coefficient can explain, and the landmarks have noise, as in life.
+The skin has texture that no albedo coefficient can explain, and the landmarks have noise, as in
+life.
 """
 
 from __future__ import annotations
@@ -51,8 +52,10 @@ class Worn:
 class Optics:
     """What a real camera adds to a picture; by default nothing."""
 
-    f_number: float | None = None  # of a lens of the camera's angle of view on a sensor 36 mm wide; None: all is sharp
-    electrons: float | None = None  # that a pixel holds at white: their count is what makes noise; None: no noise
+    # of a lens of the camera's angle of view on a sensor 36 mm wide; None: all is sharp
+    f_number: float | None = None
+    # that a pixel holds at white: their count is what makes noise; None: no noise
+    electrons: float | None = None
     jpeg_quality: int | None = None  # 1..100; None: the picture is not compressed
 
 
@@ -86,10 +89,11 @@ def render_person(
     seed: int = 0,
     size: int = SIZE,
 ) -> None:
-    """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json, truth.npz and skin.png.
+    """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json, truth.npz
+    and skin.png.
 
-    skin.png is white where the camera sees bare skin of the head. A compressed photo is there as photo.jpg too; then
-    photo.png holds its pixels.
+    skin.png is white where the camera sees bare skin of the head. A compressed photo is there as
+    photo.jpg too; then photo.png holds its pixels.
     """
     camera = Camera.default(size, size, person.focal_px * size / SIZE)
     camera_to_stage = np.eye(4)
@@ -98,7 +102,9 @@ def render_person(
 
     pixels = render_linear(scene, samples, direct_only=not person.interreflection, seed=seed)
     vertices = _moved(model.shape(person.identity, person.expression), person.model_to_camera)
-    others = [(_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn]
+    others = [
+        (_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn
+    ]
     sightlines = Sightlines(model, vertices, others)
     labels = sightlines.picture(camera)
     mask = (pixels[..., 3] > 0.99) & (labels != WORN) & (labels != NOTHING)
@@ -110,8 +116,17 @@ def render_person(
 
     corners, weights = model.landmark_vertices("ibug68")
     points = np.einsum("mi,mix->mx", weights, vertices[corners])
-    noise = LANDMARK_NOISE_PX * size / SIZE * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
-    landmarks = {"scheme": "ibug68", "points": camera.project(points) + noise, "visible": sightlines.visible(points)}
+    noise = (
+        LANDMARK_NOISE_PX
+        * size
+        / SIZE
+        * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
+    )
+    landmarks = {
+        "scheme": "ibug68",
+        "points": camera.project(points) + noise,
+        "visible": sightlines.visible(points),
+    }
     lights = stage.transformed(np.linalg.inv(camera_to_stage))
     with atomic_folder(folder) as unfinished:
         encoded = srgb(picture)
@@ -119,35 +134,51 @@ def render_person(
             save_jpeg(unfinished / "photo.jpg", encoded, person.optics.jpeg_quality)
             encoded = read_pixels(unfinished / "photo.jpg")[..., :3]
         save_png(unfinished / "photo.png", encoded)
-        save_png(unfinished / "skin.png", np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3))
+        save_png(
+            unfinished / "skin.png",
+            np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3),
+        )
         save_exr(unfinished / "photo.exr", picture)
         write_json(unfinished / "camera.json", camera.to_json())
         write_json(unfinished / "landmarks.json", landmarks)
         write_arrays(
             unfinished / "truth.npz",
             {
-                "vertices": vertices.astype(np.float32), "identity": person.identity, "expression": person.expression,
-                "light_position": lights.position, "light_direction": lights.direction, "light_corners": lights.corners,
-                "light_radiance": lights.radiance, "albedo": face_tile(person.albedo, model).astype(np.float32),
-                "specular": person.specular, "roughness": np.array(person.roughness),
-                "model_to_camera": person.model_to_camera, "labels": labels, "mask": mask,
+                "vertices": vertices.astype(np.float32),
+                "identity": person.identity,
+                "expression": person.expression,
+                "light_position": lights.position,
+                "light_direction": lights.direction,
+                "light_corners": lights.corners,
+                "light_radiance": lights.radiance,
+                "albedo": face_tile(person.albedo, model).astype(np.float32),
+                "specular": person.specular,
+                "roughness": np.array(person.roughness),
+                "model_to_camera": person.model_to_camera,
+                "labels": labels,
+                "mask": mask,
             },
-        )  # fmt: skip
+        )
 
 
 def noisy(picture: np.ndarray, electrons: float | None, rng: np.random.Generator) -> np.ndarray:
-    """``picture`` (h, w, 3) as a sensor counts it that holds ``electrons`` at 1: shot noise, and READ_NOISE of reading.
+    """``picture`` (h, w, 3) as a sensor counts it that holds ``electrons`` at 1: shot noise, and
+    READ_NOISE of reading.
 
     Values beyond 1 are kept, for the EXR; what is written as a display image clips.
     """
     if electrons is None:
         return picture
-    counted = rng.poisson(np.maximum(picture, 0) * electrons) + READ_NOISE * rng.normal(size=picture.shape)
+    counted = rng.poisson(np.maximum(picture, 0) * electrons) + READ_NOISE * rng.normal(
+        size=picture.shape
+    )
     return np.maximum(counted / electrons, 0.0).astype(picture.dtype)
 
 
 def face_tile(texture: np.ndarray, model: FaceModel) -> np.ndarray:
-    """The part of an atlas texture (s, s, c) that the model's published UV tile of the face covers."""
+    """The part of an atlas texture (s, s, c) that the model's published UV tile of the face
+    covers.
+    """
     u, v, scale = model.face_tile
     size = len(texture)
     left, top, side = round(u * size), round((1 - v - scale) * size), round(scale * size)
@@ -155,7 +186,11 @@ def face_tile(texture: np.ndarray, model: FaceModel) -> np.ndarray:
 
 
 def _build(
-    scene: bpy.types.Scene, model: FaceModel, person: Person, camera: Camera, camera_to_stage: np.ndarray
+    scene: bpy.types.Scene,
+    model: FaceModel,
+    person: Person,
+    camera: Camera,
+    camera_to_stage: np.ndarray,
 ) -> None:
     """Make the scene show the person to the camera."""
     empty = build_stage(scene, person.stage)
@@ -165,7 +200,10 @@ def _build(
         dict(zip(model.identity_names, person.identity, strict=True)),
         dict(zip(model.expression_names, person.expression, strict=True)),
     )
-    images = texture_image("True Albedo", person.albedo), texture_image("True Specular", person.specular)
+    images = (
+        texture_image("True Albedo", person.albedo),
+        texture_image("True Specular", person.specular),
+    )
     set_textures(rig, *images, roughness=person.roughness)
     view = ensure_camera(scene, facestage_collection(scene))
     write_camera(scene, view.data, camera)

@@ -8,10 +8,11 @@ import numpy as np
 def paint_vertices(
     values: np.ndarray, triangles: np.ndarray, uvs: np.ndarray, triangle_uvs: np.ndarray, size: int
 ) -> np.ndarray:
-    """(size, size, c) float32 texture, row 0 at v = 1, of vertex values (n, c) interpolated over triangles (t, 3).
+    """(size, size, c) float32 texture, row 0 at v = 1, of vertex values (n, c) interpolated over
+    triangles (t, 3).
 
-    Texels that no triangle covers take the value of their nearest covered neighbours, so that bilinear
-    lookups at a seam do not bleed the background in.
+    Texels that no triangle covers take the value of their nearest covered neighbours, so that
+    bilinear lookups at a seam do not bleed the background in.
     """
     corners = np.asarray(uvs, np.float64)[triangle_uvs] * size
     corners[..., 1] = size - corners[..., 1]
@@ -30,7 +31,9 @@ def paint_vertices(
 
 
 def inside_polygon(polygon: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width) bool: pixel centres inside a polygon (m, 2) of pixel coordinates, by the even-odd rule."""
+    """(height, width) bool: pixel centres inside a polygon (m, 2) of pixel coordinates, by the
+    even-odd rule.
+    """
     y, x = np.mgrid[:height, :width] + 0.5
     inside = np.zeros((height, width), bool)
     for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -40,14 +43,22 @@ def inside_polygon(polygon: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def _paint(
-    texture: np.ndarray, covered: np.ndarray, values: np.ndarray, corners: np.ndarray, low: np.ndarray, step: int
+    texture: np.ndarray,
+    covered: np.ndarray,
+    values: np.ndarray,
+    corners: np.ndarray,
+    low: np.ndarray,
+    step: int,
 ) -> None:
     """Paint triangles whose bounding boxes fit ``step`` x ``step`` pixels from ``low``."""
     size = len(texture)
     grid = np.stack(np.meshgrid(np.arange(step), np.arange(step)), axis=-1).reshape(-1, 2)
     pixel = low[:, None] + grid
     offset = pixel + 0.5 - corners[:, None, 0]
-    edge1, edge2 = corners[:, None, 1] - corners[:, None, 0], corners[:, None, 2] - corners[:, None, 0]
+    edge1, edge2 = (
+        corners[:, None, 1] - corners[:, None, 0],
+        corners[:, None, 2] - corners[:, None, 0],
+    )
     area = edge1[..., 0] * edge2[..., 1] - edge1[..., 1] * edge2[..., 0]
     area = np.where(np.abs(area) < 1e-12, np.inf, area)
     b = (offset[..., 0] * edge2[..., 1] - offset[..., 1] * edge2[..., 0]) / area
@@ -62,7 +73,9 @@ def _paint(
 
 
 def _filled(texture: np.ndarray, covered: np.ndarray) -> np.ndarray:
-    """Grow the covered area by the mean of its neighbours until nothing is left, coarse levels for the far gaps."""
+    """Grow the covered area by the mean of its neighbours until nothing is left, coarse levels for
+    the far gaps.
+    """
     if covered.all() or not covered.any():
         return texture
     for _ in range(8):

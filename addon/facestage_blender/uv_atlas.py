@@ -1,20 +1,27 @@
-"""Several UV squares packed into one: materials with textures of their own, and UDIM tiles. No bpy: plain arrays."""
+"""Several UV squares packed into one: materials with textures of their own, and UDIM tiles.
+
+No bpy: plain arrays.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-# The largest square keeps this side; the others share the strip above and beside it, as ICT-FaceKit's atlas has it.
+# The largest square keeps this side; the others share the strip above and beside it, as
+# ICT-FaceKit's atlas has it.
 MAIN_SIDE = 0.75
-OVERLAP_MAX = 1.3  # area of the triangles over the area that they cover, on a grid that makes the latter too large
+# area of the triangles over the area that they cover, on a grid that makes the latter too large
+OVERLAP_MAX = 1.3
 _GRID = 256
 
 
-def atlas(tile: np.ndarray, area: np.ndarray, corner_uvs: np.ndarray, corner_polygon: np.ndarray) -> np.ndarray:
+def atlas(
+    tile: np.ndarray, area: np.ndarray, corner_uvs: np.ndarray, corner_polygon: np.ndarray
+) -> np.ndarray:
     """(l, 2) UV corners moved so that every group of polygons has a square of its own in 0..1.
 
-    tile (p,) int: group of each polygon; area (p,) its surface: the group with most of it gets the largest square.
-    corner_uvs (l, 2) within the group's unit square; corner_polygon (l,) int.
+    tile (p,) int: group of each polygon; area (p,) its surface: the group with most of it gets the
+    largest square. corner_uvs (l, 2) within the group's unit square; corner_polygon (l,) int.
     """
     groups = np.unique(tile)
     total = [float(area[tile == group].sum()) for group in groups]
@@ -29,7 +36,9 @@ def atlas(tile: np.ndarray, area: np.ndarray, corner_uvs: np.ndarray, corner_pol
 
 
 def overlaps(triangle_uvs: np.ndarray) -> bool:
-    """Whether triangles (t, 3, 2) lie on one another in the UV square, as on a mesh whose halves share a texture."""
+    """Whether triangles (t, 3, 2) lie on one another in the UV square, as on a mesh whose halves
+    share a texture.
+    """
     edge1, edge2 = triangle_uvs[:, 1] - triangle_uvs[:, 0], triangle_uvs[:, 2] - triangle_uvs[:, 0]
     area = 0.5 * np.abs(edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0])
     total = float(area.sum())
@@ -47,13 +56,19 @@ def overlaps(triangle_uvs: np.ndarray) -> bool:
 
 
 def _strip(count: int) -> np.ndarray:
-    """(count, 3) corners u, v and sides of equal squares in the L-shaped strip that the largest square leaves."""
+    """(count, 3) corners u, v and sides of equal squares in the L-shaped strip that the largest
+    square leaves.
+    """
     side = 1.0 - MAIN_SIDE
     split = 1
     while 7 * split**2 < count:
         split += 1
     small = side / split
     squares = []
-    for u, v in [(MAIN_SIDE, MAIN_SIDE - k * side) for k in range(4)] + [(k * side, 0.0) for k in range(3)]:
-        squares += [(u + i * small, v + j * small, small) for i in range(split) for j in range(split)]
+    for u, v in [(MAIN_SIDE, MAIN_SIDE - k * side) for k in range(4)] + [
+        (k * side, 0.0) for k in range(3)
+    ]:
+        squares += [
+            (u + i * small, v + j * small, small) for i in range(split) for j in range(split)
+        ]
     return np.array(squares[:count])

@@ -1,4 +1,7 @@
-"""The only writer: a Result becomes sliders, pose, textures, lights and camera. The world is not touched."""
+"""The only writer: a Result becomes sliders, pose, textures, lights and camera.
+
+The world is not touched.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +25,22 @@ from .stage import build_stage, facestage_collection, require_stage
 def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     """Write the fitted face, lights and camera into the scene.
 
-    With the scene's "Keep camera" the camera stays and only the head moves. Raises InputError before
-    anything changes when the rig is of another model, or something of the result or the scene does not fit.
+    With the scene's "Keep camera" the camera stays and only the head moves. Raises InputError
+    before anything changes when the rig is of another model, or something of the result or the
+    scene does not fit.
     """
     settings = scene.facestage
     empty, rig = require_stage(scene), require_rig(scene)
     if rig.facestage_face.model != result.model:
         raise InputError(
-            f"The result is of the face model '{result.model}', the rig of '{rig.facestage_face.model}'; "
+            f"The result is of the face model '{result.model}', the rig of "
+            f"'{rig.facestage_face.model}'; "
             "build the rig of the result's model first."
         )
     if not settings.keep_camera and scene.camera is not None and scene.camera.type != "CAMERA":
-        raise InputError(f"'{scene.camera.name}' serves as the scene's camera and is none; choose a camera.")
+        raise InputError(
+            f"'{scene.camera.name}' serves as the scene's camera and is none; choose a camera."
+        )
     own = OwnMesh.of(rig)
     identity = dict(zip(result.identity_names, result.identity.tolist(), strict=True))
     expression = dict(zip(result.expression_names, result.expression.tolist(), strict=True))
@@ -58,6 +65,10 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         layer.update()
 
 
-def place(empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray) -> None:
-    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the axes' scale."""
+def place(
+    empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray
+) -> None:
+    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the
+    axes' scale.
+    """
     item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())

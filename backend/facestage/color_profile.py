@@ -1,8 +1,9 @@
 """What the numbers of a photo mean: ICC profiles and EXR chromaticities, to linear Rec. 709.
 
-A profile that is a matrix and three curves (sRGB, Display P3, Adobe RGB, ProPhoto, linear ones) or one curve of grey is
-evaluated here, in floating point, because LittleCMS as Pillow offers it takes and gives 8 bits. Every other profile
-(CMYK, look-up tables) goes through LittleCMS to 8-bit sRGB. Source: ICC.1:2022, sections 9 and 10.
+A profile that is a matrix and three curves (sRGB, Display P3, Adobe RGB, ProPhoto, linear ones) or
+one curve of grey is evaluated here, in floating point, because LittleCMS as Pillow offers it takes
+and gives 8 bits. Every other profile (CMYK, look-up tables) goes through LittleCMS to 8-bit sRGB.
+Source: ICC.1:2022, sections 9 and 10.
 """
 
 from __future__ import annotations
@@ -15,12 +16,19 @@ from typing import Any
 
 import numpy as np
 
-# CIE XYZ under D50, Bradford-adapted, of linear Rec. 709: the colorants of the ICC's own sRGB profiles.
+# CIE XYZ under D50, Bradford-adapted, of linear Rec. 709: the colorants of the ICC's own sRGB
+# profiles.
 REC709_TO_D50 = np.array(
-    [[0.4360747, 0.3850649, 0.1430804], [0.2225045, 0.7168786, 0.0606169], [0.0139322, 0.0971045, 0.7141733]]
+    [
+        [0.4360747, 0.3850649, 0.1430804],
+        [0.2225045, 0.7168786, 0.0606169],
+        [0.0139322, 0.0971045, 0.7141733],
+    ]
 )
 REC709_CHROMATICITIES = np.array([0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290])
-BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
 # A profile this close to sRGB (matrix; curve, of 1) is sRGB, written with other roundings.
 SRGB_MATRIX_TOLERANCE, SRGB_CURVE_TOLERANCE = 2e-3, 2e-3
 SRGB = "sRGB"
@@ -35,12 +43,16 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 def srgb_to_linear(value: np.ndarray) -> np.ndarray:
     """IEC 61966-2-1, decoding; 0..1 in and out."""
-    return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.0) + 0.055) / 1.055) ** 2.4)
+    return np.where(
+        value <= 0.04045, value / 12.92, ((np.maximum(value, 0.0) + 0.055) / 1.055) ** 2.4
+    )
 
 
 def linear_to_srgb(value: np.ndarray) -> np.ndarray:
     """IEC 61966-2-1, encoding; 0..1 in and out."""
-    return np.where(value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055)
+    return np.where(
+        value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055
+    )
 
 
 @dataclass(frozen=True)
@@ -74,7 +86,8 @@ DEFAULT = Decoder(SRGB, (srgb_to_linear,) * 3, None)
 
 
 def decoder_of(profile: bytes) -> Decoder | None:
-    """How to decode RGB or grey code values with an ICC profile; None when it is no matrix with curves.
+    """How to decode RGB or grey code values with an ICC profile; None when it is no matrix with
+    curves.
 
     Raises ValueError for a profile that is cut or inconsistent.
     """
@@ -94,7 +107,11 @@ def decoder_of(profile: bytes) -> Decoder | None:
     to_d50 = np.array(columns).T / 65536.0
     ramp = np.arange(256) / 255.0
     decoded = np.stack([curve(ramp) for curve in curves])
-    if not (np.isfinite(to_d50).all() and np.isfinite(decoded).all() and abs(np.linalg.det(to_d50)) > 1e-4):
+    if not (
+        np.isfinite(to_d50).all()
+        and np.isfinite(decoded).all()
+        and abs(np.linalg.det(to_d50)) > 1e-4
+    ):
         raise ValueError("the ICC profile is damaged: its colorants or curves are no numbers")
     if (
         np.abs(to_d50 - REC709_TO_D50).max() < SRGB_MATRIX_TOLERANCE
@@ -115,16 +132,20 @@ def through_littlecms(image: Any, profile: bytes) -> Any:
 
     try:
         return ImageCms.profileToProfile(
-            image, ImageCms.ImageCmsProfile(io.BytesIO(profile)), ImageCms.createProfile("sRGB"),
-            renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC, outputMode="RGB",
+            image,
+            ImageCms.ImageCmsProfile(io.BytesIO(profile)),
+            ImageCms.createProfile("sRGB"),
+            renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
+            outputMode="RGB",
             flags=ImageCms.Flags.BLACKPOINTCOMPENSATION,
-        )  # fmt: skip
+        )
     except (ImageCms.PyCMSError, OSError) as error:
         raise ValueError(f"the ICC profile does not fit the picture: {error}") from error
 
 
 def chromaticities_to_rec709(values: np.ndarray) -> np.ndarray | None:
-    """(3, 3) matrix from linear RGB of primaries and white (8,) CIE xy to linear Rec. 709, white to white (Bradford).
+    """(3, 3) matrix from linear RGB of primaries and white (8,) CIE xy to linear Rec. 709, white to
+    white (Bradford).
 
     None when they are Rec. 709's own or no chromaticities.
     """
@@ -142,7 +163,9 @@ def chromaticities_to_rec709(values: np.ndarray) -> np.ndarray | None:
 
 def _rgb_to_xyz(values: np.ndarray) -> np.ndarray | None:
     pairs = values.reshape(4, 2)
-    xyz = np.column_stack([pairs[:, 0] / pairs[:, 1], np.ones(4), (1 - pairs.sum(axis=1)) / pairs[:, 1]]).T
+    xyz = np.column_stack(
+        [pairs[:, 0] / pairs[:, 1], np.ones(4), (1 - pairs.sum(axis=1)) / pairs[:, 1]]
+    ).T
     if abs(np.linalg.det(xyz[:, :3])) < 1e-6:
         return None
     return xyz[:, :3] * np.linalg.solve(xyz[:, :3], xyz[:, 3])
@@ -165,7 +188,11 @@ def _curve(element: bytes) -> Curve:
     """The function of a curveType or parametricCurveType element, from 0..1 to 0..1."""
     if element[:4] == b"curv":
         (count,) = struct.unpack(">I", element[8:12])
-        table = np.array(struct.unpack(f">{count}H", element[12 : 12 + 2 * count])) if count < 2**17 else np.zeros(0)
+        table = (
+            np.array(struct.unpack(f">{count}H", element[12 : 12 + 2 * count]))
+            if count < 2**17
+            else np.zeros(0)
+        )
         if count == 0:
             return lambda x: x
         if count == 1:
@@ -179,12 +206,17 @@ def _curve(element: bytes) -> Curve:
     (kind,) = struct.unpack(">H", element[8:10])
     if kind >= len(PARAMETERS):
         raise ValueError("the ICC profile is damaged: a parametric curve has an unknown type")
-    values = np.array(struct.unpack(f">{PARAMETERS[kind]}i", element[12 : 12 + 4 * PARAMETERS[kind]])) / 65536.0
+    values = (
+        np.array(struct.unpack(f">{PARAMETERS[kind]}i", element[12 : 12 + 4 * PARAMETERS[kind]]))
+        / 65536.0
+    )
     return _parametric(kind, values)
 
 
 def _parametric(kind: int, values: np.ndarray) -> Curve:
-    """Y = (a X + b)^g + e above d, c X + f below it; the shorter types leave out the rest (ICC.1:2022, table 68)."""
+    """Y = (a X + b)^g + e above d, c X + f below it; the shorter types leave out the rest
+    (ICC.1:2022, table 68).
+    """
     g, a, b, c, d, e, f = np.pad(values, (0, 7 - len(values))).tolist()
     if kind == 0:
         a, d = 1.0, -1.0
@@ -193,13 +225,17 @@ def _parametric(kind: int, values: np.ndarray) -> Curve:
 
     def evaluate(x: np.ndarray) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return np.clip(np.where(x >= d, np.maximum(a * x + b, 0.0) ** g + e, c * x + f), 0.0, 1.0)
+            return np.clip(
+                np.where(x >= d, np.maximum(a * x + b, 0.0) ** g + e, c * x + f), 0.0, 1.0
+            )
 
     return evaluate
 
 
 def _description(tags: dict[str, bytes]) -> str:
-    """The profile's own name: text (version 2) or localized Unicode (version 4); empty when it has none."""
+    """The profile's own name: text (version 2) or localized Unicode (version 4); empty when it has
+    none.
+    """
     element = tags.get("desc", b"")
     if element[:4] == b"desc":
         (length,) = struct.unpack(">I", element[8:12])

@@ -1,4 +1,6 @@
-"""``facestage doctor``: what works on this machine, and the one command that mends each thing that does not."""
+"""``facestage doctor``: what works on this machine, and the one command that mends each thing that
+does not.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +38,15 @@ PACKAGES = {
 INSTALL = "Run: make setup (outside the source tree: pip install --upgrade facestage)"
 # Libraries of a desktop Linux that `import bpy` and `import cv2` link to, and servers lack.
 DESKTOP_LIBRARIES = (
-    "libatomic1", "libsm6", "libxext6", "libgl1", "libxi6", "libxfixes3", "libxrender1", "libxkbcommon0",
-)  # fmt: skip
+    "libatomic1",
+    "libsm6",
+    "libxext6",
+    "libgl1",
+    "libxi6",
+    "libxfixes3",
+    "libxrender1",
+    "libxkbcommon0",
+)
 
 
 @dataclass(frozen=True)
@@ -61,12 +70,19 @@ class Finding:
 
 def run_doctor(stream: TextIO) -> int:
     """Write the report to ``stream``. Returns 0 when a fit can run on this machine, else 4."""
-    print(f"Facestage {__version__} on {platform.platform()}, {os.cpu_count()} CPU cores\n", file=stream)
+    print(
+        f"Facestage {__version__} on {platform.platform()}, {os.cpu_count()} CPU cores\n",
+        file=stream,
+    )
     able = True
     for finding in findings():
         print(finding, file=stream, flush=True)
         able = able and (finding.works or not finding.needed)
-    verdict = "This machine can fit." if able else "This machine cannot fit yet; mend what is marked FAIL."
+    verdict = (
+        "This machine can fit."
+        if able
+        else "This machine cannot fit yet; mend what is marked FAIL."
+    )
     print(f"\n{verdict}", file=stream)
     return EXIT_ABLE if able else EXIT_UNABLE
 
@@ -91,13 +107,18 @@ def python_finding() -> Finding:
     version = sys.version_info[:2]
     wanted = " or ".join(f"{major}.{minor}" for major, minor in PYTHONS)
     return Finding(
-        "Python", f"{platform.python_version()} ({sys.executable})", works=version in PYTHONS,
-        remedy=f"Blender's Python module needs Python {wanted}: install one, remove .venv, and run: make setup",
-    )  # fmt: skip
+        "Python",
+        f"{platform.python_version()} ({sys.executable})",
+        works=version in PYTHONS,
+        remedy=f"Blender's Python module needs Python {wanted}: install one, remove .venv, and "
+        "run: make setup",
+    )
 
 
 def package_finding(name: str, expected: str) -> Finding:
-    """Whether a package is installed in a version that starts with ``expected``, without importing it."""
+    """Whether a package is installed in a version that starts with ``expected``, without importing
+    it.
+    """
     try:
         version = metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -109,12 +130,21 @@ def package_finding(name: str, expected: str) -> Finding:
 
 
 def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
-    """Whether a module can be imported, tried in a child process: shared libraries may be missing."""
+    """Whether a module can be imported, tried in a child process: shared libraries may be
+    missing.
+    """
     if importlib.util.find_spec(module) is None:
         return Finding(subject, "not installed", works=False, needed=needed, remedy=INSTALL)
-    code = f"import {module}; print(getattr({module}, '__version__', '') or {module}.app.version_string)"
+    code = (
+        f"import {module}; print(getattr({module}, '__version__', '') or "
+        f"{module}.app.version_string)"
+    )
     done = subprocess.run(
-        python_code(code), stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace"
+        python_code(code),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
     )
     if done.returncode == 0:
         return Finding(subject, done.stdout.strip().splitlines()[-1])
@@ -131,11 +161,15 @@ def renderer_findings() -> Iterator[Finding]:
     yield Finding("CUDA and OptiX", cuda.reason or "works", works=cuda.works)
     if any(probe.works for probe in probes):
         variant = native.choose_variant("auto")
-        yield Finding("renderer", variant if cuda.works else f"{variant}, {os.environ[native.LLVM_VARIABLE]}")
+        yield Finding(
+            "renderer", variant if cuda.works else f"{variant}, {os.environ[native.LLVM_VARIABLE]}"
+        )
     elif cuda.works:
         yield Finding("renderer", native.CUDA_VARIANT)
     else:
-        yield Finding("renderer", "none works", works=False, needed=True, remedy=native.llvm_remedy())
+        yield Finding(
+            "renderer", "none works", works=False, needed=True, remedy=native.llvm_remedy()
+        )
 
 
 def folder_finding(subject: str, place: Callable[[], Path]) -> Finding:
@@ -150,15 +184,22 @@ def folder_finding(subject: str, place: Callable[[], Path]) -> Finding:
             pass
     except OSError as error:
         found = f"{folder} cannot be written ({error.strerror or error})"
-        remedy = "Make it writable, or set FACESTAGE_CACHE (the cache) or TMPDIR (the temporary folder) to one that is."
+        remedy = (
+            "Make it writable, or set FACESTAGE_CACHE (the cache) or TMPDIR (the "
+            "temporary folder) to one that is."
+        )
         return Finding(subject, found, works=False, remedy=remedy)
     return Finding(subject, str(folder))
 
 
 def data_finding() -> Finding:
-    """Face models beside the built-in one, where the tests look for them too; nothing needs them."""
+    """Face models beside the built-in one, where the tests look for them too; nothing needs
+    them.
+    """
     archives = sorted(data_folder().glob("ict-facekit*"))
-    others = [f"--model ict:{path}" for path in archives] or ["--model ict:PATH for ICT-FaceKit, not found here"]
+    others = [f"--model ict:{path}" for path in archives] or [
+        "--model ict:PATH for ICT-FaceKit, not found here"
+    ]
     return Finding("face models", f"default (built in); {'; '.join(others)}")
 
 
@@ -169,7 +210,9 @@ def landmark_finding() -> Finding:
     except InputError as error:
         return Finding("landmark model", str(error), works=False)
     if path is None:
-        fetched = "Downloads are off" if is_offline() else "A fit without --landmarks fetches it (3.7 MB)"
+        fetched = (
+            "Downloads are off" if is_offline() else "A fit without --landmarks fetches it (3.7 MB)"
+        )
         remedy = f"{fetched}; without a network put {URL} at {_place()}"
         return Finding("landmark model", "not on this machine yet", works=False, remedy=remedy)
     return Finding("landmark model", str(path))
@@ -187,7 +230,10 @@ def online_finding() -> Finding:
     """Whether the backend may fetch what it lacks."""
     if is_offline():
         return Finding("online access", f"off (${OFFLINE_VARIABLE}): nothing is downloaded")
-    return Finding("online access", f"allowed, for the landmark model alone ({OFFLINE_VARIABLE}=1 turns it off)")
+    return Finding(
+        "online access",
+        f"allowed, for the landmark model alone ({OFFLINE_VARIABLE}=1 turns it off)",
+    )
 
 
 def _library_remedy() -> str:

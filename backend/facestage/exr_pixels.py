@@ -1,8 +1,8 @@
 """The pixels of an OpenEXR file that somebody gave, by OpenCV's decoder, within limits.
 
-OpenCV brings OpenEXR 2.3, whose decoders of wavelets, blocks and tiles are known to write beyond their memory for
-damaged files (CVE-2020-11758 to 11765 and others): those run in a child that may die. What is left, rows of pixels as
-they are or packed by zlib or RLE, is decoded here.
+OpenCV brings OpenEXR 2.3, whose decoders of wavelets, blocks and tiles are known to write beyond
+their memory for damaged files (CVE-2020-11758 to 11765 and others): those run in a child that may
+die. What is left, rows of pixels as they are or packed by zlib or RLE, is decoded here.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _PIXELS_A_SECOND = 8_000_000
 def read_exr_pixels(path: Path, what: str) -> tuple[np.ndarray, ExrHeader]:
     """(h, w, c) float32 as OpenCV has them: B, G, R, A, or grey, or grey and A; and the header.
 
-    Raises InputError for a file that cannot be opened, ValueError with a clause for one that is no such picture.
+    Raises InputError for a file that cannot be opened, ValueError with a clause for one that is no
+    such picture.
     """
     content = read_bytes(path, what, FILE_LIMIT)
     header = read_header(content)
@@ -50,7 +51,8 @@ def check_size(width: int, height: int) -> None:
         raise ValueError(f"it is {width} x {height} pixels")
     if max(width, height) > SIDE_MAX or width * height > PIXELS_MAX:
         raise ValueError(
-            f"it is {width} x {height} pixels; at most {SIDE_MAX} a side and {PIXELS_MAX // 10**6} million in all are "
+            f"it is {width} x {height} pixels; at most {SIDE_MAX} a side and "
+            f"{PIXELS_MAX // 10**6} million in all are "
             "read, make it smaller"
         )
 
@@ -73,7 +75,9 @@ def _decoded(content: bytes) -> np.ndarray:
 
 def _through_child(path: Path, header: ExrHeader) -> np.ndarray:
     pixels = header.width * header.height
-    limits = ChildLimits(memory=6 * GIB, seconds=4 + pixels // _PIXELS_A_SECOND, array_bytes=16 * pixels)
+    limits = ChildLimits(
+        memory=6 * GIB, seconds=4 + pixels // _PIXELS_A_SECOND, array_bytes=16 * pixels
+    )
     try:
         return read_in_child(decode_file, path, (), limits)["pixels"]
     except ReaderFailedError as error:

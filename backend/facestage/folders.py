@@ -15,14 +15,16 @@ from facestage.contract.errors import InputError
 def cache_folder() -> Path:
     """The user's cache folder for Facestage ($FACESTAGE_CACHE, or the platform's own place).
 
-    Raises InputError for a user without a home folder; what is only faster with a cache does without.
+    Raises InputError for a user without a home folder; what is only faster with a cache does
+    without.
     """
     override = os.environ.get("FACESTAGE_CACHE")
     if override:
         return Path(override)
     named = {"win32": "LOCALAPPDATA"}.get(sys.platform, "XDG_CACHE_HOME")
     base = Path(os.environ.get(named, ""))
-    # A relative one would be wherever the user happens to be, and the standard says to pass it over.
+    # A relative one would be wherever the user happens to be, and the standard says to pass it
+    # over.
     if base.is_absolute() and sys.platform != "darwin":
         return base / "facestage"
     if sys.platform == "win32":
@@ -33,8 +35,12 @@ def cache_folder() -> Path:
 
 
 def data_folder() -> Path:
-    """Data that is not part of the project ($FACESTAGE_DATA, or shared/data beside the source tree); may be absent."""
-    return Path(os.environ.get("FACESTAGE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+    """Data that is not part of the project ($FACESTAGE_DATA, or shared/data beside the source
+    tree); may be absent.
+    """
+    return Path(
+        os.environ.get("FACESTAGE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")
+    )
 
 
 def _home() -> Path:
@@ -49,13 +55,15 @@ def _home() -> Path:
 
 def _homeless() -> InputError:
     return InputError(
-        "This user has no home folder, so there is no place for Facestage's cache; set FACESTAGE_CACHE to a folder "
+        "This user has no home folder, so there is no place for Facestage's cache; set "
+        "FACESTAGE_CACHE to a folder "
         "that you may write to."
     )
 
 
 def shelter_caches() -> None:
-    """Give libraries whose own place for their caches cannot be used one that is removed when the process ends.
+    """Give libraries whose own place for their caches cannot be used one that is removed when the
+    process ends.
 
     They would say so in warnings of several lines, or put it into the current folder.
     """
@@ -71,7 +79,10 @@ def shelter_caches() -> None:
 
 
 # Where Dr.Jit keeps compiled kernels, and Matplotlib its settings and its list of fonts.
-_LIBRARY_CACHES = {"DRJIT_CACHE_DIR": (".drjit",), "MPLCONFIGDIR": (".config/matplotlib", ".cache/matplotlib")}
+_LIBRARY_CACHES = {
+    "DRJIT_CACHE_DIR": (".drjit",),
+    "MPLCONFIGDIR": (".config/matplotlib", ".cache/matplotlib"),
+}
 
 
 def _usable(folder: Path) -> bool:

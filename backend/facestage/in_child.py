@@ -1,8 +1,9 @@
 """The arrays of a file whose reader may crash, read in a child process that may die.
 
-The readers of MATLAB's and of HDF5's files are C that damaged files crash or send into endless loops. In a child they
-end as one sentence. The child may not take more memory and time than it is given; what it answers is a line of JSON
-and the arrays' bytes, whose types and sizes are checked: nothing that comes from it is executed.
+The readers of MATLAB's and of HDF5's files are C that damaged files crash or send into endless
+loops. In a child they end as one sentence. The child may not take more memory and time than it is
+given; what it answers is a line of JSON and the arrays' bytes, whose types and sizes are checked:
+nothing that comes from it is executed.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from facestage.contract.reading import GIB, MIB
 # Of the answer's first line, and of what an error of a library may say.
 _LINE_BYTES, _REASON_LETTERS = 1 * MIB, 300
 _PLAIN_TYPE = re.compile(r"[<|][iufb][1248]")
-# The child may wait for the disk or for other processes: only then does it take longer than its processor time.
+# The child may wait for the disk or for other processes: only then does it take longer than its
+# processor time.
 _PATIENCE = 20.0
 _START = "import sys; from facestage.in_child import main; main(sys.argv[1:])"
 # One thread, because each reserves memory; no plugins, which would be foreign code.
@@ -56,20 +58,32 @@ class ChildLimits:
         return self.seconds + size // (16 * MIB)
 
 
-def read_in_child(reader: Reader, path: Path, names: Sequence[str], limits: ChildLimits) -> dict[str, np.ndarray]:
+def read_in_child(
+    reader: Reader, path: Path, names: Sequence[str], limits: ChildLimits
+) -> dict[str, np.ndarray]:
     """What ``reader(path, names)`` returns: arrays of numbers by name.
 
-    ``reader`` is a module's own function. Raises InputError when it does, ReaderFailedError for any other end.
+    ``reader`` is a module's own function. Raises InputError when it does, ReaderFailedError for any
+    other end.
     """
     path = Path(path).resolve()
     seconds = limits.seconds_for(path.stat().st_size)
     command = python_code(
-        _START, reader.__module__, reader.__qualname__, str(limits.memory), str(seconds), str(path), *names
+        _START,
+        reader.__module__,
+        reader.__qualname__,
+        str(limits.memory),
+        str(seconds),
+        str(path),
+        *names,
     )
     with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
         env={**os.environ, **_SURROUNDINGS},
-    ) as child:  # fmt: skip
+    ) as child:
         watchdog = threading.Timer(_PATIENCE * seconds, child.kill)
         watchdog.daemon = True
         watchdog.start()
@@ -98,7 +112,9 @@ def _answer(stream: IO[bytes], limit: int) -> dict[str, np.ndarray] | None:
             raise InputError(_plain(head["refused"]))
         if "failed" in head:
             raise ReaderFailedError(_plain(head["failed"]))
-        described = [(str(name), str(kind), tuple(map(int, shape))) for name, kind, shape in head["arrays"]]
+        described = [
+            (str(name), str(kind), tuple(map(int, shape))) for name, kind, shape in head["arrays"]
+        ]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise ReaderFailedError("what reads it gave no sensible answer") from error
     total = 0
@@ -107,7 +123,9 @@ def _answer(stream: IO[bytes], limit: int) -> dict[str, np.ndarray] | None:
             raise ReaderFailedError("what reads it gave no sensible answer")
         total += math.prod(shape) * np.dtype(kind).itemsize
     if total > limit:
-        raise ReaderFailedError(f"its arrays have {total / MIB:.0f} MiB, expected at most {limit / MIB:.0f} MiB")
+        raise ReaderFailedError(
+            f"its arrays have {total / MIB:.0f} MiB, expected at most {limit / MIB:.0f} MiB"
+        )
     arrays = {}
     for name, kind, shape in described:
         array = np.empty(shape, kind)
@@ -135,7 +153,9 @@ def _ending(code: int, seconds: int) -> str:
 
 
 def _plain(text: Any) -> str:
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in str(text)).split())
+    return " ".join(
+        "".join(letter if letter.isprintable() else " " for letter in str(text)).split()
+    )
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -168,11 +188,15 @@ def _read(
     except Exception as error:  # noqa: BLE001
         reason = " ".join(str(error).split()).rstrip(".")[:_REASON_LETTERS]
         return {"failed": reason or type(error).__name__}, []
-    return {"arrays": [[name, array.dtype.str, array.shape] for name, array in arrays.items()]}, list(arrays.values())
+    return {
+        "arrays": [[name, array.dtype.str, array.shape] for name, array in arrays.items()]
+    }, list(arrays.values())
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Keep this process within its memory and time, and let it leave no core file, where the system can do that."""
+    """Keep this process within its memory and time, and let it leave no core file, where the system
+    can do that.
+    """
     if sys.platform == "win32":
         return
     import resource

@@ -1,8 +1,10 @@
-"""Finds what the renderer needs from this machine: a libLLVM that works, or a CUDA device that works.
+"""Finds what the renderer needs from this machine: a libLLVM that works, or a CUDA device that
+works.
 
-The CPU renderer compiles its kernels with libLLVM. Some versions do not merely fail: LLVM 15 and 16 abort the
-process while compiling, which no ``except`` can catch. So each candidate compiles and runs a small scene in
-a child process first, and the answer is remembered until the library or the renderer changes.
+The CPU renderer compiles its kernels with libLLVM. Some versions do not merely fail: LLVM 15 and 16
+abort the process while compiling, which no ``except`` can catch. So each candidate compiles and
+runs a small scene in a child process first, and the answer is remembered until the library or the
+renderer changes.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ DEVICES = ("auto", "cpu", "cuda")
 PREFERRED_LLVM = 19  # what the tests run with
 PROBE_SECONDS = 180.0
 
-# A text, because only the renderer's own room may import these, and this must run in another process.
+# A text, because only the renderer's own room may import these, and this must run in another
+# process.
 _PROBE = """
 import sys
 try:
@@ -44,7 +47,8 @@ import mitsuba as mi
 mi.set_variant(sys.argv[1])
 lamp = {"type": "rectangle", "emitter": {"type": "area"}}
 scene = mi.load_dict({
-    "type": "scene", "integrator": {"type": "prb_basic"}, "ball": {"type": "sphere", "center": [0, 0, 3]},
+    "type": "scene", "integrator": {"type": "prb_basic"},
+    "ball": {"type": "sphere", "center": [0, 0, 3]},
     "lamp": lamp,
     "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
 })
@@ -74,8 +78,8 @@ class Probe:
 def ensure_llvm() -> Path:
     """Point Dr.Jit at a libLLVM that works, and return it.
 
-    Dr.Jit reads this when it is imported, so it has no effect later; facestage.render sees to the order.
-    Raises BackendUnavailableError, with the command that installs one, when there is none.
+    Dr.Jit reads this when it is imported, so it has no effect later; facestage.render sees to the
+    order. Raises BackendUnavailableError, with the command that installs one, when there is none.
     """
     remembered = _remembered()
     tried = []
@@ -96,10 +100,11 @@ def ensure_llvm() -> Path:
 
 
 def prepare_renderer() -> None:
-    """Choose the libLLVM, if there is one that works, for the renderer that is about to be imported.
+    """Choose the libLLVM, if there is one that works, for the renderer that is about to be
+    imported.
 
-    Without one, importing it still succeeds, since CUDA may work; :func:`choose_variant` says what is missing.
-    Raises BackendUnavailableError when the renderer is not installed.
+    Without one, importing it still succeeds, since CUDA may work; :func:`choose_variant` says what
+    is missing. Raises BackendUnavailableError when the renderer is not installed.
     """
     _renderer_version()
     with contextlib.suppress(BackendUnavailableError):
@@ -107,7 +112,8 @@ def prepare_renderer() -> None:
 
 
 def choose_variant(device: str = "auto") -> str:
-    """The Mitsuba variant for ``device``: CUDA where it really works ("auto"), else LLVM, made ready to import.
+    """The Mitsuba variant for ``device``: CUDA where it really works ("auto"), else LLVM, made
+    ready to import.
 
     Raises InputError for an unknown device, BackendUnavailableError when the device cannot be used.
     """
@@ -126,7 +132,9 @@ def choose_variant(device: str = "auto") -> str:
 
 
 def llvm_candidates() -> list[Path]:
-    """Every libLLVM on this machine, best first: the user's choice, the environment's own, then the system's."""
+    """Every libLLVM on this machine, best first: the user's choice, the environment's own, then the
+    system's.
+    """
     chosen = os.environ.get(LLVM_VARIABLE)
     own = [Path(sys.prefix, "native"), Path(sys.prefix, "lib")]
     ordered = [Path(chosen).absolute()] if chosen else []
@@ -179,13 +187,17 @@ def llvm_remedy() -> str:
         return f"Run: sudo apt-get install {package} (or, without root, make setup)"
     if Path("/etc/fedora-release").exists():
         return "Run: sudo dnf install llvm-libs"
-    return f"Install LLVM {PREFERRED_LLVM} with your package manager, or set {LLVM_VARIABLE} to its libLLVM."
+    return (
+        f"Install LLVM {PREFERRED_LLVM} with your package manager, or set {LLVM_VARIABLE} "
+        "to its libLLVM."
+    )
 
 
 def _run_probe(variant: str, settings: dict[str, str]) -> str:
     """Render a small scene in a child; empty when it worked, else the reason in a few words."""
     with tempfile.TemporaryDirectory(prefix="facestage-probe-") as folder:
-        # An empty kernel cache: one filled by another libLLVM would hide that this one cannot compile.
+        # An empty kernel cache: one filled by another libLLVM would hide that this one cannot
+        # compile.
         environment = {**os.environ, **settings, "DRJIT_CACHE_DIR": folder}
         try:
             # In that folder, because Mitsuba looks for plugins in the current one.
@@ -216,7 +228,9 @@ def _reason(done: subprocess.CompletedProcess[str]) -> str:
     if done.returncode < 0:
         # A crash: the first line names the cause, what follows is a dump of the compiler's state.
         cause = next((line for line in lines if "ERROR" in line), "")
-        return f"the renderer crashed with signal {-done.returncode}" + (f", {cause.split(': 0x')[0]}" if cause else "")
+        return f"the renderer crashed with signal {-done.returncode}" + (
+            f", {cause.split(': 0x')[0]}" if cause else ""
+        )
     return lines[-1] if lines else f"the renderer stopped with exit code {done.returncode}"
 
 
@@ -229,15 +243,25 @@ def _system_folders() -> Iterator[Path]:
         for variable in ("ProgramFiles", "LOCALAPPDATA"):
             if programs := os.environ.get(variable):
                 yield Path(programs, "LLVM", "bin")
-        yield from (Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if folder)
+        yield from (
+            Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if folder
+        )
     elif system == "Darwin":
         for root in (Path("/opt/homebrew/opt"), Path("/usr/local/opt")):
             yield from (folder / "lib" for folder in sorted(root.glob("llvm*")))
         yield Path("/opt/local/lib")
     else:
-        yield from (Path(f"/usr/lib/{platform.machine()}-linux-gnu"), Path("/usr/lib64"), Path("/usr/lib"))
+        yield from (
+            Path(f"/usr/lib/{platform.machine()}-linux-gnu"),
+            Path("/usr/lib64"),
+            Path("/usr/lib"),
+        )
         yield from (folder / "lib" for folder in sorted(Path("/usr/lib").glob("llvm*")))
-        yield from (folder / name for folder in sorted(Path("/usr/lib64").glob("llvm*")) for name in ("lib", "lib64"))
+        yield from (
+            folder / name
+            for folder in sorted(Path("/usr/lib64").glob("llvm*"))
+            for name in ("lib", "lib64")
+        )
         yield Path("/usr/local/lib")
 
 
@@ -250,7 +274,9 @@ def _libraries_in(folders: Iterable[Path]) -> Iterator[Path]:
 
 
 def llvm_version(library: Path) -> int | None:
-    """The major version in a libLLVM's file name, links followed: libLLVM.so.19.1, libLLVM-14.so.1."""
+    """The major version in a libLLVM's file name, links followed: libLLVM.so.19.1,
+    libLLVM-14.so.1.
+    """
     for name in (library.name, library.resolve().name):
         match = re.search(r"libLLVM(?:-|\.so\.|\.)(\d+)", name)
         if match:
@@ -274,7 +300,8 @@ def _cuda_driver() -> str | None:
     version = Path("/proc/driver/nvidia/version")
     if version.is_file():
         return version.read_text(errors="replace").split("\n", 1)[0]
-    # Containers and the Windows Subsystem for Linux may have the driver's library, but no /proc entry.
+    # Containers and the Windows Subsystem for Linux may have the driver's library, but no /proc
+    # entry.
     for folder in (Path("/usr/lib/wsl/lib"), *_system_folders()):
         library = folder / "libcuda.so.1"
         if library.is_file():

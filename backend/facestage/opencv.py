@@ -12,6 +12,7 @@ def opencv() -> Any:
     os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
     import cv2
 
-    # What is wrong with a file is said once, by the error it raises. OpenCV 4.12 moved the function.
+    # What is wrong with a file is said once, by the error it raises. OpenCV 4.12 moved the
+    # function.
     (cv2.setLogLevel if hasattr(cv2, "setLogLevel") else cv2.utils.logging.setLogLevel)(0)
     return cv2

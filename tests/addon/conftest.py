@@ -1,4 +1,6 @@
-"""A clean scene with the add-on enabled for each test, a small head, and a stand-in for the backend."""
+"""A clean scene with the add-on enabled for each test, a small head, and a stand-in for the
+backend.
+"""
 
 from __future__ import annotations
 
@@ -33,20 +35,33 @@ def head() -> FaceModel:
     turn, rise = (u - 0.5) * 2 * np.pi, (v - 0.5) * np.pi
     nose = 0.02 * np.exp(-(((u - 0.5) / 0.03) ** 2) - ((v - 0.5) / 0.05) ** 2)
     grid = np.stack(
-        [0.075 * np.sin(turn) * np.cos(rise), 0.12 * np.sin(rise), 0.095 * np.cos(turn) * np.cos(rise) + nose - 0.06],
+        [
+            0.075 * np.sin(turn) * np.cos(rise),
+            0.12 * np.sin(rise),
+            0.095 * np.cos(turn) * np.cos(rise) + nose - 0.06,
+        ],
         -1,
     )
     vertices = grid[:, :across].reshape(-1, 3)
     i, j = np.arange(across)[None], np.arange(up)[:, None]
     after = (i + 1) % across
     quads = np.stack(
-        np.broadcast_arrays(j * across + i, j * across + after, (j + 1) * across + after, (j + 1) * across + i), -1
+        np.broadcast_arrays(
+            j * across + i, j * across + after, (j + 1) * across + after, (j + 1) * across + i
+        ),
+        -1,
     )
     uv_row = across + 1
     quad_uvs = np.stack(
-        np.broadcast_arrays(j * uv_row + i, j * uv_row + i + 1, (j + 1) * uv_row + i + 1, (j + 1) * uv_row + i), -1
+        np.broadcast_arrays(
+            j * uv_row + i, j * uv_row + i + 1, (j + 1) * uv_row + i + 1, (j + 1) * uv_row + i
+        ),
+        -1,
     )
-    quads, quad_uvs = quads.reshape(-1, 4).astype(np.int32), quad_uvs.reshape(-1, 4).astype(np.int32)
+    quads, quad_uvs = (
+        quads.reshape(-1, 4).astype(np.int32),
+        quad_uvs.reshape(-1, 4).astype(np.int32),
+    )
     quads[-10:, 3] = quad_uvs[-10:, 3] = -1  # a few triangles
     rng = np.random.default_rng(0)
     stretch = np.einsum("kij,nj->kni", rng.normal(size=(6, 3, 3)) * 0.02, vertices)
@@ -71,7 +86,9 @@ def head() -> FaceModel:
         identity_basis=stretch.astype(np.float32),
         expression_names=("jawOpen", "browUp", "mode_0", "blink"),
         expression_basis=jaw.astype(np.float32),
-        albedo_mean=np.clip(np.array([0.45, 0.28, 0.2]) + 0.1 * np.sin(60 * vertices), 0.02, 0.9).astype(np.float32),
+        albedo_mean=np.clip(
+            np.array([0.45, 0.28, 0.2]) + 0.1 * np.sin(60 * vertices), 0.02, 0.9
+        ).astype(np.float32),
         albedo_basis=(0.05 * rng.normal(size=(3, len(vertices), 3))).astype(np.float32),
         landmarks={"ibug68": landmarks},
         regions={"nose": landmark_vertices[:20].astype(np.int32)},

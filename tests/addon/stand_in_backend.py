@@ -1,7 +1,8 @@
 """A backend without a fit: answers the command line with a made-up result, or misbehaves as told.
 
-STAND_IN_MOOD: works, sees no face (detect exits 2), refuses (exit 2 with a sentence), hangs (until it is stopped),
-stubborn (ignores being stopped), crashes (exit 1 with a traceback), chatty (a megabyte of noise on both streams).
+STAND_IN_MOOD: works, sees no face (detect exits 2), refuses (exit 2 with a sentence), hangs (until
+it is stopped), stubborn (ignores being stopped), crashes (exit 1 with a traceback), chatty (a
+megabyte of noise on both streams).
 STAND_IN_STATUS: the result's status, converged if not set.
 """
 
@@ -56,7 +57,9 @@ def main() -> int:
         fit(Path(options["--job"]), Path(options["--out"]))
     elif verb == "detect":
         if mood == "sees no face":
-            print("facestage: No face was found in the photo; choose another photo.", file=sys.stderr)
+            print(
+                "facestage: No face was found in the photo; choose another photo.", file=sys.stderr
+            )
             return 2
         detect(Path(sys.argv[2]), Path(options["--out"]), int(options["--face"]))
     elif verb == "render":
@@ -78,7 +81,13 @@ def fit(job_folder: Path, out: Path) -> None:
         result = made_up(job, model)
         result.write_into(folder)
         rng = np.random.default_rng(3)
-        for name, channels in (("albedo", 3), ("specular", 1), ("roughness", 1), ("render", 3), ("light_probe", 3)):
+        for name, channels in (
+            ("albedo", 3),
+            ("specular", 1),
+            ("roughness", 1),
+            ("render", 3),
+            ("light_probe", 3),
+        ):
             pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
             assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
         if job.landmarks is None:
@@ -89,11 +98,15 @@ def fit(job_folder: Path, out: Path) -> None:
 
 
 def detect(image: Path, out: Path, face: int) -> None:
-    """478 points in a disc in the middle of the photo, turned by the number of the face; the last ten are hidden."""
+    """478 points in a disc in the middle of the photo, turned by the number of the face; the last
+    ten are hidden.
+    """
     height, width = cv2.imread(str(image)).shape[:2]
     turn = face + np.arange(478) * 2.399963
     radius = 0.3 * min(width, height) * np.sqrt((np.arange(478) + 0.5) / 478)
-    points = np.array([width / 2, height / 2]) + radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1)
+    points = np.array([width / 2, height / 2]) + radius[:, None] * np.stack(
+        [np.cos(turn), np.sin(turn)], 1
+    )
     write_json(out, Landmarks("mediapipe478", points, np.arange(478) < 468).to_json())
 
 
@@ -104,7 +117,13 @@ def relight_cache(folder: Path) -> None:
     pixels = (np.arange(10, 50)[:, None] * width + np.arange(20, 70)).ravel()
     images = rng.uniform(0, 0.01, (3, len(result.stage), len(pixels)))
     RelightCache.of_images(
-        width, height, pixels, rng.uniform(0.2, 1, len(pixels)), images, 4, relight_fingerprint(result)
+        width,
+        height,
+        pixels,
+        rng.uniform(0.2, 1, len(pixels)),
+        images,
+        4,
+        relight_fingerprint(result),
     ).save(folder)
 
 
@@ -125,13 +144,23 @@ def made_up(job: Job, model: FaceModel) -> Result:
     stage = job.stage or fibonacci_stage()
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
-        status=os.environ.get("STAND_IN_STATUS", CONVERGED), advice="The stand-in is content.",
-        model=job.model, camera=camera,
-        camera_to_stage=camera_to_stage, model_to_camera=model_to_camera, identity=identity, expression=expression,
-        albedo=rng.normal(size=3), specular=np.full((8, 8), 0.7), roughness=0.37,
-        stage=stage.with_radiance(rng.uniform(0, 9, (len(stage), 3))), vertices=vertices.astype(np.float32),
-        triangles=model.triangles, identity_names=model.identity_names, expression_names=model.expression_names,
-    )  # fmt: skip
+        status=os.environ.get("STAND_IN_STATUS", CONVERGED),
+        advice="The stand-in is content.",
+        model=job.model,
+        camera=camera,
+        camera_to_stage=camera_to_stage,
+        model_to_camera=model_to_camera,
+        identity=identity,
+        expression=expression,
+        albedo=rng.normal(size=3),
+        specular=np.full((8, 8), 0.7),
+        roughness=0.37,
+        stage=stage.with_radiance(rng.uniform(0, 9, (len(stage), 3))),
+        vertices=vertices.astype(np.float32),
+        triangles=model.triangles,
+        identity_names=model.identity_names,
+        expression_names=model.expression_names,
+    )
 
 
 if __name__ == "__main__":

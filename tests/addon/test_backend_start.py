@@ -24,7 +24,8 @@ def blender(monkeypatch: pytest.MonkeyPatch, *, module: bool, allowed: bool) -> 
 
 
 @pytest.mark.parametrize(
-    ("module", "allowed", "expected"), [(False, True, True), (False, False, False), (True, False, True)]
+    ("module", "allowed", "expected"),
+    [(False, True, True), (False, False, False), (True, False, True)],
 )
 def test_blenders_preference_decides_except_without_one(
     monkeypatch: pytest.MonkeyPatch, module: bool, allowed: bool, expected: bool
@@ -49,7 +50,9 @@ def test_a_user_who_is_offline_stays_offline(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("allowed", [True, False])
-def test_a_run_without_a_window_asks_the_preference_too(monkeypatch: pytest.MonkeyPatch, allowed: bool) -> None:
+def test_a_run_without_a_window_asks_the_preference_too(
+    monkeypatch: pytest.MonkeyPatch, allowed: bool
+) -> None:
     blender(monkeypatch, module=False, allowed=allowed)
     monkeypatch.delenv("FACESTAGE_OFFLINE", raising=False)
     code = f"import os, sys; sys.exit(('FACESTAGE_OFFLINE' in os.environ) == {allowed})"
@@ -61,7 +64,9 @@ def test_the_manifest_declares_what_is_downloaded() -> None:
     permissions = tomllib.loads(manifest.read_text(encoding="utf-8"))["permissions"]
     assert "landmark model" in permissions["network"]
     # Blender's own rules for these texts.
-    assert all(len(text) <= 64 and text[-1].isalnum() | (text[-1] in ")") for text in permissions.values())
+    assert all(
+        len(text) <= 64 and text[-1].isalnum() | (text[-1] in ")") for text in permissions.values()
+    )
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the stand-in is a shell script")
@@ -81,7 +86,11 @@ def test_no_backend_is_taken_from_the_current_folder(
         with pytest.raises(BackendUnavailableError):
             backend.find_backend(preferred)
     monkeypatch.setenv("PATH", f"{path}{os.pathsep}{tmp_path / 'photos'}")
-    assert backend.find_backend() == backend.find_backend("facestage") == [str(tmp_path / "photos" / "facestage")]
+    assert (
+        backend.find_backend()
+        == backend.find_backend("facestage")
+        == [str(tmp_path / "photos" / "facestage")]
+    )
 
 
 @pytest.mark.parametrize("text", ["~nosuchuser/facestage", "'facestage", "x" * 5000, "\0"])
@@ -92,8 +101,18 @@ def test_a_command_that_is_none_is_one_sentence(text: str) -> None:
 
 
 def test_a_cancelled_run_speaks_of_a_checkpoint_only_when_there_is_one() -> None:
-    kept = explain(3, ["facestage: cancelled; the last checkpoint is kept, --resume continues from it."], "", True)
-    early = explain(3, ["facestage: cancelled before the first checkpoint; run it again to start over."], "", True)
+    kept = explain(
+        3,
+        ["facestage: cancelled; the last checkpoint is kept, --resume continues from it."],
+        "",
+        True,
+    )
+    early = explain(
+        3,
+        ["facestage: cancelled before the first checkpoint; run it again to start over."],
+        "",
+        True,
+    )
     killed = explain(-9, [], "", cancelled=True)
     assert {kept.code, early.code, killed.code} == {CANCELLED}
     assert "is kept" in kept.message

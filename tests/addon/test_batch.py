@@ -29,18 +29,40 @@ def run(scene, stand_in, capfd: pytest.CaptureFixture[str]) -> Callable[..., tup
     return call
 
 
-def test_whole_run_saves_a_scene_that_opens_again(run, photo: Path, landmark_file: Path, tmp_path: Path) -> None:
+def test_whole_run_saves_a_scene_that_opens_again(
+    run, photo: Path, landmark_file: Path, tmp_path: Path
+) -> None:
     import bpy
 
     out = tmp_path / "out"
     code, said = run(
-        "--image", photo, "--landmarks", landmark_file, "--out", out, "--lights", 6, "--relight", "left", "top",
-        "--expression", "jawOpen=0.8", "--resolution", 32, "--samples", 2,
-    )  # fmt: skip
+        "--image",
+        photo,
+        "--landmarks",
+        landmark_file,
+        "--out",
+        out,
+        "--lights",
+        6,
+        "--relight",
+        "left",
+        "top",
+        "--expression",
+        "jawOpen=0.8",
+        "--resolution",
+        32,
+        "--samples",
+        2,
+    )
     assert code == 0, said
     assert sorted(path.name for path in out.iterdir()) == [
-        "expression.png", "job", "relit_left.png", "relit_top.png", "result", "scene.blend",
-    ]  # fmt: skip
+        "expression.png",
+        "job",
+        "relit_left.png",
+        "relit_top.png",
+        "result",
+        "scene.blend",
+    ]
     bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
     scene = bpy.context.scene
     assert scene.facestage.rig.facestage_face.albedo_image.packed_file is not None
@@ -68,8 +90,19 @@ def test_without_landmarks_the_fit_finds_them(run, photo: Path, tmp_path: Path) 
 def test_runs_as_a_module(stand_in, photo: Path, landmark_file: Path, tmp_path: Path) -> None:
     stand_in("works")
     command = [sys.executable, "-m", "facestage_blender.batch"]
-    options = ["--image", photo, "--landmarks", landmark_file, "--out", tmp_path / "out", "--lights", "3"]
-    done = subprocess.run([*command, *map(str, options)], capture_output=True, text=True, check=False)
+    options = [
+        "--image",
+        photo,
+        "--landmarks",
+        landmark_file,
+        "--out",
+        tmp_path / "out",
+        "--lights",
+        "3",
+    ]
+    done = subprocess.run(
+        [*command, *map(str, options)], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert "scene.blend" in done.stdout
 
@@ -78,8 +111,10 @@ def test_runs_by_its_path_as_blender_does(photo: Path) -> None:
     script = Path(batch.__file__)
     done = subprocess.run(
         [sys.executable, "-I", str(script), "--", "--image", "absent.png", "--out", "x"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert "'absent.png' does not exist" in done.stderr
 
@@ -88,10 +123,14 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
     text, empty = folder / "text.png", folder / "empty.png"
     text.write_text("hello", encoding="utf-8")
     empty.write_bytes(b"")
-    few, outside, camera, blocked = (folder / name for name in ("few.json", "outside.json", "camera.json", "blocked"))
+    few, outside, camera, blocked = (
+        folder / name for name in ("few.json", "outside.json", "camera.json", "blocked")
+    )
     few.write_text('{"scheme": "ibug68", "points": [[1, 2], [3, 4]]}', encoding="utf-8")
     outside.write_text(f'{{"scheme": "ibug68", "points": {[[5000, 5000]] * 68}}}', encoding="utf-8")
-    camera.write_text('{"width": 10, "height": 10, "focal_px": 20, "principal_px": [5, 5]}', encoding="utf-8")
+    camera.write_text(
+        '{"width": 10, "height": 10, "focal_px": 20, "principal_px": [5, 5]}', encoding="utf-8"
+    )
     blocked.write_text("a file where a folder should be", encoding="utf-8")
     return {
         "photo missing": (["--image", folder / "absent.png"], "does not exist"),
@@ -115,11 +154,24 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
 
 
 BAD_INPUTS = (
-    "photo missing", "photo is text", "photo is empty", "landmarks missing", "landmarks of the wrong count",
-    "landmarks outside the photo", "camera of another photo", "two cameras", "no such side",
-    "expression without value", "unknown frozen parameter", "no such face", "face and landmarks", "negative budget",
-    "no lights", "output is a file", "truth missing",
-)  # fmt: skip
+    "photo missing",
+    "photo is text",
+    "photo is empty",
+    "landmarks missing",
+    "landmarks of the wrong count",
+    "landmarks outside the photo",
+    "camera of another photo",
+    "two cameras",
+    "no such side",
+    "expression without value",
+    "unknown frozen parameter",
+    "no such face",
+    "face and landmarks",
+    "negative budget",
+    "no lights",
+    "output is a file",
+    "truth missing",
+)
 
 
 @pytest.mark.parametrize("case", BAD_INPUTS)
@@ -135,7 +187,9 @@ def test_bad_input_exits_2_with_one_sentence(run, case: str, photo: Path, tmp_pa
     assert not (out / "scene.blend").exists()
 
 
-def test_backends_refusal_and_absence_have_their_codes(run, stand_in, photo, tmp_path, monkeypatch) -> None:
+def test_backends_refusal_and_absence_have_their_codes(
+    run, stand_in, photo, tmp_path, monkeypatch
+) -> None:
     stand_in("refuses")
     code, said = run("--image", photo, "--out", tmp_path / "out")
     assert code == 2
@@ -144,11 +198,16 @@ def test_backends_refusal_and_absence_have_their_codes(run, stand_in, photo, tmp
     assert run("--image", photo, "--out", tmp_path / "out")[0] == 4
 
 
-def test_the_demo_detects_or_takes_what_is_shipped(stand_in, photo: Path, tmp_path: Path, capfd) -> None:
+def test_the_demo_detects_or_takes_what_is_shipped(
+    stand_in, photo: Path, tmp_path: Path, capfd
+) -> None:
     from facestage_blender.demo import LANDMARKS, astronaut_landmarks
 
     out = tmp_path / "found.json"
-    assert astronaut_landmarks(photo, out, stand_in("works")) == (out, "found in the photo (478 points)")
+    assert astronaut_landmarks(photo, out, stand_in("works")) == (
+        out,
+        "found in the photo (478 points)",
+    )
     path, origin = astronaut_landmarks(photo, out, stand_in("sees no face"))
     assert (path, origin) == (LANDMARKS, "from the file that comes with the demo")
     assert "No face was found" in capfd.readouterr().err

@@ -32,7 +32,9 @@ def blender_pixels(scene, view, points: np.ndarray) -> np.ndarray:
 
     scene.view_layers[0].update()
     width, height = scene.render.resolution_x, scene.render.resolution_y
-    seen = [world_to_camera_view(scene, view, view.matrix_world @ Vector(point)) for point in points]
+    seen = [
+        world_to_camera_view(scene, view, view.matrix_world @ Vector(point)) for point in points
+    ]
     return np.array([[point.x * width, (1 - point.y) * height] for point in seen])
 
 
@@ -72,7 +74,9 @@ def test_any_users_camera_is_read_right(scene, view, fit: str, width: int, heigh
 
 
 def test_rendered_pixels_are_where_the_projection_says(scene, view) -> None:
-    """A small bright disc must be rendered with its centre on the projected pixel: no half-pixel shift."""
+    """A small bright disc must be rendered with its centre on the projected pixel: no half-pixel
+    shift.
+    """
     import bpy
     from mathutils import Vector
 

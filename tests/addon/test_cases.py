@@ -68,7 +68,12 @@ def test_wrong_orders_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(InputError, match="no case 'hat'"):
         choose(3, ["hat"])
     out = ["--out", str(tmp_path / "out")]
-    for wrong in (["--count", "0", *out], ["--size", "3", *out], ["--samples", "0", *out], ["--count", "1"]):
+    for wrong in (
+        ["--count", "0", *out],
+        ["--size", "3", *out],
+        ["--samples", "0", *out],
+        ["--count", "1"],
+    ):
         assert main(wrong) == 2
         assert capsys.readouterr().err.startswith("facestage: ")
     assert not (tmp_path / "out").exists()
@@ -86,20 +91,26 @@ def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
     from facestage_blender.cases.__main__ import case_seed
 
-    first, again, other = (person_of(head, recipe("freckles"), case_seed("freckles", seed)) for seed in (0, 0, 1))
+    first, again, other = (
+        person_of(head, recipe("freckles"), case_seed("freckles", seed)) for seed in (0, 0, 1)
+    )
     for name in ("identity", "expression", "albedo", "specular", "model_to_camera"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
         assert not np.array_equal(getattr(first, name), getattr(other, name))
     np.testing.assert_array_equal(first.stage.position, again.stage.position)
     assert not np.allclose(first.stage.position, other.stage.position)
-    assert len({case_seed(name, seed) for name in ("cap", "cap_2", "beard") for seed in range(3)}) == 9
+    assert (
+        len({case_seed(name, seed) for name in ("cap", "cap_2", "beard") for seed in range(3)}) == 9
+    )
 
 
 def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
     from facestage_blender.cases.__main__ import case_seed, photos
 
     chosen = photos(2)
-    first, second = (person_of(head, each, case_seed(f"7/{name}", 0), 7) for name, each in chosen.items())
+    first, second = (
+        person_of(head, each, case_seed(f"7/{name}", 0), 7) for name, each in chosen.items()
+    )
     other = person_of(head, chosen["photo_1"], case_seed("8/photo_1", 0), 8)
     for name in ("identity", "albedo", "specular", "roughness"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
@@ -114,19 +125,36 @@ def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
 def test_expressions_are_found_by_either_spelling(head: FaceModel) -> None:
     from facestage_blender.cases.person import expression_weights
 
-    wanted = {"mouthSmileLeft": 0.5, "mouthSmileRight": 0.4, "browInnerUp": 0.3, "jawOpen": 0.2, "tongueOut": 1.0}
+    wanted = {
+        "mouthSmileLeft": 0.5,
+        "mouthSmileRight": 0.4,
+        "browInnerUp": 0.3,
+        "jawOpen": 0.2,
+        "tongueOut": 1.0,
+    }
     for names, weights in (
         (("jawOpen", "mouthSmileRight", "mouthSmileLeft", "browInnerUp"), (0.2, 0.4, 0.5, 0.3)),
         (("browInnerUp_L", "browInnerUp_R", "mouthSmile_L", "mouthSmile_R"), (0.3, 0.3, 0.5, 0.4)),
     ):
-        np.testing.assert_array_equal(expression_weights(replace(head, expression_names=names), wanted), weights)
+        np.testing.assert_array_equal(
+            expression_weights(replace(head, expression_names=names), wanted), weights
+        )
 
 
 def test_a_lamp_lights_the_face_as_much_as_it_says() -> None:
-    from facestage_blender.cases.lamps import AIM_SPREAD, ANGLE_SPREAD, DISTANCE_SPREAD, POWER_SPREAD, Lamp, light_stage
+    from facestage_blender.cases.lamps import (
+        AIM_SPREAD,
+        ANGLE_SPREAD,
+        DISTANCE_SPREAD,
+        POWER_SPREAD,
+        Lamp,
+        light_stage,
+    )
 
     lamps = [
-        Lamp(azimuth, 20, 2.0, distance, side) for azimuth in (-60, 150) for distance, side in ((1, 0.01), (2, 0.1))
+        Lamp(azimuth, 20, 2.0, distance, side)
+        for azimuth in (-60, 150)
+        for distance, side in ((1, 0.01), (2, 0.1))
     ]
     stage = light_stage(lamps, np.random.default_rng(4))
     distance = np.linalg.norm(stage.position, axis=1)
@@ -158,10 +186,17 @@ def test_skin_is_what_the_recipe_says(model: FaceModel) -> None:
     plain = recipe("soft_many")
     usual = person_of(model, plain, 5).albedo
     changes: dict[str, dict[str, Any]] = {
-        "mottle": {"mottle": 0.12}, "freckles": {"freckles": True}, "beard": {"beard": True},
-        "shade": {"shade": 0.5}, "dark": {"melanin": 2.0}, "light": {"melanin": -2.0},
-    }  # fmt: skip
-    changed = {name: person_of(model, replace(plain, **change), 5).albedo for name, change in changes.items()}
+        "mottle": {"mottle": 0.12},
+        "freckles": {"freckles": True},
+        "beard": {"beard": True},
+        "shade": {"shade": 0.5},
+        "dark": {"melanin": 2.0},
+        "light": {"melanin": -2.0},
+    }
+    changed = {
+        name: person_of(model, replace(plain, **change), 5).albedo
+        for name, change in changes.items()
+    }
     assert changed["mottle"].std() > usual.std()
     assert (changed["freckles"] <= usual).all()
     assert 0.01 < (changed["freckles"] < 0.85 * usual).any(axis=2).mean() < 0.2
@@ -191,7 +226,9 @@ def test_what_is_worn_lies_on_the_skin(model: FaceModel, kind: str, seed: int) -
     person = person_of(model, recipe(kind), seed)
     (item,) = person.worn
     vertices = model.shape(person.identity, person.expression)
-    skin = BVHTree.FromPolygons(vertices.tolist(), model.triangles[model.triangle_part == 0].tolist())
+    skin = BVHTree.FromPolygons(
+        vertices.tolist(), model.triangles[model.triangle_part == 0].tolist()
+    )
     brows = landmarks_of(model, vertices)[17:27]
     distances = []
     for point in item.vertices[:: max(1, len(item.vertices) // 2000)]:
@@ -233,9 +270,13 @@ def test_a_hand_leans_on_a_cheek(model: FaceModel, seed: int) -> None:
     ]
     assert sum(hit is not None for hit in hits) > 15
     face = BVHTree.FromPolygons(vertices.tolist(), skin.tolist())
-    behind = [(hit, face.ray_cast((hit.x, hit.y, 1.0), (0, 0, -1))[0]) for hit in hits if hit is not None]
+    behind = [
+        (hit, face.ray_cast((hit.x, hit.y, 1.0), (0, 0, -1))[0]) for hit in hits if hit is not None
+    ]
     assert np.mean([surface is None or hit.z > surface.z for hit, surface in behind]) > 0.9
-    np.testing.assert_allclose(hand.color, np.median(person.albedo.reshape(-1, 3), axis=0), rtol=0.1)
+    np.testing.assert_allclose(
+        hand.color, np.median(person.albedo.reshape(-1, 3), axis=0), rtol=0.1
+    )
     assert np.ptp(hand.vertices, axis=0).max() < 0.4
 
 
@@ -251,8 +292,13 @@ def test_walls_stand_where_no_lamp_does() -> None:
         assert behind.vertices[:, 2].max() < -0.2
         x, forward = beside.vertices[0, 0], beside.vertices[:, 2].max()
         for position in light_stage(each.lamps, np.random.default_rng(0)).position:
-            # The straight line from the lamp to the face's centre passes the wall's plane in front of it, or never.
-            assert position[0] * x <= 0 or abs(position[0]) < abs(x) or position[2] * x / position[0] > forward
+            # The straight line from the lamp to the face's centre passes the wall's plane in front
+            # of it, or never.
+            assert (
+                position[0] * x <= 0
+                or abs(position[0]) < abs(x)
+                or position[2] * x / position[0] > forward
+            )
 
 
 def test_a_sensor_counts_electrons() -> None:
@@ -280,12 +326,19 @@ def test_a_snapshot_has_all_of_it(scene, model: FaceModel, tmp_path: Path) -> No
     exact = read_pixels(folder / "photo.exr")[..., :3]
     # The walls are orange, and no part of what the exposure was measured on.
     wall = exact[truth["labels"] == BACKGROUND].mean(axis=0)
-    assert wall[0] > 2 * wall[1] > 2 * wall[2] and not truth["mask"][truth["labels"] == BACKGROUND].any()
+    assert (
+        wall[0] > 2 * wall[1] > 2 * wall[2]
+        and not truth["mask"][truth["labels"] == BACKGROUND].any()
+    )
     skin = read_pixels(folder / "skin.png")[..., 0] > 0.5
     np.testing.assert_array_equal(skin, np.isin(truth["labels"], (NARROW_FACE, FACE, HEAD)))
     assert (truth["labels"] == WORN).mean() > 0.03
     lens = scene.camera.data.dof
-    assert lens.use_dof and lens.aperture_fstop == pytest.approx(2.8) and 0.6 < lens.focus_distance < 0.8
+    assert (
+        lens.use_dof
+        and lens.aperture_fstop == pytest.approx(2.8)
+        and 0.6 < lens.focus_distance < 0.8
+    )
     assert known(Case("snapshot", folder, "default").job().camera).width == SIZE
 
 
@@ -294,8 +347,13 @@ def test_sightlines_see_what_lies_before_the_head(head: FaceModel) -> None:
 
     camera = Camera.default(64, 64, 150.0)
     vertices = head.vertices + np.array([0, 0, -0.78])
-    card = np.array([[-0.02, -0.02, -0.5], [0.02, -0.02, -0.5], [0.02, 0.02, -0.5], [-0.02, 0.02, -0.5]])
-    free, hidden = Sightlines(head, vertices), Sightlines(head, vertices, [(card, np.array([[0, 1, 2], [0, 2, 3]]))])
+    card = np.array(
+        [[-0.02, -0.02, -0.5], [0.02, -0.02, -0.5], [0.02, 0.02, -0.5], [-0.02, 0.02, -0.5]]
+    )
+    free, hidden = (
+        Sightlines(head, vertices),
+        Sightlines(head, vertices, [(card, np.array([[0, 1, 2], [0, 2, 3]]))]),
+    )
     left, right = camera.project(card)[:2, 0]
     labels = hidden.picture(camera)
     assert (labels == WORN).sum() == round(right - left) ** 2
@@ -317,20 +375,42 @@ def test_truth_shows_the_albedo_of_the_face_tile(head: FaceModel) -> None:
     tile = face_tile(texture, model)
     assert tile.shape == (32, 32, 3)
     np.testing.assert_allclose(
-        sample_bilinear(tile, uvs), sample_bilinear(texture, np.array([0.25, 0.125]) + 0.5 * uvs), atol=1e-9
+        sample_bilinear(tile, uvs),
+        sample_bilinear(texture, np.array([0.25, 0.125]) + 0.5 * uvs),
+        atol=1e-9,
     )
 
 
 def test_command_line_writes_cases_that_load(
-    scene, head: FaceModel, stand_in: Callable[[str], list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene,
+    head: FaceModel,
+    stand_in: Callable[[str], list[str]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     from facestage_blender.cases.__main__ import main
 
     stand_in("works")
-    order = ["--only", "hard_side", "interreflection", "--size", str(SIZE), "--samples", "2", "--seed", "4"]
+    order = [
+        "--only",
+        "hard_side",
+        "interreflection",
+        "--size",
+        str(SIZE),
+        "--samples",
+        "2",
+        "--seed",
+        "4",
+    ]
     assert main([*order, "--out", str(tmp_path / "a")]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["hard_side", "interreflection"]
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["hard_side", "interreflection"]
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "hard_side",
+        "interreflection",
+    ]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [
+        "hard_side",
+        "interreflection",
+    ]
     job = Case("hard_side", tmp_path / "a" / "hard_side", "default").job()
     camera = known(job.camera)
     assert (camera.width, camera.height) == (SIZE, SIZE)
@@ -342,7 +422,9 @@ def test_command_line_writes_cases_that_load(
     assert len(truth.arrays["light_position"]) == 2
     assert main([*order, "--out", str(tmp_path / "b")]) == 0
     for name in ("photo.png", "landmarks.json", "camera.json"):
-        assert (tmp_path / "a/hard_side" / name).read_bytes() == (tmp_path / "b/hard_side" / name).read_bytes()
+        assert (tmp_path / "a/hard_side" / name).read_bytes() == (
+            tmp_path / "b/hard_side" / name
+        ).read_bytes()
 
 
 @pytest.mark.parametrize("kind", OCCLUDERS)

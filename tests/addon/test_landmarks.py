@@ -1,4 +1,6 @@
-"""Landmarks as empties: file, empties and pixels agree for any camera; dragging, marks, undo, saving."""
+"""Landmarks as empties: file, empties and pixels agree for any camera; dragging, marks, undo,
+saving.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,29 @@ from reference.known import known
 
 Numbers = tuple[float, float, float]
 # Sensor fit, lens, shift, location, rotation and scale of a camera, and the photo's size.
-VIEWS: dict[str, tuple[str, float, tuple[float, float], Numbers, Numbers, Numbers, tuple[int, int]]] = {
+VIEWS: dict[
+    str, tuple[str, float, tuple[float, float], Numbers, Numbers, Numbers, tuple[int, int]]
+] = {
     "plain": ("AUTO", 50.0, (0.0, 0.0), (0, -1, 0), (1.57, 0, 0), (1, 1, 1), (640, 480)),
     "portrait": ("AUTO", 85.0, (0.02, -0.03), (1, -2, 0.5), (1.2, 0.1, 0.4), (1, 1, 1), (480, 640)),
-    "shifted": ("HORIZONTAL", 30.0, (0.3, 0.2), (1, -2, 0.5), (1.2, 0.1, 0.4), (1, 1, 1), (480, 640)),
-    "vertical": ("VERTICAL", 120.0, (-0.3, 0.1), (10, -200, 50), (0.3, 2.1, 0.4), (1, 1, 1), (4000, 3000)),
+    "shifted": (
+        "HORIZONTAL",
+        30.0,
+        (0.3, 0.2),
+        (1, -2, 0.5),
+        (1.2, 0.1, 0.4),
+        (1, 1, 1),
+        (480, 640),
+    ),
+    "vertical": (
+        "VERTICAL",
+        120.0,
+        (-0.3, 0.1),
+        (10, -200, 50),
+        (0.3, 2.1, 0.4),
+        (1, 1, 1),
+        (4000, 3000),
+    ),
     "scaled": ("AUTO", 50.0, (0.1, 0.1), (0, -1, 0), (1.57, 0.2, 0), (0.3, 2, 5), (640, 480)),
 }
 
@@ -56,7 +76,9 @@ def seen_pixels(scene) -> np.ndarray:
     bpy.context.view_layer.update()
     width, height = scene.render.resolution_x, scene.render.resolution_y
     empties = landmark_empties(scene)
-    seen = [world_to_camera_view(scene, scene.camera, item.matrix_world.translation) for item in empties]
+    seen = [
+        world_to_camera_view(scene, scene.camera, item.matrix_world.translation) for item in empties
+    ]
     return np.array([[point.x * width, (1 - point.y) * height] for point in seen])
 
 
@@ -72,7 +94,9 @@ def test_empties_stand_on_their_pixels(scene, name: str) -> None:
     assert all(curve.driver.is_simple_expression for curve in plane.animation_data.drivers)
     read = np.array([empty_pixel(plane, item) for item in landmark_empties(scene)])
     off, exact = np.abs(seen_pixels(scene) - given.points).max(), np.abs(read - given.points).max()
-    print(f"{name}: Blender shows them off by {off:.1e} px, read back off by {exact:.1e} of 1e-3 px")
+    print(
+        f"{name}: Blender shows them off by {off:.1e} px, read back off by {exact:.1e} of 1e-3 px"
+    )
     assert exact < 1e-3
     # Blender places objects in the world in single precision: far from its origin that is coarser.
     assert off < (1e-2 if name != "vertical" else 2.0)
@@ -136,7 +160,9 @@ def test_followers_follow_what_is_dragged(scene) -> None:
     for empty in empties:
         empty.location.x += 12.5 / 640
         empty.location.y += 5 / 640
-    np.testing.assert_allclose(edited_landmarks(scene).points, given.points + np.array([12.5, -5]), atol=1e-2)
+    np.testing.assert_allclose(
+        edited_landmarks(scene).points, given.points + np.array([12.5, -5]), atol=1e-2
+    )
 
 
 def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
@@ -156,7 +182,9 @@ def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
     indices = np.array([item.facestage_landmark.index for item in empties])
     distance = np.linalg.norm(given.points[:, None] - given.points[indices], axis=2)
     nearest = indices[distance.argmin(axis=1)]
-    np.testing.assert_array_equal(changed, np.flatnonzero((nearest == handle.facestage_landmark.index) & given.visible))
+    np.testing.assert_array_equal(
+        changed, np.flatnonzero((nearest == handle.facestage_landmark.index) & given.visible)
+    )
 
 
 def test_weights_of_a_file_are_kept(scene) -> None:
@@ -232,7 +260,9 @@ def test_detect_edit_done(ready, tmp_path: Path) -> None:
     kept = Landmarks.read(Path(ready.facestage.landmarks))
     np.testing.assert_allclose(kept.points[4], detected.points[4] + [3, 0], atol=1e-3)
     assert np.abs(kept.points - detected.points).max() < 6
-    np.testing.assert_array_equal(Landmarks.read(tmp_path / "work" / "landmarks_detected.json").points, detected.points)
+    np.testing.assert_array_equal(
+        Landmarks.read(tmp_path / "work" / "landmarks_detected.json").points, detected.points
+    )
 
 
 def test_fit_takes_the_points_as_they_are(ready, landmark_file: Path, tmp_path: Path) -> None:
@@ -250,10 +280,16 @@ def test_fit_takes_the_points_as_they_are(ready, landmark_file: Path, tmp_path: 
         assert answer == {"FINISHED"}
     landmark_empties(ready)[30].location = (0, 0, 0)
     assert bpy.ops.facestage.fit() == {"FINISHED"}
-    given, taken = Landmarks.read(landmark_file), known(Job.load(tmp_path / "work" / "job").landmarks)
+    given, taken = (
+        Landmarks.read(landmark_file),
+        known(Job.load(tmp_path / "work" / "job").landmarks),
+    )
     np.testing.assert_allclose(taken.points[30], [48, 40], atol=1e-3)
-    np.testing.assert_allclose(np.delete(taken.points, 30, 0), np.delete(given.points, 30, 0), atol=1e-9)
-    # The result has another lens and another place of the camera; the points are still where they were.
+    np.testing.assert_allclose(
+        np.delete(taken.points, 30, 0), np.delete(given.points, 30, 0), atol=1e-9
+    )
+    # The result has another lens and another place of the camera; the points are still where they
+    # were.
     assert np.abs(seen_pixels(ready) - taken.points).max() < 1e-2
 
 
@@ -282,7 +318,9 @@ def test_marks_and_revert(ready, landmark_file: Path) -> None:
     assert edited_landmarks(ready).to_json() == given.to_json()
 
 
-def test_users_errors_are_one_sentence(scene, stand_in, photo: Path, tmp_path: Path, monkeypatch) -> None:
+def test_users_errors_are_one_sentence(
+    scene, stand_in, photo: Path, tmp_path: Path, monkeypatch
+) -> None:
     import bpy
 
     stand_in("works")
@@ -333,7 +371,9 @@ def test_a_deleted_camera_keeps_the_landmarks(ready, landmark_file: Path) -> Non
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
     bpy.data.objects.remove(ready.camera)
-    np.testing.assert_array_equal(edited_landmarks(ready).points, Landmarks.read(landmark_file).points)
+    np.testing.assert_array_equal(
+        edited_landmarks(ready).points, Landmarks.read(landmark_file).points
+    )
 
 
 def test_a_damaged_scene_is_said_and_mended(ready, landmark_file: Path) -> None:
@@ -378,7 +418,8 @@ def test_undo_is_one_step_and_leaves_nothing_behind(ready, landmark_file: Path) 
     bpy.ops.ed.undo_push(message="before")
     before = {item.name for item in bpy.data.objects}
     bpy.ops.facestage.edit_landmarks()
-    bpy.ops.ed.undo_push(message="Edit Landmarks")  # what Blender does after an operator that the user starts
+    # what Blender does after an operator that the user starts
+    bpy.ops.ed.undo_push(message="Edit Landmarks")
     bpy.data.objects["Landmark 31 nose tip"].location.x += 0.1
     moved = bpy.data.objects["Landmark 31 nose tip"].location.x
     bpy.context.view_layer.objects.active = bpy.data.objects["Landmark 31 nose tip"]
@@ -430,7 +471,9 @@ def test_editing_shows_the_photo_in_object_mode(ready, landmark_file: Path, oper
     assert getattr(bpy.ops.facestage, operator)() == {"FINISHED"}
     assert bpy.context.mode == "OBJECT"
     assert ready.camera.data.background_images[0].display_depth == "FRONT"
-    views = [area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+    views = [
+        area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"
+    ]
     assert views
     assert all(view.region_3d.view_perspective == "CAMERA" for view in views)
     bpy.ops.facestage.done_landmarks()
@@ -442,14 +485,21 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     """What is drawn over the camera's view lies where its picture has the landmarks."""
     import bpy
 
-    from facestage_blender.landmark_overlay import current_landmarks, discs_by_color, line_ends, on_screen
+    from facestage_blender.landmark_overlay import (
+        current_landmarks,
+        discs_by_color,
+        line_ends,
+        on_screen,
+    )
     from facestage_blender.landmarks import landmark_empties, show_landmarks
 
     width, height = size = set_view(scene, name)
     given = made_up(*size, "mediapipe478")
     show_landmarks(scene, given, *size)
     bpy.context.view_layer.update()
-    window = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=width, y=height)
+    window = scene.camera.calc_matrix_camera(
+        bpy.context.evaluated_depsgraph_get(), x=width, y=height
+    )
     view = np.array(window @ scene.camera.matrix_world.normalized().inverted())
     landmarks = current_landmarks(scene)
     assert landmarks is not None
@@ -461,7 +511,12 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     assert counts == [478 - len(states), 0, states.count("VISIBLE"), states.count("HIDDEN"), 0]
     assert len(line_ends(landmarks, pixels)) == 2 * (16 + 4 + 4 + 3 + 4 + 6 + 6 + 12 + 8)
     # Behind the view nothing is drawn.
-    turned = np.array(window @ scene.camera.matrix_world.normalized().inverted()) * [[1], [1], [1], [-1]]
+    turned = np.array(window @ scene.camera.matrix_world.normalized().inverted()) * [
+        [1],
+        [1],
+        [1],
+        [-1],
+    ]
     assert not len(line_ends(landmarks, on_screen(scene, landmarks, turned)))
     landmark_empties(scene)[0].location.x += 0.1
     bpy.context.view_layer.update()
@@ -475,7 +530,9 @@ def test_handles_are_named_and_distinct() -> None:
     assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
     assert len(handles("another", 12)) == 12
     for scheme, count in (("ibug68", 68), ("mediapipe478", 478)):
-        assert {index for line in lines(scheme) for index in line} <= {item.index for item in handles(scheme, count)}
+        assert {index for line in lines(scheme) for index in line} <= {
+            item.index for item in handles(scheme, count)
+        }
 
 
 def test_followers_move_smoothly() -> None:
@@ -496,9 +553,14 @@ def test_followers_move_smoothly() -> None:
     assert np.abs(after[131:]).max() < 0.1
     # Handles on one point, as those of closed lids, and handles that cannot determine a plane.
     np.testing.assert_allclose(
-        follow(np.array([[0.0, 0], [0, 0], [9, 0], [4, 5]]), np.arange(3), np.array([[1.0, 0], [1, 0], [10, 0]]))[3],
-        [5, 5], atol=1e-2,
-    )  # fmt: skip
+        follow(
+            np.array([[0.0, 0], [0, 0], [9, 0], [4, 5]]),
+            np.arange(3),
+            np.array([[1.0, 0], [1, 0], [10, 0]]),
+        )[3],
+        [5, 5],
+        atol=1e-2,
+    )
 
 
 def test_the_panel_says_where_landmarks_come_from(ready, landmark_file: Path) -> None:

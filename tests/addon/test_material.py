@@ -1,4 +1,6 @@
-"""The skin material in Cycles against the contract's reflectance, computed independently in numpy."""
+"""The skin material in Cycles against the contract's reflectance, computed independently in
+numpy.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ def reflectance(normal, light, view, albedo, c_spec, roughness):
     half = light + view
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
     nl, nv, nh, vh = (
-        np.clip(np.sum(a * b, -1), 0, 1) for a, b in ((normal, light), (normal, view), (normal, half), (view, half))
+        np.clip(np.sum(a * b, -1), 0, 1)
+        for a, b in ((normal, light), (normal, view), (normal, half), (view, half))
     )
     alpha2 = roughness**4
     d = alpha2 / (math.pi * (nh**2 * (alpha2 - 1) + 1) ** 2)
@@ -34,13 +37,19 @@ def reflectance(normal, light, view, albedo, c_spec, roughness):
 def small_light(towards: np.ndarray) -> LightStage:
     axis = np.cross([0.0, 1.0, 0.0], towards)
     return LightStage(
-        position=towards[None] * DISTANCE, direction=-towards[None], axis_x=axis[None] / np.linalg.norm(axis),
-        side=np.array([SIDE]), radiance=np.full((1, 3), 50.0), state=np.array([ON]),
-    )  # fmt: skip
+        position=towards[None] * DISTANCE,
+        direction=-towards[None],
+        axis_x=axis[None] / np.linalg.norm(axis),
+        side=np.array([SIDE]),
+        radiance=np.full((1, 3), 50.0),
+        state=np.array([ON]),
+    )
 
 
 def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = False) -> np.ndarray:
-    """A ball at the origin with the skin material, one small light, orthographic camera on stage +Z."""
+    """A ball at the origin with the skin material, one small light, orthographic camera on stage
+    +Z.
+    """
     import bpy
 
     from facestage_blender.camera import set_resolution
@@ -55,7 +64,10 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
     material = part_materials(np.array([0]))[0]
     ball.data.materials.append(material)
     if textured:
-        maps = (texture_image("map", np.full((4, 4), 1, np.float32) * value) for value in (c_spec, roughness))
+        maps = (
+            texture_image("map", np.full((4, 4), 1, np.float32) * value)
+            for value in (c_spec, roughness)
+        )
         plain = texture_image("albedo", np.full((4, 4, 3), albedo, np.float32))
         set_textures(ball, plain, next(maps), 0.9, next(maps))
     else:
@@ -74,7 +86,9 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
 
 
 def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.ndarray]:
-    """The same picture in closed form, averaged over pixel and light, and where it is away from the edges."""
+    """The same picture in closed form, averaged over pixel and light, and where it is away from the
+    edges.
+    """
     sub = 4
     steps = (np.arange(PIXELS * sub) + 0.5) / (PIXELS * sub) * 2 - 1
     x, y = np.meshgrid(steps, -steps)
@@ -92,8 +106,17 @@ def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.nd
             length = np.linalg.norm(path, axis=-1, keepdims=True)
             light = path / length
             cosines = np.maximum((light * normal).sum(-1), 0) * np.maximum(light @ towards, 0)
-            f = reflectance(normal, light, np.broadcast_to([0.0, 0.0, 1.0], light.shape), albedo, c_spec, roughness)
-            total += f * (50.0 * SIDE**2 / len(offsets) ** 2 * cosines / length[..., 0] ** 2)[..., None]
+            f = reflectance(
+                normal,
+                light,
+                np.broadcast_to([0.0, 0.0, 1.0], light.shape),
+                albedo,
+                c_spec,
+                roughness,
+            )
+            total += (
+                f * (50.0 * SIDE**2 / len(offsets) ** 2 * cosines / length[..., 0] ** 2)[..., None]
+            )
             inside &= cosines > 0.1
     blocks = (PIXELS, sub, PIXELS, sub)
     return total.reshape(*blocks, 3).mean((1, 3)), inside.reshape(blocks).all((1, 3))
@@ -109,7 +132,9 @@ def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.nd
         ((0.3, 0.2, 0.1), 1.2, 0.4, True),
     ],
 )
-def test_cycles_evaluates_the_contracts_reflectance(scene, tmp_path: Path, albedo, c_spec, roughness, textured) -> None:
+def test_cycles_evaluates_the_contracts_reflectance(
+    scene, tmp_path: Path, albedo, c_spec, roughness, textured
+) -> None:
     from facestage_blender.render import save_exr
 
     towards = np.array([0.5, 0.4, 0.77])
@@ -141,7 +166,9 @@ def test_the_node_group_is_shared(scene) -> None:
     from facestage_blender.material import part_materials, skin_group
 
     materials = part_materials(np.arange(OTHER))
-    assert len({material.node_tree.nodes[skin_group().name].node_tree for material in materials}) == 1
+    assert (
+        len({material.node_tree.nodes[skin_group().name].node_tree for material in materials}) == 1
+    )
     assert len(bpy.data.node_groups) == 1
 
 
@@ -149,5 +176,7 @@ def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
     from facestage_blender.material import part_materials
 
     (material,) = part_materials(np.array([OTHER]))
-    output = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    output = next(
+        node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"
+    )
     assert output.inputs["Surface"].links[0].from_node.bl_idname == "ShaderNodeBsdfTransparent"

@@ -1,4 +1,6 @@
-"""Operators: the same as their functions, one undo step, the user's place kept, errors in one sentence."""
+"""Operators: the same as their functions, one undo step, the user's place kept, errors in one
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,10 @@ def describe(scene) -> dict[str, object]:
         description[item.name] = [round(value, 5) for row in item.matrix_basis for value in row]
         if item.type == "LIGHT":
             description[f"{item.name} light"] = (
-                round(item.data.energy, 5), [round(value, 5) for value in item.data.color], item.facestage_light.state,
-            )  # fmt: skip
+                round(item.data.energy, 5),
+                [round(value, 5) for value in item.data.color],
+                item.facestage_light.state,
+            )
         if item.type == "MESH":
             keys = item.data.shape_keys.key_blocks
             description[f"{item.name} keys"] = {key.name: round(key.value, 5) for key in keys}
@@ -35,7 +39,10 @@ def describe(scene) -> dict[str, object]:
                 face.roughness,
             )
         if item.type == "CAMERA":
-            description[f"{item.name} lens"] = (round(item.data.lens, 4), round(item.data.shift_x, 5))
+            description[f"{item.name} lens"] = (
+                round(item.data.lens, 4),
+                round(item.data.shift_x, 5),
+            )
     return description
 
 
@@ -97,7 +104,9 @@ def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
     assert state.message == "The stand-in is content." and not state.doubtful
 
 
-def test_a_result_with_a_but_is_shown_as_a_warning(ready, capfd: pytest.CaptureFixture[str], monkeypatch) -> None:
+def test_a_result_with_a_but_is_shown_as_a_warning(
+    ready, capfd: pytest.CaptureFixture[str], monkeypatch
+) -> None:
     import bpy
 
     monkeypatch.setenv("STAND_IN_STATUS", "stopped")
@@ -113,7 +122,8 @@ def test_apply_is_one_undo_step(ready) -> None:
     before = describe(ready)
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.facestage.apply_result()
-    bpy.ops.ed.undo_push(message="Apply Result")  # what Blender does after an operator that the user starts
+    # what Blender does after an operator that the user starts
+    bpy.ops.ed.undo_push(message="Apply Result")
     after = describe(bpy.context.scene)
     assert after != before
     bpy.ops.ed.undo()
@@ -153,13 +163,17 @@ def test_mode_is_kept_when_applying_fails(ready) -> None:
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def test_users_errors_are_one_sentence(scene, stand_in, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_users_errors_are_one_sentence(
+    scene, stand_in, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import bpy
 
     stand_in("works")
     refused(bpy.ops.facestage.fit, "Choose Photo")
     refused(bpy.ops.facestage.choose_photo, "does not exist", filepath=str(tmp_path / "absent.png"))
-    refused(bpy.ops.facestage.choose_landmarks, "does not exist", filepath=str(tmp_path / "absent.json"))
+    refused(
+        bpy.ops.facestage.choose_landmarks, "does not exist", filepath=str(tmp_path / "absent.json")
+    )
     refused(bpy.ops.facestage.open_report, "run a fit first")
     refused(bpy.ops.facestage.relight, "Build Light Stage", direction="left")
     monkeypatch.setenv("FACESTAGE_BACKEND", "/no/such/program")
@@ -168,7 +182,9 @@ def test_users_errors_are_one_sentence(scene, stand_in, tmp_path: Path, monkeypa
     assert not bpy.context.window_manager.facestage.task
 
 
-@pytest.mark.parametrize(("mood", "sentence"), [("refuses", "photo is of a cat"), ("crashes", "out of luck")])
+@pytest.mark.parametrize(
+    ("mood", "sentence"), [("refuses", "photo is of a cat"), ("crashes", "out of luck")]
+)
 def test_failed_fit_leaves_the_scene_alone(ready, stand_in, mood: str, sentence: str) -> None:
     import bpy
 
@@ -234,7 +250,9 @@ def test_relight_and_light_states(ready) -> None:
     lit = read_stage(ready.facestage.stage)
     assert not np.allclose(lit.radiance, before.radiance)
     assert bpy.ops.facestage.relight(direction="fitted") == {"FINISHED"}
-    np.testing.assert_allclose(read_stage(ready.facestage.stage).radiance, before.radiance, rtol=1e-5)
+    np.testing.assert_allclose(
+        read_stage(ready.facestage.stage).radiance, before.radiance, rtol=1e-5
+    )
     assert bpy.ops.facestage.light_states(state="OFF") == {"FINISHED"}
     assert all(light.hide_render for light in stage_lights(ready.facestage.stage))
 
@@ -247,8 +265,12 @@ def test_all_properties_and_operators_explain_themselves(scene) -> None:
 
     for group in settings.CLASSES:
         for name, prop in group.bl_rna.properties.items():
-            assert name in ("rna_type", "name") or prop.description, f"{group.__name__}.{name} has no tooltip"
-    registered = [cls for module in MODULES for cls in module.CLASSES if cls.__name__.startswith("FACESTAGE_")]
+            assert name in ("rna_type", "name") or prop.description, (
+                f"{group.__name__}.{name} has no tooltip"
+            )
+    registered = [
+        cls for module in MODULES for cls in module.CLASSES if cls.__name__.startswith("FACESTAGE_")
+    ]
     assert len(registered) > 20
     for cls in registered:
         assert cls.__doc__
@@ -269,7 +291,12 @@ def test_face_model_is_chosen_with_its_license(ready, tmp_path: Path) -> None:
     assert model_license(ready) == KINDS["npz"].license  # the rig is of another model
     assert bpy.ops.facestage.choose_model(kind="ict", filepath=str(tmp_path)) == {"FINISHED"}
     assert ready.facestage.model == f"ict:{tmp_path}"
-    refused(bpy.ops.facestage.choose_model, "does not exist", kind="flame", filepath=str(tmp_path / "absent.pkl"))
+    refused(
+        bpy.ops.facestage.choose_model,
+        "does not exist",
+        kind="flame",
+        filepath=str(tmp_path / "absent.pkl"),
+    )
     refused(bpy.ops.facestage.choose_model, "choose the file", kind="bfm")
     assert ready.facestage.model == f"ict:{tmp_path}"
     assert bpy.ops.facestage.choose_model(kind="default") == {"FINISHED"}

@@ -15,7 +15,9 @@ from reference.known import known
 
 @pytest.fixture
 def alice(scene, head: FaceModel):
-    """The egg in centimetres, Z up, scaled and turned under a parent, with odd sliders and a modifier."""
+    """The egg in centimetres, Z up, scaled and turned under a parent, with odd sliders and a
+    modifier.
+    """
     import bpy
 
     from facestage_blender.rig import add_shape_keys, build_mesh
@@ -50,13 +52,22 @@ def model_of(rig, head: FaceModel) -> FaceModel:
     turn = frames.stage_to_blender()
     scaled = np.array(rig.scale)
     return FaceModel(
-        name=rig.name, license="yours", source="", vertices=(rig.vertices * scaled @ turn + 0.01).astype(np.float32),
-        polygons=rig.polygons, polygon_uvs=rig.polygon_uvs, polygon_part=np.minimum(rig.polygon_part, 4), uvs=rig.uvs,
-        identity_names=head.identity_names, identity_basis=head.identity_basis,
+        name=rig.name,
+        license="yours",
+        source="",
+        vertices=(rig.vertices * scaled @ turn + 0.01).astype(np.float32),
+        polygons=rig.polygons,
+        polygon_uvs=rig.polygon_uvs,
+        polygon_part=np.minimum(rig.polygon_part, 4),
+        uvs=rig.uvs,
+        identity_names=head.identity_names,
+        identity_basis=head.identity_basis,
         expression_names=rig.expression_names,
         expression_basis=(rig.expression_offsets * scaled @ turn).astype(np.float32),
-        albedo_mean=head.albedo_mean, albedo_basis=head.albedo_basis, landmarks={},
-    )  # fmt: skip
+        albedo_mean=head.albedo_mean,
+        albedo_basis=head.albedo_basis,
+        landmarks={},
+    )
 
 
 def result_of(model: FaceModel, identity: np.ndarray, expression: np.ndarray) -> Result:
@@ -68,11 +79,23 @@ def result_of(model: FaceModel, identity: np.ndarray, expression: np.ndarray) ->
     to_stage[2, 3] = 0.6
     vertices = model.shape(identity, expression) @ pose[:3, :3].T + pose[:3, 3]
     return Result(
-        status=CONVERGED, advice="", model="rig:x", camera=Camera.default(96, 80), camera_to_stage=to_stage,
-        model_to_camera=pose, identity=identity, expression=expression, albedo=np.zeros(3),
-        specular=np.ones((4, 4), np.float32), roughness=0.5, stage=fibonacci_stage(3), vertices=vertices,
-        triangles=model.triangles, identity_names=model.identity_names, expression_names=model.expression_names,
-    )  # fmt: skip
+        status=CONVERGED,
+        advice="",
+        model="rig:x",
+        camera=Camera.default(96, 80),
+        camera_to_stage=to_stage,
+        model_to_camera=pose,
+        identity=identity,
+        expression=expression,
+        albedo=np.zeros(3),
+        specular=np.ones((4, 4), np.float32),
+        roughness=0.5,
+        stage=fibonacci_stage(3),
+        vertices=vertices,
+        triangles=model.triangles,
+        identity_names=model.identity_names,
+        expression_names=model.expression_names,
+    )
 
 
 def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
@@ -81,13 +104,17 @@ def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
     rig, own, notes = read_mesh(alice)
     np.testing.assert_allclose(rig.scale, 0.01, rtol=1e-5)
     assert own.expression == {
-        "jawOpen": ("jawOpen", 2.0), "browUp": ("browUp", 1.0), "browUp (negative)": ("browUp", -1.0),
+        "jawOpen": ("jawOpen", 2.0),
+        "browUp": ("browUp", 1.0),
+        "browUp (negative)": ("browUp", -1.0),
         "mode_0": ("mode_0", 1.0),
-    }  # fmt: skip
+    }
     assert notes == ["1 muted shape keys are left out"]
     lengths = np.linalg.norm(rig.expression_offsets, axis=2).max(axis=1) / 100
     original = np.linalg.norm(head.expression_basis, axis=2).max(axis=1)
-    np.testing.assert_allclose(lengths, [2 * original[0], original[1], original[1], original[2]], rtol=1e-4)
+    np.testing.assert_allclose(
+        lengths, [2 * original[0], original[1], original[1], original[2]], rtol=1e-4
+    )
     assert len(alice.modifiers) == 1
     np.testing.assert_array_equal(rig.polygons, head.polygons)
 
@@ -105,14 +132,19 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
     model = model_of(rig, head)
     adopt(scene, alice, "rig:x", model, rig, own)
     result = result_of(model, np.array([1.0, -0.5, 0, 0.3, 0, 0]), np.array([0.25, 0.0, 0.5, 0.0]))
-    set_weights(alice, dict(zip(result.identity_names, result.identity, strict=True)),
-                dict(zip(result.expression_names, result.expression, strict=True)))  # fmt: skip
+    set_weights(
+        alice,
+        dict(zip(result.identity_names, result.identity, strict=True)),
+        dict(zip(result.expression_names, result.expression, strict=True)),
+    )
     keys = alice.data.shape_keys.key_blocks
     assert (keys["jawOpen"].value, keys["browUp"].value) == pytest.approx((0.5, -0.5))
     assert (keys["jawOpen"].slider_max, keys["browUp"].slider_min) == (2.0, -1.0)
     tied = known(OwnMesh.of(alice))
     rest = known(borrowed_shape(alice, tied, result))
-    write_shape(alice, tied, dict(zip(result.identity_names, result.identity.tolist(), strict=True)), rest)
+    write_shape(
+        alice, tied, dict(zip(result.identity_names, result.identity.tolist(), strict=True)), rest
+    )
     assert keys[SHAPE_KEY].value == 1.0
     empty = build_stage(scene, result.stage)
     place(empty, alice, result.model_to_stage, rig_axes(alice))
@@ -122,7 +154,9 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
     flat = np.empty(3 * len(shown.data.vertices), np.float32)
     shown.data.vertices.foreach_get("co", flat)
     world = np.array(alice.matrix_world)
-    stage = (flat.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]) @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    stage = (flat.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]) @ np.array(
+        [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    )
     wanted = result.vertices @ result.camera_to_stage[:3, :3].T + result.camera_to_stage[:3, 3]
     np.testing.assert_allclose(stage, wanted, atol=5e-6)
     identity, expression = read_weights(alice)

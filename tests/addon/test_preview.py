@@ -133,7 +133,9 @@ def test_color_power_and_state_of_the_lights_are_followed(live) -> None:
     assert bpy.ops.facestage.light_states(state="OFF") == {"FINISHED"}
     update(live)
     cache = RelightCache.load(Result.load(Path(live.facestage.result)))
-    np.testing.assert_allclose(shown().reshape(-1, 3)[cache.pixels][:, 0], GREY * (1 - cache.coverage), atol=1e-5)
+    np.testing.assert_allclose(
+        shown().reshape(-1, 3)[cache.pixels][:, 0], GREY * (1 - cache.coverage), atol=1e-5
+    )
 
 
 def test_nothing_is_made_when_nothing_changed(live, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,7 +161,9 @@ def test_nothing_is_made_when_nothing_changed(live, monkeypatch: pytest.MonkeyPa
     assert len(made) == 1
 
 
-@pytest.mark.parametrize("change", ["light moved", "light resized", "head", "slider", "lens", "camera", "cache gone"])
+@pytest.mark.parametrize(
+    "change", ["light moved", "light resized", "head", "slider", "lens", "camera", "cache gone"]
+)
 def test_what_the_cache_does_not_hold_is_said_and_the_photo_shown(live, change: str) -> None:
     from facestage_blender.stage import stage_lights
 

@@ -90,7 +90,9 @@ def test_every_exit_code_has_a_sentence(code: int) -> None:
     assert outcome.message
 
 
-def test_backend_is_found_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_backend_is_found_where_the_user_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     program = tmp_path / "my backend"
     program.write_text("#!/bin/sh\n", encoding="utf-8")
     program.chmod(0o755)

@@ -35,19 +35,29 @@ def case(scene, backend: list[str], tmp_path: Path) -> Path:
     from facestage_blender.cases.person import random_person
     from facestage_blender.synthetic import render_person
 
-    pipeline.run_backend(model_command(backend, "default", tmp_path / "model.npz"), lambda _event: None)
+    pipeline.run_backend(
+        model_command(backend, "default", tmp_path / "model.npz"), lambda _event: None
+    )
     model = FaceModel.load(tmp_path / "model.npz")
-    render_person(scene, model, random_person(model, 7), tmp_path / "case", samples=32, seed=7, size=SIZE)
+    render_person(
+        scene, model, random_person(model, 7), tmp_path / "case", samples=32, seed=7, size=SIZE
+    )
     return tmp_path / "case"
 
 
-def test_fit_is_written_back_as_the_fit_saw_it(case: Path, backend: list[str], tmp_path: Path) -> None:
+def test_fit_is_written_back_as_the_fit_saw_it(
+    case: Path, backend: list[str], tmp_path: Path
+) -> None:
     from facestage_blender import demo, pipeline, render
 
     order = pipeline.Order(
-        image=case / "photo.png", out=tmp_path / "out", landmarks=case / "landmarks.json",
-        camera=case / "camera.json", truth=case / "truth.npz", budget=40.0,
-    )  # fmt: skip
+        image=case / "photo.png",
+        out=tmp_path / "out",
+        landmarks=case / "landmarks.json",
+        camera=case / "camera.json",
+        truth=case / "truth.npz",
+        budget=40.0,
+    )
     scene = pipeline.empty_scene()
     stages: list[str] = []
     result = pipeline.fit_photo(scene, order, backend, lambda event: stages.append(event.stage))
@@ -65,7 +75,10 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     from facestage_blender.scene_read import read_job
 
     order = pipeline.Order(
-        image=case / "photo.png", out=tmp_path / "out", landmarks=case / "landmarks.json", camera=case / "camera.json"
+        image=case / "photo.png",
+        out=tmp_path / "out",
+        landmarks=case / "landmarks.json",
+        camera=case / "camera.json",
     )
     scene = pipeline.empty_scene()
     pipeline.prepare_scene(scene, order, backend, lambda _event: None)
@@ -86,7 +99,9 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     assert not partial_folder(out).exists()
 
 
-def test_the_face_of_a_real_photo_is_found(scene, backend: list[str], shared_data: Path, tmp_path: Path, monkeypatch):
+def test_the_face_of_a_real_photo_is_found(
+    scene, backend: list[str], shared_data: Path, tmp_path: Path, monkeypatch
+):
     import bpy
     import cv2
     import skimage.data
@@ -111,7 +126,10 @@ def test_the_face_of_a_real_photo_is_found(scene, backend: list[str], shared_dat
     assert found is not None
     inner = slice(17, 68)  # the jaws of the two schemes are not quite the same
     off = np.linalg.norm(found.points[list(MEDIAPIPE_AS_IBUG)] - known.points, axis=1)[inner]
-    print(f"landmarks off by {np.median(off):.2f} px in the middle, at most {off.max():.2f}, of a face 107 px wide")
+    print(
+        f"landmarks off by {np.median(off):.2f} px in the middle, at most {off.max():.2f}, of "
+        "a face 107 px wide"
+    )
     assert np.median(off) < 3
     assert off.max() < 9
     bpy.ops.facestage.choose_photo(filepath=str(empty))

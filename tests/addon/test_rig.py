@@ -51,18 +51,26 @@ def test_sliders_make_the_models_shapes(rig, head: FaceModel) -> None:
 
 def test_mesh_has_the_models_polygons_uvs_parts_and_regions(rig, head: FaceModel) -> None:
     mesh = rig.data
-    assert [len(polygon.vertices) for polygon in mesh.polygons] == [3 + (quad[3] >= 0) for quad in head.polygons]
+    assert [len(polygon.vertices) for polygon in mesh.polygons] == [
+        3 + (quad[3] >= 0) for quad in head.polygons
+    ]
     for index in (0, 7, len(head.polygons) - 1):
         polygon = mesh.polygons[index]
         corners = head.polygons[index][head.polygons[index] >= 0]
         assert list(polygon.vertices) == corners.tolist()
         uvs = [mesh.uv_layers["UVMap"].uv[loop].vector[:] for loop in polygon.loop_indices]
-        np.testing.assert_allclose(uvs, head.uvs[head.polygon_uvs[index][: len(corners)]], atol=1e-7)
+        np.testing.assert_allclose(
+            uvs, head.uvs[head.polygon_uvs[index][: len(corners)]], atol=1e-7
+        )
         assert polygon.use_smooth
     assert [polygon.material_index for polygon in mesh.polygons] == head.polygon_part.tolist()
     assert [material.name for material in mesh.materials] == ["Facestage Skin", "Facestage Eyes"]
     group = rig.vertex_groups["nose"].index
-    members = [vertex.index for vertex in mesh.vertices if any(entry.group == group for entry in vertex.groups)]
+    members = [
+        vertex.index
+        for vertex in mesh.vertices
+        if any(entry.group == group for entry in vertex.groups)
+    ]
     assert members == sorted(head.regions["nose"])
     assert not mesh.validate()
 
@@ -78,7 +86,9 @@ def test_slider_ranges_follow_the_prior(scene, rig, head: FaceModel) -> None:
     gaussian = build_rig(scene, replace(head, expression_prior="gaussian"), "default", rig.parent)
     assert gaussian.data.shape_keys.key_blocks["mode_0"].slider_min == -5
     words = ("gaussian",) + ("box",) * (len(head.expression_names) - 1)
-    mixed = build_rig(scene, replace(head, expression_prior=words), "default", rig.parent).data.shape_keys.key_blocks
+    mixed = build_rig(
+        scene, replace(head, expression_prior=words), "default", rig.parent
+    ).data.shape_keys.key_blocks
     assert [mixed[name].slider_min for name in head.expression_names] == [-5, 0, 0, 0]
 
 
@@ -104,7 +114,9 @@ def test_first_texture_is_the_models_mean_albedo(rig, head: FaceModel) -> None:
     u, v = head.uvs[head.polygon_uvs[700]].mean(axis=0)
     size = len(pixels)
     np.testing.assert_allclose(
-        pixels[int((1 - v) * size), int(u * size), :3], head.albedo_mean[centre].mean(axis=0), atol=0.01
+        pixels[int((1 - v) * size), int(u * size), :3],
+        head.albedo_mean[centre].mean(axis=0),
+        atol=0.01,
     )
 
 

@@ -14,13 +14,19 @@ from facestage.contract.light_stage import FROZEN, OFF, ON, LightStage, fibonacc
 FIELDS = ("position", "direction", "axis_x", "side", "radiance", "state")
 
 
-def one_light(position: tuple[float, float, float], side: float, radiance: tuple[float, float, float]) -> LightStage:
+def one_light(
+    position: tuple[float, float, float], side: float, radiance: tuple[float, float, float]
+) -> LightStage:
     outward = np.array(position) / np.linalg.norm(position)
     axis = np.cross([0.0, 1.0, 0.0], outward)
     return LightStage(
-        position=np.array([position]), direction=-outward[None], axis_x=axis[None] / np.linalg.norm(axis),
-        side=np.array([side]), radiance=np.array([radiance]), state=np.array([ON]),
-    )  # fmt: skip
+        position=np.array([position]),
+        direction=-outward[None],
+        axis_x=axis[None] / np.linalg.norm(axis),
+        side=np.array([side]),
+        radiance=np.array([radiance]),
+        state=np.array([ON]),
+    )
 
 
 def some_stage() -> LightStage:
@@ -32,11 +38,15 @@ def some_stage() -> LightStage:
 
 def assert_same(found: LightStage, expected: LightStage) -> None:
     for name in FIELDS:
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=2e-6, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(expected, name), atol=2e-6, err_msg=name
+        )
 
 
 def white_card(scene, light: LightStage, samples: int = 256) -> np.ndarray:
-    """(3,) radiance of a white diffuse card at the stage's origin that faces +Z of the stage, from Cycles."""
+    """(3,) radiance of a white diffuse card at the stage's origin that faces +Z of the stage, from
+    Cycles.
+    """
     import bpy
 
     from facestage_blender.camera import set_resolution
@@ -46,7 +56,9 @@ def white_card(scene, light: LightStage, samples: int = 256) -> np.ndarray:
     build_stage(scene, light)
     mesh = bpy.data.meshes.new("card")
     half = 0.002
-    mesh.from_pydata([(-half, 0, -half), (half, 0, -half), (half, 0, half), (-half, 0, half)], [], [(0, 1, 2, 3)])
+    mesh.from_pydata(
+        [(-half, 0, -half), (half, 0, -half), (half, 0, half), (-half, 0, half)], [], [(0, 1, 2, 3)]
+    )
     material = bpy.data.materials.new("white")
     if material.node_tree is None:
         material.use_nodes = True
@@ -66,25 +78,41 @@ def white_card(scene, light: LightStage, samples: int = 256) -> np.ndarray:
 
 
 def irradiance(light: LightStage, grid: int = 400) -> np.ndarray:
-    """(3,) irradiance at the origin on a surface facing +Z, by summing small pieces of the light."""
+    """(3,) irradiance at the origin on a surface facing +Z, by summing small pieces of the
+    light.
+    """
     steps = (np.arange(grid) + 0.5) / grid - 0.5
     a, b = np.meshgrid(steps, steps)
-    points = light.position[0] + light.side[0] * (a[..., None] * light.axis_x[0] + b[..., None] * light.axis_y[0])
+    points = light.position[0] + light.side[0] * (
+        a[..., None] * light.axis_x[0] + b[..., None] * light.axis_y[0]
+    )
     distance = np.linalg.norm(points, axis=-1)
     towards = points / distance[..., None]
-    form = np.maximum(towards[..., 2], 0) * np.maximum(-(towards @ light.direction[0]), 0) / distance**2
+    form = (
+        np.maximum(towards[..., 2], 0)
+        * np.maximum(-(towards @ light.direction[0]), 0)
+        / distance**2
+    )
     return light.radiance[0] * form.mean() * light.side[0] ** 2
 
 
 @pytest.mark.parametrize(
     ("position", "side"),
-    [((0.0, 0.0, 1.0), 0.2), ((0.6, 0.5, 0.6), 0.2), ((-0.2, 0.1, 0.4), 0.5), ((0.9, 0.0, 0.2), 0.1)],
+    [
+        ((0.0, 0.0, 1.0), 0.2),
+        ((0.6, 0.5, 0.6), 0.2),
+        ((-0.2, 0.1, 0.4), 0.5),
+        ((0.9, 0.0, 0.2), 0.1),
+    ],
 )
 def test_radiance_of_a_light_on_a_white_card(scene, position, side) -> None:
     light = one_light(position, side, (7.0, 3.0, 0.5))
     expected = irradiance(light) / math.pi
     found = white_card(scene, light)
-    print(f"white card: {found} against {expected}, off by {np.abs(found / expected - 1).max():.2%} of at most 1 %")
+    print(
+        f"white card: {found} against {expected}, off by "
+        f"{np.abs(found / expected - 1).max():.2%} of at most 1 %"
+    )
     np.testing.assert_allclose(found, expected, rtol=0.01)
 
 

@@ -20,7 +20,9 @@ def case(scene, head: FaceModel, tmp_path: Path) -> Path:
     from facestage_blender.cases.person import random_person
     from facestage_blender.synthetic import render_person
 
-    render_person(scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE)
+    render_person(
+        scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE
+    )
     return tmp_path / "case"
 
 
@@ -47,7 +49,9 @@ def test_landmarks_have_noise_and_true_visibility(case: Path, head: FaceModel) -
     truth = read_arrays(case / "truth.npz", "truth")
     landmarks = Landmarks.read(case / "landmarks.json")
     corners, weights = head.landmark_vertices("ibug68")
-    exact = Camera.read(case / "camera.json").project(np.einsum("mi,mix->mx", weights, truth["vertices"][corners]))
+    exact = Camera.read(case / "camera.json").project(
+        np.einsum("mi,mix->mx", weights, truth["vertices"][corners])
+    )
     noise = landmarks.points - exact
     assert 0.7 < noise.std() * 256 / SIZE < 1.3  # in a picture of 256 pixels
     assert landmarks.visible.all()  # the egg's landmarks surround its nose
@@ -60,7 +64,9 @@ def test_lights_of_the_truth_face_the_head(case: Path) -> None:
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     np.testing.assert_allclose(towards, truth["light_direction"], atol=1e-6)
     assert (truth["light_radiance"] > 0).any(axis=1).sum() == 5
-    np.testing.assert_allclose(truth["light_corners"].mean(axis=1), truth["light_position"], atol=1e-9)
+    np.testing.assert_allclose(
+        truth["light_corners"].mean(axis=1), truth["light_position"], atol=1e-9
+    )
 
 
 def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
@@ -70,9 +76,15 @@ def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> No
     from facestage_blender.synthetic import render_person
 
     scene = pipeline.empty_scene()
-    render_person(scene, head, random_person(head, 3), tmp_path / "again", samples=8, seed=3, size=SIZE)
-    np.testing.assert_array_equal(read_pixels(case / "photo.exr"), read_pixels(tmp_path / "again" / "photo.exr"))
-    assert (case / "landmarks.json").read_text() == (tmp_path / "again" / "landmarks.json").read_text()
+    render_person(
+        scene, head, random_person(head, 3), tmp_path / "again", samples=8, seed=3, size=SIZE
+    )
+    np.testing.assert_array_equal(
+        read_pixels(case / "photo.exr"), read_pixels(tmp_path / "again" / "photo.exr")
+    )
+    assert (case / "landmarks.json").read_text() == (
+        tmp_path / "again" / "landmarks.json"
+    ).read_text()
     other = random_person(head, 4)
     assert not np.allclose(other.identity, random_person(head, 3).identity)
 

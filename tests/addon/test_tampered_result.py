@@ -1,4 +1,6 @@
-"""Whatever is done to a result's files: applying it is refused and changes nothing, or leaves a sound scene."""
+"""Whatever is done to a result's files: applying it is refused and changes nothing, or leaves a
+sound scene.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def fitted(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path) ->
     return scene, tmp_path / "work" / "result"
 
 
-def test_a_tampered_result_changes_nothing_or_nothing_to_worry_about(fitted, tmp_path: Path) -> None:
+def test_a_tampered_result_changes_nothing_or_nothing_to_worry_about(
+    fitted, tmp_path: Path
+) -> None:
     from facestage_blender.write_back import apply_result
 
     scene, sound = fitted
@@ -80,7 +84,11 @@ def test_a_damaged_texture_is_refused_and_none_is_left(fitted, tmp_path: Path) -
     scene, sound = fitted
     before = snapshot(scene)
     for picture in ("albedo.exr", "specular.exr", "roughness.exr"):
-        for deed, words in ((oversized, "60000 x 60000"), (not_finite, "NaN"), (FILES["half"], "cut off")):
+        for deed, words in (
+            (oversized, "60000 x 60000"),
+            (not_finite, "NaN"),
+            (FILES["half"], "cut off"),
+        ):
             folder = copy_of(sound, tmp_path / "spoiled")
             deed(folder / picture)
             with pytest.raises(InputError, match=words):
@@ -114,10 +122,13 @@ def test_a_camera_that_is_none_is_said(fitted) -> None:
 
 
 RECORDS = (
-    "[" * 5000, "[]", "{}", '{"identity": 5, "expression": {}}',
+    "[" * 5000,
+    "[]",
+    "{}",
+    '{"identity": 5, "expression": {}}',
     '{"identity": {}, "expression": {"a": ["a", 0]}, "to_model": []}',
     json.dumps({"identity": {}, "expression": {}, "to_model": np.zeros((4, 4)).tolist()}),
-)  # fmt: skip
+)
 
 
 def test_a_damaged_record_of_an_own_mesh_is_said(fitted) -> None:
@@ -168,7 +179,9 @@ def test_a_damaged_relight_cache_turns_no_preview_on(fitted) -> None:
     arrays, before = read_arrays(sound / RELIGHT_CACHE, "cache"), snapshot(scene)
     for name in ("size", "pixels", "coverage", "images", "scale", "samples"):
         for change in ("NaN", "negative", "huge", "empty", "text"):
-            np.savez(sound / RELIGHT_CACHE, **(arrays | {name: ARRAY_CHANGES[change](arrays[name])}))
+            np.savez(
+                sound / RELIGHT_CACHE, **(arrays | {name: ARRAY_CHANGES[change](arrays[name])})
+            )
             with pytest.raises(RuntimeError, match=r"relight cache.*damaged"):
                 bpy.ops.facestage.relight_preview()
             assert snapshot(scene) == before, f"{name}: {change}"
@@ -180,31 +193,53 @@ def snapshot(scene) -> dict[str, Any]:
 
     settings, rig = scene.facestage, scene.facestage.rig
     objects = {
-        item.name: (item.type, tuple(map(tuple, item.matrix_world)), item.parent.name if item.parent else "")
+        item.name: (
+            item.type,
+            tuple(map(tuple, item.matrix_world)),
+            item.parent.name if item.parent else "",
+        )
         for item in bpy.data.objects
     }
     lights = {
-        light.name: (light.energy, tuple(light.color), light.size, light.shape) for light in bpy.data.lights
-    }  # fmt: skip
+        light.name: (light.energy, tuple(light.color), light.size, light.shape)
+        for light in bpy.data.lights
+    }
     cameras = {
-        camera.name: (camera.lens, camera.shift_x, camera.shift_y, camera.sensor_width, camera.sensor_fit)
+        camera.name: (
+            camera.lens,
+            camera.shift_x,
+            camera.shift_y,
+            camera.sensor_width,
+            camera.sensor_fit,
+        )
         for camera in bpy.data.cameras
     }
     keys = rig.data.shape_keys.key_blocks
     sliders = {key.name: (key.value, key.slider_min, key.slider_max) for key in keys}
     points = np.empty(3 * len(rig.data.vertices), np.float32)
     keys[0].data.foreach_get("co", points)
-    images = {image.name: (tuple(image.size), image.packed_file is not None) for image in bpy.data.images}
+    images = {
+        image.name: (tuple(image.size), image.packed_file is not None) for image in bpy.data.images
+    }
     face = rig.facestage_face
     return {
-        "objects": objects, "lights": lights, "cameras": cameras, "sliders": sliders, "images": images,
-        "points": points.tolist(), "materials": sorted(material.name for material in bpy.data.materials),
-        "textures": [image.name if image else "" for image in (face.albedo_image, face.specular_image)],
-        "roughness": face.roughness, "result": settings.result, "own": face.own_mesh,
+        "objects": objects,
+        "lights": lights,
+        "cameras": cameras,
+        "sliders": sliders,
+        "images": images,
+        "points": points.tolist(),
+        "materials": sorted(material.name for material in bpy.data.materials),
+        "textures": [
+            image.name if image else "" for image in (face.albedo_image, face.specular_image)
+        ],
+        "roughness": face.roughness,
+        "result": settings.result,
+        "own": face.own_mesh,
         "render": (scene.render.resolution_x, scene.render.resolution_y),
         "states": [item.facestage_light.state for item in bpy.data.objects],
         "fitted": [tuple(item.facestage_light.fitted_radiance) for item in bpy.data.objects],
-    }  # fmt: skip
+    }
 
 
 def assert_finite(values: Any, name: str) -> None:

@@ -36,7 +36,11 @@ def fitted(scene, stand_in: Callable[[str], list[str]], folder: Path) -> Result:
     from facestage_blender.scene_read import read_job
 
     read_job(scene).save(folder / "job")
-    subprocess.run(fit_command(stand_in("works"), folder / "job", folder / "result"), check=True, capture_output=True)
+    subprocess.run(
+        fit_command(stand_in("works"), folder / "job", folder / "result"),
+        check=True,
+        capture_output=True,
+    )
     return Result.load(folder / "result")
 
 
@@ -56,13 +60,22 @@ def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
     from facestage_blender.scene_read import read_job
 
     settings = ready.facestage
-    settings.freeze, settings.light_color, settings.budget = {"identity", "roughness"}, "uniform", 12.5
+    settings.freeze, settings.light_color, settings.budget = (
+        {"identity", "roughness"},
+        "uniform",
+        12.5,
+    )
     settings.weight_prior, settings.seed, settings.device = 2.0, 7, "cpu"
     settings.rig.data.shape_keys.key_blocks["identity/mode_2"].value = 1.5
     read_job(ready).save(tmp_path / "job")
     job = Job.load(tmp_path / "job")
     assert job.freeze == ("identity", "roughness")
-    assert (job.light_color, job.budget_seconds, job.seed, job.device) == ("uniform", 12.5, 7, "cpu")
+    assert (job.light_color, job.budget_seconds, job.seed, job.device) == (
+        "uniform",
+        12.5,
+        7,
+        "cpu",
+    )
     assert (job.weights.prior, job.weights.photo) == (2.0, 1.0)
     assert (job.camera, job.camera_to_stage) == (None, None)
     np.testing.assert_allclose(job.initial["identity"], [0, 0, 1.5, 0, 0, 0])

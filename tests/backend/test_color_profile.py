@@ -19,19 +19,35 @@ from facestage.image_io import linear_to_srgb, read_photograph, srgb_to_linear, 
 from reference.known import known
 
 # CIE XYZ under D50 of the primaries, as Apple's and Adobe's own profiles have them.
-P3 = np.array([[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]])
-ADOBE = np.array([[0.60974, 0.20528, 0.14919], [0.31111, 0.62567, 0.06322], [0.01947, 0.06087, 0.74457]])
-REC709 = np.array([[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]])
+P3 = np.array(
+    [[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]]
+)
+ADOBE = np.array(
+    [[0.60974, 0.20528, 0.14919], [0.31111, 0.62567, 0.06322], [0.01947, 0.06087, 0.74457]]
+)
+REC709 = np.array(
+    [[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]]
+)
 SRGB_CURVE = (3, (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))
-COLORS = np.random.default_rng(1).uniform(0.02, 0.7, (6, 8, 3))  # linear Rec. 709: inside every gamut here
+# linear Rec. 709: inside every gamut here
+COLORS = np.random.default_rng(1).uniform(0.02, 0.7, (6, 8, 3))
 
 
 def profile(to_xyz: np.ndarray, curve: bytes, name: str = "Test", space: bytes = b"RGB ") -> bytes:
-    """The bytes of a display profile of version 4: a matrix and one curve for all channels, or grey."""
+    """The bytes of a display profile of version 4: a matrix and one curve for all channels, or
+    grey.
+    """
     text = name.encode("utf-16-be")
-    tags = {b"desc": b"mluc" + bytes(4) + struct.pack(">II2s2sII", 1, 12, b"en", b"US", len(text), 28) + text}
+    tags = {
+        b"desc": b"mluc"
+        + bytes(4)
+        + struct.pack(">II2s2sII", 1, 12, b"en", b"US", len(text), 28)
+        + text
+    }
     tags[b"wtpt"] = (
-        b"XYZ " + bytes(4) + struct.pack(">3i", *np.round(np.array([0.9642, 1, 0.8249]) * 65536).astype(int))
+        b"XYZ "
+        + bytes(4)
+        + struct.pack(">3i", *np.round(np.array([0.9642, 1, 0.8249]) * 65536).astype(int))
     )
     if space == b"GRAY":
         tags[b"kTRC"] = curve
@@ -46,7 +62,9 @@ def profile(to_xyz: np.ndarray, curve: bytes, name: str = "Test", space: bytes =
         table += struct.pack(">4sII", signature, offset + len(body), len(element))
         body += element
     size = offset + len(body)
-    header = struct.pack(">I4sI4s4s4s12s4s", size, b"lcms", 0x04300000, b"mntr", space, b"XYZ ", bytes(12), b"acsp")
+    header = struct.pack(
+        ">I4sI4s4s4s12s4s", size, b"lcms", 0x04300000, b"mntr", space, b"XYZ ", bytes(12), b"acsp"
+    )
     header += bytes(28) + struct.pack(">3i", 63190, 65536, 54061)
     return header + bytes(128 - len(header)) + table + body
 
@@ -56,15 +74,24 @@ def gamma(value: float) -> bytes:
 
 
 def parametric(kind: int, values: tuple[float, ...]) -> bytes:
-    return b"para" + bytes(4) + struct.pack(">HH", kind, 0) + b"".join(
-        struct.pack(">i", round(value * 65536)) for value in values
-    )  # fmt: skip
+    return (
+        b"para"
+        + bytes(4)
+        + struct.pack(">HH", kind, 0)
+        + b"".join(struct.pack(">i", round(value * 65536)) for value in values)
+    )
 
 
 LINEAR = b"curv" + bytes(4) + struct.pack(">I", 0)
-TABLE = b"curv" + bytes(4) + struct.pack(">I", 1024) + b"".join(
-    struct.pack(">H", round(65535 * float(srgb_to_linear(np.array(k / 1023))))) for k in range(1024)
-)  # fmt: skip
+TABLE = (
+    b"curv"
+    + bytes(4)
+    + struct.pack(">I", 1024)
+    + b"".join(
+        struct.pack(">H", round(65535 * float(srgb_to_linear(np.array(k / 1023)))))
+        for k in range(1024)
+    )
+)
 Curve = Callable[[np.ndarray], np.ndarray]
 # Colorants, curve, and by formula: to codes and back.
 SPACES: dict[str, tuple[np.ndarray, bytes, Curve, Curve]] = {
@@ -86,12 +113,15 @@ def encoded(name: str) -> tuple[bytes, np.ndarray]:
 @pytest.mark.parametrize("name", SPACES)
 def test_a_tagged_photo_shows_the_same_light(tmp_path: Path, name: str):
     icc, codes = encoded(name)
-    Image.fromarray(np.round(codes * 255).astype(np.uint8)).save(tmp_path / "a.png", icc_profile=icc)
+    Image.fromarray(np.round(codes * 255).astype(np.uint8)).save(
+        tmp_path / "a.png", icc_profile=icc
+    )
     photo = read_photograph(tmp_path / "a.png")
     to_xyz, _, _, decode = SPACES[name]
     rounded = decode(np.round(codes * 255) / 255) @ (np.linalg.inv(REC709) @ to_xyz).T
     np.testing.assert_allclose(photo.color, rounded, atol=0.5 / 255)
-    np.testing.assert_allclose(photo.color, COLORS, atol=2 / 255)  # what 8 bits in this space can say
+    # what 8 bits in this space can say
+    np.testing.assert_allclose(photo.color, COLORS, atol=2 / 255)
     assert photo.color_space == name
 
 
@@ -170,7 +200,11 @@ def test_lab_profiles_go_through_littlecms(tmp_path: Path):
     """What is no matrix and curves: a TIFF in CIE Lab, of which LittleCMS knows the colors."""
     srgb = Image.fromarray(np.round(linear_to_srgb(COLORS) * 255).astype(np.uint8))
     lab_profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB"))
-    lab = known(ImageCms.profileToProfile(srgb, ImageCms.createProfile("sRGB"), lab_profile, outputMode="LAB"))
+    lab = known(
+        ImageCms.profileToProfile(
+            srgb, ImageCms.createProfile("sRGB"), lab_profile, outputMode="LAB"
+        )
+    )
     lab.save(tmp_path / "a.tif", icc_profile=lab_profile.tobytes())
     photo = read_photograph(tmp_path / "a.tif")
     np.testing.assert_allclose(linear_to_srgb(photo.color), np.asarray(srgb) / 255.0, atol=12 / 255)
@@ -182,8 +216,12 @@ def test_damaged_and_foreign_profiles_are_ignored(tmp_path: Path, cut: int):
     pixels = np.random.default_rng(0).integers(0, 256, (5, 7, 3)).astype(np.uint8)
     icc = profile(P3, parametric(*SRGB_CURVE))[:cut] or b"no profile at all"
     Image.fromarray(pixels).save(tmp_path / "a.png", icc_profile=icc)
-    np.testing.assert_allclose(read_photograph(tmp_path / "a.png").color, srgb_to_linear(pixels / 255.0), atol=1e-6)
-    Image.fromarray(pixels).convert("CMYK").save(tmp_path / "b.jpg", icc_profile=profile(P3, LINEAR))
+    np.testing.assert_allclose(
+        read_photograph(tmp_path / "a.png").color, srgb_to_linear(pixels / 255.0), atol=1e-6
+    )
+    Image.fromarray(pixels).convert("CMYK").save(
+        tmp_path / "b.jpg", icc_profile=profile(P3, LINEAR)
+    )
     assert np.isfinite(read_photograph(tmp_path / "b.jpg").color).all()
 
 
@@ -231,7 +269,13 @@ def test_what_must_be_exported_first_says_so(tmp_path: Path):
 def test_exr_chromaticities(tmp_path: Path):
     """ACEScg, by the matrix that its makers publish for Rec. 709 (Bradford from D60)."""
     values = np.array([0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767])
-    published = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
+    published = np.array(
+        [
+            [1.70505, -0.62179, -0.08326],
+            [-0.13026, 1.14080, -0.01055],
+            [-0.02400, -0.12897, 1.15297],
+        ]
+    )
     matrix = chromaticities_to_rec709(values)
     assert matrix is not None
     np.testing.assert_allclose(matrix, published, atol=5e-4)

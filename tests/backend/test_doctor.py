@@ -1,4 +1,6 @@
-"""The report: complete, with a remedy for what does not work, and an exit code that programs can use."""
+"""The report: complete, with a remedy for what does not work, and an exit code that programs can
+use.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,13 @@ def no_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine with LLVM 15 and no GPU."""
     monkeypatch.setattr(native, "llvm_candidates", lambda: [Path("/usr/lib/libLLVM-15.so.1")])
     monkeypatch.setattr(
-        native, "probe_llvm", lambda path: native.Probe(str(path), "the renderer crashed with signal 6")
+        native,
+        "probe_llvm",
+        lambda path: native.Probe(str(path), "the renderer crashed with signal 6"),
     )
-    monkeypatch.setattr(native, "probe_cuda", lambda: native.Probe("CUDA", "no NVIDIA driver is installed"))
+    monkeypatch.setattr(
+        native, "probe_cuda", lambda: native.Probe("CUDA", "no NVIDIA driver is installed")
+    )
 
 
 def test_report_names_everything_a_user_may_be_asked_about(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,8 +44,18 @@ def test_report_names_everything_a_user_may_be_asked_about(monkeypatch: pytest.M
     stream = io.StringIO()
     code = doctor.run_doctor(stream)
     text = stream.getvalue()
-    for subject in ("Python", "mitsuba", "drjit", "numpy", "OpenCV", "libLLVM", "CUDA and OptiX", "Blender (bpy)",
-                    "cache folder", "face models"):  # fmt: skip
+    for subject in (
+        "Python",
+        "mitsuba",
+        "drjit",
+        "numpy",
+        "OpenCV",
+        "libLLVM",
+        "CUDA and OptiX",
+        "Blender (bpy)",
+        "cache folder",
+        "face models",
+    ):
         assert subject in text
     assert code == 0, text
     assert text.endswith("This machine can fit.\n")
@@ -66,8 +82,12 @@ def test_wrong_version_of_a_package_is_a_failure() -> None:
     assert "expected 0.1.*" in finding.found
 
 
-def test_module_that_crashes_on_import_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "needs_a_library.py").write_text("raise ImportError('libX11.so.6: cannot open shared object file')\n")
+def test_module_that_crashes_on_import_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "needs_a_library.py").write_text(
+        "raise ImportError('libX11.so.6: cannot open shared object file')\n"
+    )
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     finding = doctor.import_finding("module", "needs_a_library", needed=True)

@@ -16,10 +16,20 @@ from facestage.image_io import read_photograph
 # A phone's main camera: 26 mm of film on 4:3.
 WIDTH, HEIGHT, EQUIVALENT = 400, 300, 26
 EXPECTED = EQUIVALENT * 500 / math.hypot(36, 24)
-FOCAL, FILM, ZOOM, OWN_WIDTH, OWN_HEIGHT, PLANE, UNIT = 0x920A, 0xA405, 0xA404, 0xA002, 0xA003, 0xA20E, 0xA210
+FOCAL, FILM, ZOOM, OWN_WIDTH, OWN_HEIGHT, PLANE, UNIT = (
+    0x920A,
+    0xA405,
+    0xA404,
+    0xA002,
+    0xA003,
+    0xA20E,
+    0xA210,
+)
 
 
-def prior(folder: Path, tags: dict, size: tuple[int, int] = (WIDTH, HEIGHT), orientation: int = 1) -> FocalPrior | None:
+def prior(
+    folder: Path, tags: dict, size: tuple[int, int] = (WIDTH, HEIGHT), orientation: int = 1
+) -> FocalPrior | None:
     exif = Image.Exif()
     exif[0x0112] = orientation
     exif.get_ifd(0x8769).update(tags)
@@ -29,21 +39,33 @@ def prior(folder: Path, tags: dict, size: tuple[int, int] = (WIDTH, HEIGHT), ori
 
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
 def test_35mm_equivalence_is_by_the_diagonal(tmp_path: Path, orientation: int):
-    found = prior(tmp_path, {FILM: EQUIVALENT, OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT}, orientation=orientation)
-    assert found is not None and found.focal_px == pytest.approx(EXPECTED) and found.log_sigma == 0.05
+    found = prior(
+        tmp_path, {FILM: EQUIVALENT, OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT}, orientation=orientation
+    )
+    assert (
+        found is not None and found.focal_px == pytest.approx(EXPECTED) and found.log_sigma == 0.05
+    )
     assert "26 mm" in found.source
 
 
 def test_a_picture_that_was_made_smaller_keeps_its_lens(tmp_path: Path):
     found = prior(tmp_path, {FILM: EQUIVALENT, OWN_WIDTH: 4 * WIDTH, OWN_HEIGHT: 4 * HEIGHT})
-    assert found is not None and found.focal_px == pytest.approx(EXPECTED) and found.log_sigma == 0.05
+    assert (
+        found is not None and found.focal_px == pytest.approx(EXPECTED) and found.log_sigma == 0.05
+    )
 
 
 def test_the_sensor_is_better_than_the_equivalent(tmp_path: Path):
-    """50 mm on a sensor of 36 mm with 400 pixels: 555.6 pixels, whatever the maker calls the equivalent."""
+    """50 mm on a sensor of 36 mm with 400 pixels: 555.6 pixels, whatever the maker calls the
+    equivalent.
+    """
     per_unit = {2: 25.4, 3: 10.0, 4: 1.0}
     for unit, length in per_unit.items():
-        tags = {FOCAL: IFDRational(50, 1), PLANE: IFDRational(round(1e6 * WIDTH / 36 * length), 1000000), UNIT: unit}
+        tags = {
+            FOCAL: IFDRational(50, 1),
+            PLANE: IFDRational(round(1e6 * WIDTH / 36 * length), 1000000),
+            UNIT: unit,
+        }
         found = prior(tmp_path, tags | {FILM: 75, OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT})
         assert found is not None and found.focal_px == pytest.approx(50 * WIDTH / 36, rel=1e-3)
         assert found.log_sigma == 0.03 and "36.0 mm" in found.source
@@ -56,7 +78,9 @@ def test_a_crop_is_believed_less(tmp_path: Path):
     assert found is not None and "part" in found.source and found.log_sigma >= 0.2
     assert abs(math.log(found.focal_px / EXPECTED)) < found.log_sigma
     # An editor that wrote the new size: only the shape is odd.
-    found = prior(tmp_path, {FILM: EQUIVALENT, OWN_WIDTH: HEIGHT, OWN_HEIGHT: HEIGHT}, (HEIGHT, HEIGHT))
+    found = prior(
+        tmp_path, {FILM: EQUIVALENT, OWN_WIDTH: HEIGHT, OWN_HEIGHT: HEIGHT}, (HEIGHT, HEIGHT)
+    )
     assert found is not None and found.log_sigma >= 0.2
     assert abs(math.log(found.focal_px / EXPECTED)) < found.log_sigma
 
@@ -82,18 +106,36 @@ def test_digital_zoom_leaves_it_open_who_multiplied(tmp_path: Path):
 @pytest.mark.parametrize(
     "tags",
     [
-        {}, {FILM: 0}, {FILM: 3}, {FOCAL: IFDRational(50, 1)}, {FOCAL: IFDRational(0, 0), PLANE: IFDRational(1, 0)},
-        {FOCAL: IFDRational(50, 1), PLANE: IFDRational(1, 1), UNIT: 9, OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT},
-        {FOCAL: IFDRational(50, 1), PLANE: IFDRational(1, 1000), UNIT: 3, OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT},
+        {},
+        {FILM: 0},
+        {FILM: 3},
+        {FOCAL: IFDRational(50, 1)},
+        {FOCAL: IFDRational(0, 0), PLANE: IFDRational(1, 0)},
+        {
+            FOCAL: IFDRational(50, 1),
+            PLANE: IFDRational(1, 1),
+            UNIT: 9,
+            OWN_WIDTH: WIDTH,
+            OWN_HEIGHT: HEIGHT,
+        },
+        {
+            FOCAL: IFDRational(50, 1),
+            PLANE: IFDRational(1, 1000),
+            UNIT: 3,
+            OWN_WIDTH: WIDTH,
+            OWN_HEIGHT: HEIGHT,
+        },
     ],
-)  # fmt: skip
+)
 def test_what_says_nothing_gives_nothing(tmp_path: Path, tags: dict):
     assert prior(tmp_path, tags) is None
 
 
 def test_damaged_exif_never_stops_a_photo(tmp_path: Path):
     exif = Image.Exif()
-    exif.get_ifd(0x8769).update({FILM: EQUIVALENT, FOCAL: IFDRational(4, 1), OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT})
+    exif.get_ifd(0x8769).update(
+        {FILM: EQUIVALENT, FOCAL: IFDRational(4, 1), OWN_WIDTH: WIDTH, OWN_HEIGHT: HEIGHT}
+    )
     Image.fromarray(np.full((HEIGHT, WIDTH, 3), 128, np.uint8)).save(tmp_path / "a.jpg", exif=exif)
     data = (tmp_path / "a.jpg").read_bytes()
     start = data.index(b"Exif")
@@ -105,6 +147,8 @@ def test_damaged_exif_never_stops_a_photo(tmp_path: Path):
             damaged[position] ^= int(random.integers(1, 256))
         (tmp_path / "b.jpg").write_bytes(damaged)
         found = read_photograph(tmp_path / "b.jpg").focal
-        assert found is None or (math.isfinite(found.focal_px) and found.focal_px > 0 and found.log_sigma > 0)
+        assert found is None or (
+            math.isfinite(found.focal_px) and found.focal_px > 0 and found.log_sigma > 0
+        )
         kept += found is not None
     assert 0 < kept < 60, "some damage spares the lens, some does not"

@@ -1,4 +1,6 @@
-"""Photos that promise more than is read, or that would hang or crash a decoder, are refused in a sentence."""
+"""Photos that promise more than is read, or that would hang or crash a decoder, are refused in a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -60,9 +62,15 @@ def with_header(path: Path, change: dict[str, bytes], flags: int = 0) -> None:
 @pytest.mark.parametrize(
     ("window", "words"),
     [
-        ((0, 0, 2**31 - 2, 2**31 - 2), "it is 2147483647 x 2147483647 pixels; at most 16384 a side"),
+        (
+            (0, 0, 2**31 - 2, 2**31 - 2),
+            "it is 2147483647 x 2147483647 pixels; at most 16384 a side",
+        ),
         ((-(2**31), 0, 2**31 - 1, 0), "it is 4294967296 x 1 pixels"),
-        ((0, 0, 16383, 16383), "it is 16384 x 16384 pixels; at most 16384 a side and 134 million in all"),
+        (
+            (0, 0, 16383, 16383),
+            "it is 16384 x 16384 pixels; at most 16384 a side and 134 million in all",
+        ),
         ((10, 0, 0, 11), "it is -9 x 12 pixels"),
     ],
 )
@@ -74,11 +82,16 @@ def test_the_window_of_an_exr_is_not_believed(tmp_path: Path, window: tuple[int,
 @pytest.mark.parametrize("flags", [DEEP, MULTIPART, DEEP | MULTIPART])
 def test_other_kinds_of_exr_are_named(tmp_path: Path, flags: int):
     with_header(tmp_path / "a.exr", {}, flags)
-    assert "it has several parts or deep pixels; save it as one flat picture" in refusal(tmp_path / "a.exr")
+    assert "it has several parts or deep pixels; save it as one flat picture" in refusal(
+        tmp_path / "a.exr"
+    )
 
 
 def test_compressions_are_named(tmp_path: Path):
-    for code, words in ((8, "its compression DWAA is not read; save it with ZIP"), (77, "compression 77 is unknown")):
+    for code, words in (
+        (8, "its compression DWAA is not read; save it with ZIP"),
+        (77, "compression 77 is unknown"),
+    ):
         with_header(tmp_path / "a.exr", {"compression": bytes([code])})
         assert words in refusal(tmp_path / "a.exr")
 
@@ -94,7 +107,9 @@ def write_hard_exr(path: Path, code: int) -> np.ndarray:
 
     cv2 = opencv()
     image = np.random.default_rng(1).random((40, 50, 3)).astype(np.float32)
-    assert cv2.imwrite(str(path), image[..., ::-1], [cv2.IMWRITE_EXR_TYPE, 2, cv2.IMWRITE_EXR_COMPRESSION, code])
+    assert cv2.imwrite(
+        str(path), image[..., ::-1], [cv2.IMWRITE_EXR_TYPE, 2, cv2.IMWRITE_EXR_COMPRESSION, code]
+    )
     return image
 
 
@@ -102,7 +117,9 @@ def write_hard_exr(path: Path, code: int) -> np.ndarray:
 def test_hard_compressions_are_read_in_a_child(tmp_path: Path, code: int, name: str):
     image = write_hard_exr(tmp_path / "a.exr", code)
     assert read_header((tmp_path / "a.exr").read_bytes()).compression == name
-    np.testing.assert_allclose(read_photograph(tmp_path / "a.exr").color, image, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        read_photograph(tmp_path / "a.exr").color, image, rtol=1e-4, atol=1e-4
+    )
 
 
 @pytest.mark.parametrize("cut", [8, 100, 250, 330, 400])
@@ -113,7 +130,12 @@ def test_a_cut_exr_is_refused_or_read(tmp_path: Path, cut: int):
 
 
 def chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )
 
 
 def png(width: int, height: int, *chunks: bytes) -> bytes:
@@ -124,11 +146,14 @@ def png(width: int, height: int, *chunks: bytes) -> bytes:
 @pytest.mark.parametrize(
     ("width", "height", "words"),
     [
-        (16384, 16384, "decompression bomb"), (12000, 12000, "it is 12000 x 12000 pixels; at most 16384 a side and"),
+        (16384, 16384, "decompression bomb"),
+        (12000, 12000, "it is 12000 x 12000 pixels; at most 16384 a side and"),
         (16385, 8, "it is 16385 x 8 pixels"),
     ],
-)  # fmt: skip
-def test_pixels_are_counted_before_they_are_decoded(tmp_path: Path, width: int, height: int, words: str):
+)
+def test_pixels_are_counted_before_they_are_decoded(
+    tmp_path: Path, width: int, height: int, words: str
+):
     pixels = zlib.compress(bytes(4_000_000), 9)
     (tmp_path / "a.png").write_bytes(png(width, height, chunk(b"IDAT", pixels)))
     assert words in refusal(tmp_path / "a.png")
@@ -146,7 +171,9 @@ def test_a_profile_that_is_absurdly_large_is_ignored(tmp_path: Path):
     assert read_photograph(tmp_path / "a.tif").color_space == "sRGB"
 
 
-def test_nothing_but_the_sentence_is_said_of_a_damaged_tiff(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+def test_nothing_but_the_sentence_is_said_of_a_damaged_tiff(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
     Image.fromarray(PIXELS).save(tmp_path / "a.tif", compression="tiff_lzw")
     content = bytearray((tmp_path / "a.tif").read_bytes())
     content[12:60] = b"\xff" * 48
@@ -163,11 +190,16 @@ def test_the_largest_picture_takes_less_than_three_gigabytes(tmp_path: Path):
     pixels = b"".join(packer.compress(row) for _ in range(side)) + packer.flush()
     (tmp_path / "a.png").write_bytes(png(side, side, chunk(b"IDAT", pixels)))
     script = (
-        "import resource, sys; from pathlib import Path; from facestage.image_io import read_photograph; "
-        "print(read_photograph(Path(sys.argv[1])).size, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        "import resource, sys; from pathlib import Path; from facestage.image_io import "
+        "read_photograph; "
+        "print(read_photograph(Path(sys.argv[1])).size, "
+        "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )
     said = subprocess.run(
-        [sys.executable, "-I", "-c", script, str(tmp_path / "a.png")], capture_output=True, text=True, check=True
+        [sys.executable, "-I", "-c", script, str(tmp_path / "a.png")],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert said.stdout.startswith(f"({side}, {side})")
     assert int(said.stdout.split()[-1]) < 3 * 2**20

@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from facestage.contract.errors import InputError
-from facestage.image_io import linear_to_srgb, read_exr, read_photograph, resize, srgb_to_linear, write_exr
+from facestage.image_io import (
+    linear_to_srgb,
+    read_exr,
+    read_photograph,
+    resize,
+    srgb_to_linear,
+    write_exr,
+)
 
 RANDOM = np.random.default_rng(0)
 PIXELS = RANDOM.integers(0, 256, (5, 7, 3)).astype(np.uint8)
@@ -117,9 +124,12 @@ def test_only_nan_is_refused(tmp_path: Path):
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".exr"])
 @pytest.mark.parametrize(
-    "content", [b"", b"this is text\n" * 20, b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01\x02\x00\x00\x00"]
+    "content",
+    [b"", b"this is text\n" * 20, b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01\x02\x00\x00\x00"],
 )
-def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: bytes, capfd: pytest.CaptureFixture[str]):
+def test_what_is_no_picture_is_refused(
+    tmp_path: Path, suffix: str, content: bytes, capfd: pytest.CaptureFixture[str]
+):
     path = tmp_path / f"photo{suffix}"
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"The photo '.*photo") as caught:
@@ -129,7 +139,10 @@ def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: byt
 
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path):
-    for path, words in ((tmp_path / "none.png", "does not exist"), (tmp_path, "is a folder, expected a file")):
+    for path, words in (
+        (tmp_path / "none.png", "does not exist"),
+        (tmp_path, "is a folder, expected a file"),
+    ):
         with pytest.raises(InputError, match=words):
             read_photograph(path)
 
@@ -158,7 +171,9 @@ def test_damaged_pictures_never_crash(tmp_path: Path, kind: str):
 def test_a_giant_picture_is_refused_before_it_is_decoded(tmp_path: Path):
     header = struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0)
     chunk = b"IHDR" + header
-    data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    data = (
+        b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    )
     (tmp_path / "huge.png").write_bytes(data + b"\x00" * 64)
     with pytest.raises(InputError, match=r"huge\.png"):
         read_photograph(tmp_path / "huge.png")

@@ -1,4 +1,6 @@
-"""A reader that crashes, hangs, eats memory or talks nonsense ends as one clause, and what it read comes back whole."""
+"""A reader that crashes, hangs, eats memory or talks nonsense ends as one clause, and what it read
+comes back whole.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ LIMITS = ChildLimits(memory=1 * GIB, seconds=2, array_bytes=1 * MIB)
 
 
 def run_script(path: Path, names: Sequence[str]) -> Mapping[str, np.ndarray]:
-    """Stands for a reader: the child finds runpy.run_path in its place, which gives what the script leaves behind."""
+    """Stands for a reader: the child finds runpy.run_path in its place, which gives what the script
+    leaves behind.
+    """
     raise AssertionError("only the child runs it")
 
 
@@ -31,7 +35,9 @@ def in_child(folder: Path, script: str, limits: ChildLimits = LIMITS) -> dict[st
 
 
 def test_arrays_come_back_as_they_are(tmp_path: Path):
-    found = in_child(tmp_path, "a = np.arange(6, dtype='>f8').reshape(2, 3).T; b = np.zeros((0, 3), np.uint8)")
+    found = in_child(
+        tmp_path, "a = np.arange(6, dtype='>f8').reshape(2, 3).T; b = np.zeros((0, 3), np.uint8)"
+    )
     np.testing.assert_array_equal(found["a"], np.arange(6.0).reshape(2, 3).T)
     assert found["a"].dtype == np.float64 and found["a"].flags.writeable
     assert found["b"].shape == (0, 3) and found["b"].dtype == np.uint8
@@ -59,7 +65,9 @@ def test_every_other_end_is_a_clause(tmp_path: Path, script: str, words: str):
 
 
 def test_what_the_reader_says_is_passed_on(tmp_path: Path):
-    script = "from facestage.contract.errors import InputError\nraise InputError('The file is too old.')"
+    script = (
+        "from facestage.contract.errors import InputError\nraise InputError('The file is too old.')"
+    )
     with pytest.raises(InputError, match=r"^The file is too old\.$"):
         in_child(tmp_path, script)
 
@@ -69,7 +77,9 @@ def test_what_a_library_prints_is_no_part_of_the_answer(tmp_path: Path):
     np.testing.assert_array_equal(found["a"], [0, 1])
 
 
-def test_the_current_folder_says_nothing_of_what_is_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_current_folder_says_nothing_of_what_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     for name in ("numpy", "json", "h5py", "resource", "facestage"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,6 @@
-"""Choosing a libLLVM: candidates, the child process that tries one, and the memory of what worked."""
+"""Choosing a libLLVM: candidates, the child process that tries one, and the memory of what
+worked.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,9 @@ def test_second_start_tries_nothing(cache: Path, monkeypatch: pytest.MonkeyPatch
     assert native.choose_variant("auto") == native.LLVM_VARIANT
 
 
-def test_changed_library_is_tried_again(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changed_library_is_tried_again(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     library = tmp_path / "libLLVM.so.19.1"
     library.write_text("stands for a library\n")
     tried = []
@@ -125,7 +129,9 @@ def test_damaged_memory_is_ignored(cache: Path, only_broken: Path, content: str)
         native.ensure_llvm()
 
 
-def test_unwritable_memory_only_costs_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, only_broken: Path) -> None:
+def test_unwritable_memory_only_costs_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, only_broken: Path
+) -> None:
     file = tmp_path / "file"
     file.write_text("a file where the cache folder should be")
     monkeypatch.setenv("FACESTAGE_CACHE", str(file))
@@ -146,7 +152,8 @@ def test_cuda_on_demand_is_refused_where_it_does_not_work(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("device", "variant"), [("auto", "cuda_ad_rgb"), ("cuda", "cuda_ad_rgb"), ("cpu", "llvm_ad_rgb")]
+    ("device", "variant"),
+    [("auto", "cuda_ad_rgb"), ("cuda", "cuda_ad_rgb"), ("cpu", "llvm_ad_rgb")],
 )
 def test_cuda_is_chosen_when_it_works_unless_the_cpu_is_asked_for(
     cache: Path, only_broken: Path, monkeypatch: pytest.MonkeyPatch, device: str, variant: str
@@ -157,14 +164,20 @@ def test_cuda_is_chosen_when_it_works_unless_the_cpu_is_asked_for(
     assert native.choose_variant(device) == variant
 
 
-def test_renderer_gets_the_library_chosen_and_not_what_it_finds_itself(cache: Path, tmp_path: Path) -> None:
+def test_renderer_gets_the_library_chosen_and_not_what_it_finds_itself(
+    cache: Path, tmp_path: Path
+) -> None:
     library = working_library()
     code = (
-        "from facestage.render.variant import start_renderer; start_renderer('cpu'); import drjit, os\n"
+        "from facestage.render.variant import start_renderer; start_renderer('cpu'); import "
+        "drjit, os\n"
         "print(os.environ['DRJIT_LIBLLVM_PATH'], drjit.sin(drjit.arange(drjit.llvm.Float, 3))[0])"
     )
     # A choice of the user's that does not exist: Dr.Jit would take no other.
-    settings = {native.LLVM_VARIABLE: str(tmp_path / "libLLVM.so"), "DRJIT_CACHE_DIR": str(tmp_path / "kernels")}
+    settings = {
+        native.LLVM_VARIABLE: str(tmp_path / "libLLVM.so"),
+        "DRJIT_CACHE_DIR": str(tmp_path / "kernels"),
+    }
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **settings},
@@ -177,14 +190,27 @@ def test_renderer_gets_the_library_chosen_and_not_what_it_finds_itself(cache: Pa
 
 @pytest.mark.parametrize(
     ("name", "version"),
-    [("libLLVM.so.19.1", 19), ("libLLVM-14.so.1", 14), ("libLLVM.21.dylib", 21), ("LLVM-C.dll", None)],
+    [
+        ("libLLVM.so.19.1", 19),
+        ("libLLVM-14.so.1", 14),
+        ("libLLVM.21.dylib", 21),
+        ("LLVM-C.dll", None),
+    ],
 )
 def test_version_is_read_from_the_file_name(tmp_path: Path, name: str, version: int | None) -> None:
     assert native.llvm_version(tmp_path / name) == version
 
 
-def test_the_tested_version_comes_first_and_old_ones_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("libLLVM-14.so.1", "libLLVM-15.so", "libLLVM.so.20.1", "libLLVM.so.19.1", "libLLVM-17.so.1"):
+def test_the_tested_version_comes_first_and_old_ones_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in (
+        "libLLVM-14.so.1",
+        "libLLVM-15.so",
+        "libLLVM.so.20.1",
+        "libLLVM.so.19.1",
+        "libLLVM-17.so.1",
+    ):
         (tmp_path / name).write_text(name)
     monkeypatch.delenv(native.LLVM_VARIABLE, raising=False)
     monkeypatch.setattr(native, "_system_folders", lambda: iter([tmp_path]))
@@ -195,9 +221,12 @@ def test_the_tested_version_comes_first_and_old_ones_last(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(
-    ("system", "command"), [("Darwin", "brew install llvm"), ("Windows", "winget install LLVM.LLVM")]
+    ("system", "command"),
+    [("Darwin", "brew install llvm"), ("Windows", "winget install LLVM.LLVM")],
 )
-def test_each_system_has_its_command(monkeypatch: pytest.MonkeyPatch, system: str, command: str) -> None:
+def test_each_system_has_its_command(
+    monkeypatch: pytest.MonkeyPatch, system: str, command: str
+) -> None:
     monkeypatch.setattr("platform.system", lambda: system)
     assert command in native.llvm_remedy()
 

@@ -23,7 +23,9 @@ def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(model_file.VARIABLE, raising=False)
 
 
-@pytest.mark.parametrize(("value", "offline"), [("1", True), ("yes", True), ("0", False), ("", False), (None, False)])
+@pytest.mark.parametrize(
+    ("value", "offline"), [("1", True), ("yes", True), ("0", False), ("", False), (None, False)]
+)
 def test_the_variable(monkeypatch: pytest.MonkeyPatch, value: str | None, offline: bool) -> None:
     monkeypatch.delenv("FACESTAGE_OFFLINE", raising=False)
     if value is not None:
@@ -40,7 +42,13 @@ def test_nothing_is_asked_of_the_network(monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(InputError) as caught:
         model_file.open_model()
     sentence = str(caught.value)
-    for word in ("FACESTAGE_OFFLINE", "Blender's Preferences", model_file.URL, "--landmarks", "--landmark-model"):
+    for word in (
+        "FACESTAGE_OFFLINE",
+        "Blender's Preferences",
+        model_file.URL,
+        "--landmarks",
+        "--landmark-model",
+    ):
         assert word in sentence
     assert "off ($FACESTAGE_OFFLINE)" in str(doctor.online_finding())
     assert "Downloads are off" in doctor.landmark_finding().remedy
@@ -53,7 +61,9 @@ def test_online_is_the_default_and_is_told(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("home", [None, "relative/home"])
-def test_no_home_is_one_sentence_that_names_the_variable(monkeypatch: pytest.MonkeyPatch, home: str | None) -> None:
+def test_no_home_is_one_sentence_that_names_the_variable(
+    monkeypatch: pytest.MonkeyPatch, home: str | None
+) -> None:
     def nobody(*_arguments: object) -> Path:
         if home is None:
             raise RuntimeError("Could not determine home directory.")

@@ -45,11 +45,22 @@ def job(photo: Path, landmarks: Landmarks) -> Job:
     stage = fibonacci_stage(5, radiance=2.5)
     stage = replace(stage, state=np.array([0, FROZEN, OFF, 0, 0])).with_radiance(stage.radiance)
     return Job(
-        image=photo, model="npz:face.npz", landmarks=landmarks, camera=Camera(96, 80, 123.25, (47.5, 41.0)),
-        stage=stage, camera_to_stage=rigid(3), light_color="uniform", freeze=("pose", "roughness"),
-        weights=Weights(photo=0.5, light=2.0), initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
-        budget_seconds=12.5, seed=7, device="cpu", truth=Path("/elsewhere/truth.npz"), face=2,
-    )  # fmt: skip
+        image=photo,
+        model="npz:face.npz",
+        landmarks=landmarks,
+        camera=Camera(96, 80, 123.25, (47.5, 41.0)),
+        stage=stage,
+        camera_to_stage=rigid(3),
+        light_color="uniform",
+        freeze=("pose", "roughness"),
+        weights=Weights(photo=0.5, light=2.0),
+        initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
+        budget_seconds=12.5,
+        seed=7,
+        device="cpu",
+        truth=Path("/elsewhere/truth.npz"),
+        face=2,
+    )
 
 
 @pytest.fixture
@@ -57,12 +68,27 @@ def result() -> Result:
     random = np.random.default_rng(2)
     half: Any = np.float64(0.5)  # a number as numpy computes it
     return Result(
-        status=CONVERGED, advice="Converged.", model="default", camera=Camera(96, 80, 123.25, (47.5, 41.0)),
-        camera_to_stage=rigid(4), model_to_camera=rigid(5), identity=random.normal(size=3),
-        expression=random.random(2), albedo=random.normal(size=4), specular=random.random((8, 8)), roughness=0.37,
-        stage=fibonacci_stage(3, radiance=0.1), vertices=random.normal(size=(9, 3)).astype(np.float32),
-        triangles=random.integers(0, 9, (5, 3)).astype(np.int32), identity_names=("wide", "tall", "long"),
-        expression_names=("jawOpen", "smile"), energy={"photo": 1.5, "landmarks": half},
-        errors={"psnr": 31.0}, timings={"render": 0.25}, left_out=[{"what": "2 lights", "why": "off", "saved": "time"}],
-        versions={"numpy": "1"}, seed=3, arrays={"condition": 17.0 * (half + half)},
-    )  # fmt: skip
+        status=CONVERGED,
+        advice="Converged.",
+        model="default",
+        camera=Camera(96, 80, 123.25, (47.5, 41.0)),
+        camera_to_stage=rigid(4),
+        model_to_camera=rigid(5),
+        identity=random.normal(size=3),
+        expression=random.random(2),
+        albedo=random.normal(size=4),
+        specular=random.random((8, 8)),
+        roughness=0.37,
+        stage=fibonacci_stage(3, radiance=0.1),
+        vertices=random.normal(size=(9, 3)).astype(np.float32),
+        triangles=random.integers(0, 9, (5, 3)).astype(np.int32),
+        identity_names=("wide", "tall", "long"),
+        expression_names=("jawOpen", "smile"),
+        energy={"photo": 1.5, "landmarks": half},
+        errors={"psnr": 31.0},
+        timings={"render": 0.25},
+        left_out=[{"what": "2 lights", "why": "off", "saved": "time"}],
+        versions={"numpy": "1"},
+        seed=3,
+        arrays={"condition": 17.0 * (half + half)},
+    )

@@ -44,48 +44,98 @@ def patched(path: Path, mark: bytes, offset: int, value: bytes) -> Path:
 HOSTILE: dict[str, tuple] = {
     "LZMA": (lambda p: archive(p, ("a.npy", npy()), method=zipfile.ZIP_LZMA), "method 14"),
     "BZIP2": (lambda p: archive(p, ("a.npy", npy()), method=zipfile.ZIP_BZIP2), "method 12"),
-    "encrypted": (lambda p: patched(archive(p, ("a.npy", npy())), b"PK\x01\x02", 8, b"\x01"), "encrypted"),
+    "encrypted": (
+        lambda p: patched(archive(p, ("a.npy", npy())), b"PK\x01\x02", 8, b"\x01"),
+        "encrypted",
+    ),
     "no array": (lambda p: archive(p, ("a.txt", b"hello")), "no array"),
-    "twice": (lambda p: patched(archive(p, ("a.npy", npy()), ("b.npy", npy())), b"b.npy", 0, b"a.npy"), "twice"),
+    "twice": (
+        lambda p: patched(archive(p, ("a.npy", npy()), ("b.npy", npy())), b"b.npy", 0, b"a.npy"),
+        "twice",
+    ),
     "many": (lambda p: archive(p, *((f"{k}.npy", npy()) for k in range(4097))), "4097 arrays"),
-    "large directory": (lambda p: archive(p, *((f"{k}{'x' * 60_000}", b"") for k in range(80))), "directory"),
-    "too small": (lambda p: archive(p, ("a.npy", npy(data=bytes(24)))), "24 bytes, expected 32 bytes"),
-    "too large": (lambda p: archive(p, ("a.npy", npy(data=bytes(40)))), "40 bytes, expected 32 bytes"),
-    "a terabyte": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("4,", "137438953472,")))),
-                   "damaged shape|expected 1 TiB"),
-    "says a gigabyte": (lambda p: patched(archive(p, ("a.npy", npy())), b"PK\x01\x02", 24, b"\xff\xff\xff\x7f"),
-                        "expected at most"),
-    "bomb": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("4,", "33554432,"), bytes(2**28)))), "expected at most"),
+    "large directory": (
+        lambda p: archive(p, *((f"{k}{'x' * 60_000}", b"") for k in range(80))),
+        "directory",
+    ),
+    "too small": (
+        lambda p: archive(p, ("a.npy", npy(data=bytes(24)))),
+        "24 bytes, expected 32 bytes",
+    ),
+    "too large": (
+        lambda p: archive(p, ("a.npy", npy(data=bytes(40)))),
+        "40 bytes, expected 32 bytes",
+    ),
+    "a terabyte": (
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("4,", "137438953472,")))),
+        "damaged shape|expected 1 TiB",
+    ),
+    "says a gigabyte": (
+        lambda p: patched(archive(p, ("a.npy", npy())), b"PK\x01\x02", 24, b"\xff\xff\xff\x7f"),
+        "expected at most",
+    ),
+    "bomb": (
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("4,", "33554432,"), bytes(2**28)))),
+        "expected at most",
+    ),
     "negative": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("4,", "-4,")))), "damaged shape"),
     "no size": (
-        lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "<U0").replace("4,", "1000000000,"), b""))), "no size",
+        lambda p: archive(
+            p, ("a.npy", npy(DESCR.replace("<f8", "<U0").replace("4,", "1000000000,"), b""))
+        ),
+        "no size",
     ),
     "objects": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "|O")))), "plain arrays"),
-    "records": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("'<f8'", "[('x', '<f8')]")))), "plain arrays"),
+    "records": (
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("'<f8'", "[('x', '<f8')]")))),
+        "plain arrays",
+    ),
     "dates": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "<M8[s]")))), "plain arrays"),
     "complex": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "<c16")))), "plain arrays"),
-    "unknown number": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "<f3")))), "does not know"),
+    "unknown number": (
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "<f3")))),
+        "does not know",
+    ),
     "deep header": (lambda p: archive(p, ("a.npy", npy("(" * 4000))), "damaged header"),
     "long header": (lambda p: archive(p, ("a.npy", npy(" " * 9999 + DESCR))), "header of"),
-    "header of gigabytes": (lambda p: archive(p, ("a.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\x7f")), "header of 2 GiB"),
-    "code as header": (lambda p: archive(p, ("a.npy", npy("__import__('os').abort()"))), "damaged header"),
-    "version": (lambda p: archive(p, ("a.npy", npy(version=b"\x03\x00"))), "no array of plain values"),
+    "header of gigabytes": (
+        lambda p: archive(p, ("a.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\x7f")),
+        "header of 2 GiB",
+    ),
+    "code as header": (
+        lambda p: archive(p, ("a.npy", npy("__import__('os').abort()"))),
+        "damaged header",
+    ),
+    "version": (
+        lambda p: archive(p, ("a.npy", npy(version=b"\x03\x00"))),
+        "no array of plain values",
+    ),
     "many dimensions": (
-        lambda p: archive(p, ("a.npy", npy(DESCR.replace("(4,)", "(1, 1, 1, 1, 1, 1, 1, 1, 4)")))), "9 dimensions",
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("(4,)", "(1, 1, 1, 1, 1, 1, 1, 1, 4)")))),
+        "9 dimensions",
     ),
-    "flags": (lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "|b1"), b"\x07" * 4))), "neither true nor"),
+    "flags": (
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", "|b1"), b"\x07" * 4))),
+        "neither true nor",
+    ),
     "no text": (
-        lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", ">U1"), b"\x7f\xff\xff\xff" * 4))), "no text has",
+        lambda p: archive(p, ("a.npy", npy(DESCR.replace("<f8", ">U1"), b"\x7f\xff\xff\xff" * 4))),
+        "no text has",
     ),
-    "flipped": (lambda p: patched(archive(p, ("a.npy", npy()), method=0), b"\n" + bytes(32), 9, b"x"), "CRC"),
-}  # fmt: skip
+    "flipped": (
+        lambda p: patched(archive(p, ("a.npy", npy()), method=0), b"\n" + bytes(32), 9, b"x"),
+        "CRC",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_archive_is_refused(tmp_path: Path, name: str):
     make, words = HOSTILE[name]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(InputError, match=rf"truth file .*x\.npz' is not a readable .npz.*({words})") as caught:
+    with pytest.raises(
+        InputError, match=rf"truth file .*x\.npz' is not a readable .npz.*({words})"
+    ) as caught:
         read_arrays(make(tmp_path / "x.npz"), "truth file", 64 * MIB)
     assert str(caught.value).isprintable() and len(str(caught.value)) < 500
     if name != "bomb":  # which is made in memory
@@ -115,7 +165,11 @@ def test_headers_of_python_2_are_read(tmp_path: Path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are of Unix")
 def test_pipes_devices_and_folders_are_refused_unread(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
-    for path, words in ((tmp_path / "pipe", "a pipe"), (Path("/dev/zero"), "a device"), (tmp_path, "a folder")):
+    for path, words in (
+        (tmp_path / "pipe", "a pipe"),
+        (Path("/dev/zero"), "a device"),
+        (tmp_path, "a folder"),
+    ):
         with pytest.raises(InputError, match=words):
             read_arrays(path, "file")
 

@@ -1,4 +1,6 @@
-"""Files and folders appear whole or not at all; what is not Facestage's stays; a kill leaves nothing for long."""
+"""Files and folders appear whole or not at all; what is not Facestage's stays; a kill leaves
+nothing for long.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,9 @@ def test_folder_keeps_the_old_one_on_failure(tmp_path: Path, error: type[BaseExc
 
 
 @pytest.mark.usefixtures("exchanged")
-def test_folder_keeps_the_old_one_when_the_last_rename_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_folder_keeps_the_old_one_when_the_last_rename_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     write_folder(tmp_path / "out", result="old")
     real = Path.rename
 
@@ -103,7 +107,11 @@ def test_what_is_not_ours_goes_over_to_the_new_folder(tmp_path: Path):
         (out / mine).write_text("mine")
     (out / "link").symlink_to(tmp_path)
     write_folder(out, result="new")
-    found = sorted(str(path.relative_to(out)) for path in out.rglob("*") if not path.is_dir() or path.is_symlink())
+    found = sorted(
+        str(path.relative_to(out))
+        for path in out.rglob("*")
+        if not path.is_dir() or path.is_symlink()
+    )
     assert found == ["1-anna/notes.txt", "deep/er.png", "face.blend", "link", "result.json"]
     assert (out / "face.blend").read_text() == "mine" and (out / "result.json").read_text() == "new"
     assert names(tmp_path) == ["out"]
@@ -113,7 +121,9 @@ def test_a_link_to_a_folder_stays_a_link(tmp_path: Path):
     write_folder(tmp_path / "real" / "out", result="old")
     (tmp_path / "link").symlink_to(tmp_path / "real" / "out")
     write_folder(tmp_path / "link", result="new")
-    assert (tmp_path / "link").is_symlink() and (tmp_path / "real" / "out" / "result.json").read_text() == "new"
+    assert (tmp_path / "link").is_symlink() and (
+        tmp_path / "real" / "out" / "result.json"
+    ).read_text() == "new"
 
 
 def test_file_appears_whole_and_keeps_its_suffix(tmp_path: Path):
@@ -150,7 +160,10 @@ def test_file_keeps_the_old_one_on_failure(tmp_path: Path):
 def test_a_file_in_place_of_a_parent_is_an_input_error(tmp_path: Path):
     (tmp_path / "parent").touch()
     for write in (atomic_file, atomic_folder):
-        with pytest.raises(InputError, match=r"Cannot write .*parent.*may write"), write(tmp_path / "parent" / "x"):
+        with (
+            pytest.raises(InputError, match=r"Cannot write .*parent.*may write"),
+            write(tmp_path / "parent" / "x"),
+        ):
             pytest.fail("the block must not run")
 
 
@@ -188,14 +201,20 @@ def order(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return said
 
 
-@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="asks Linux for the names of open files")
-def test_a_file_is_on_the_disk_before_it_replaces_another_and_its_name_after(order: list[str], tmp_path: Path):
+@pytest.mark.skipif(
+    not Path("/proc/self/fd").is_dir(), reason="asks Linux for the names of open files"
+)
+def test_a_file_is_on_the_disk_before_it_replaces_another_and_its_name_after(
+    order: list[str], tmp_path: Path
+):
     write_json(tmp_path / "a.json", {})
     assert order[0].startswith(f"sync {temporaries.PREFIX}")
     assert order[1:] == ["sees a.json", f"sync {tmp_path.name}"]
 
 
-@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="asks Linux for the names of open files")
+@pytest.mark.skipif(
+    not Path("/proc/self/fd").is_dir(), reason="asks Linux for the names of open files"
+)
 def test_all_of_a_folder_is_on_the_disk_before_it_is_seen(order: list[str], tmp_path: Path):
     with atomic_folder(tmp_path / "out") as folder:
         (folder / "deep").mkdir()
@@ -206,7 +225,9 @@ def test_all_of_a_folder_is_on_the_disk_before_it_is_seen(order: list[str], tmp_
     assert order[seen + 1] == f"sync {tmp_path.name}"
 
 
-def test_a_full_disk_leaves_the_old_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_full_disk_leaves_the_old_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     write_json(tmp_path / "a.json", {"old": 1})
     write_folder(tmp_path / "out", result="old")
 
@@ -214,7 +235,9 @@ def test_a_full_disk_leaves_the_old_and_nothing_else(tmp_path: Path, monkeypatch
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InputError, match=r"Cannot write '.*a\.json': No space left on device; make room"):
+    with pytest.raises(
+        InputError, match=r"Cannot write '.*a\.json': No space left on device; make room"
+    ):
         write_json(tmp_path / "a.json", {"new": 1})
     with pytest.raises(InputError, match=r"Cannot write the folder .*No space left"):
         write_folder(tmp_path / "out", result="new")
@@ -241,7 +264,10 @@ with ExitStack() as stack:
 
 def writer(place: Path) -> subprocess.Popen[str]:
     process = subprocess.Popen(
-        [sys.executable, "-I", "-c", WRITER, str(place)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-I", "-c", WRITER, str(place)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "writing\n"
@@ -258,7 +284,9 @@ def test_what_a_kill_leaves_is_swept_and_what_a_living_writer_holds_is_not(tmp_p
         (tmp_path / "out" / "result.json").touch()
         with atomic_file(tmp_path / "a.txt") as path:
             path.touch()
-        assert len(names(tmp_path)) == 5, "both of the living, the file of the user, and what was written"
+        assert len(names(tmp_path)) == 5, (
+            "both of the living, the file of the user, and what was written"
+        )
         living.communicate("")
         assert living.returncode == 0
     assert names(tmp_path) == [f"{temporaries.PREFIX}mine", "a.txt", "out"]
@@ -298,7 +326,9 @@ def test_two_files_of_one_name_both_stay(tmp_path: Path):
     retired.mkdir()
     (retired / "mine.txt").write_text("other")
     temporaries.sweep(tmp_path / "out", is_result_file)
-    assert (retired / "mine.txt").read_text() == "other" and (tmp_path / "out" / "mine.txt").read_text() == "one"
+    assert (retired / "mine.txt").read_text() == "other" and (
+        tmp_path / "out" / "mine.txt"
+    ).read_text() == "one"
 
 
 def test_an_unmarked_folder_is_never_touched(tmp_path: Path):
@@ -381,7 +411,9 @@ def test_a_result_is_never_half_of_one_and_half_of_another(
 
 def test_what_is_wrong_with_a_folder_is_said(tmp_path: Path):
     with pytest.raises(InputError, match="does not exist"):
-        read_consistently(tmp_path / "none", lambda folder: read_json(folder / "result.json", "result"))
+        read_consistently(
+            tmp_path / "none", lambda folder: read_json(folder / "result.json", "result")
+        )
 
     def busy(folder: Path) -> None:
         (folder / "x").touch()

@@ -17,9 +17,11 @@ GOOD = {"width": 64, "height": 48, "focal_px": 80.0, "principal_px": [32.0, 24.0
 
 
 @given(
-    st.integers(1, 16384), st.integers(1, 8192), st.floats(1e-3, 1e6),
+    st.integers(1, 16384),
+    st.integers(1, 8192),
+    st.floats(1e-3, 1e6),
     st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)),
-)  # fmt: skip
+)
 def test_json_round_trip(width: int, height: int, focal: float, principal: tuple[float, float]):
     camera = Camera(width, height, focal, principal)
     assert Camera.from_json(json.loads(json.dumps(camera.to_json()))) == camera
@@ -43,7 +45,9 @@ def test_projects_with_x_right_and_y_down():
 def test_scaled_camera_projects_to_scaled_pixels(factor: float):
     camera = Camera(640, 480, 800.0, (321.0, 238.0))
     points = np.random.default_rng(0).normal(size=(9, 3)) - [0, 0, 5]
-    np.testing.assert_allclose(camera.scaled(factor).project(points), factor * camera.project(points))
+    np.testing.assert_allclose(
+        camera.scaled(factor).project(points), factor * camera.project(points)
+    )
 
 
 def test_default_is_a_centred_50_mm_lens():
@@ -70,7 +74,10 @@ def test_default_is_a_centred_50_mm_lens():
         ({"width": "64"}, ["width is '64'"]),
         ({"width": 64.5}, ["width is 64.5"]),
         ({"width": 10**5000}, ["width is a number of 16610 bits"]),
-        ({"width": 16384, "height": 16384}, ["16384 x 16384", "268 million", "at most 134 million"]),
+        (
+            {"width": 16384, "height": 16384},
+            ["16384 x 16384", "268 million", "at most 134 million"],
+        ),
     ],
 )
 def test_wrong_values_are_named(change: dict, words: list[str]):

@@ -36,7 +36,12 @@ def test_reflectance_is_that_of_a_dielectric_of_index_1_5():
 
 def test_bounds_of_the_skin_are_those_that_written_results_keep_to():
     """A result of any version lies within them, and Blender's material is made for them."""
-    assert (brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX, brdf.SPECULAR_MAX, brdf.ALBEDO_MAX) == (0.05, 1.0, 2.0, 0.999)
+    assert (brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX, brdf.SPECULAR_MAX, brdf.ALBEDO_MAX) == (
+        0.05,
+        1.0,
+        2.0,
+        0.999,
+    )
 
 
 def test_a_camera_has_at_most_16384_pixels_along_a_side_134_million_in_all_and_at_least_one():
@@ -50,21 +55,32 @@ def test_a_camera_has_at_most_16384_pixels_along_a_side_134_million_in_all_and_a
 
 def test_an_event_says_nothing_that_it_was_not_told():
     assert vars(Event("progress")) == {
-        "kind": "progress", "stage": "", "iteration": 0, "error": None, "seconds": 0.0, "seconds_left": None,
-        "fraction": 0.0, "preview": None, "message": "",
-    }  # fmt: skip
+        "kind": "progress",
+        "stage": "",
+        "iteration": 0,
+        "error": None,
+        "seconds": 0.0,
+        "seconds_left": None,
+        "fraction": 0.0,
+        "preview": None,
+        "message": "",
+    }
 
 
 def face(**changes: np.ndarray) -> Landmarks:
     points = np.random.default_rng(0).uniform(20, 80, (68, 2))
-    return Landmarks("ibug68", changes.get("points", points), np.ones(68, bool), changes.get("weights"))
+    return Landmarks(
+        "ibug68", changes.get("points", points), np.ones(68, bool), changes.get("weights")
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.03, 0.05])
 def test_landmarks_narrower_than_a_twenty_fifth_are_a_line(ratio: float):
     turn = np.linspace(0, 2 * np.pi, 68, endpoint=False)
     # Around a middle that is not the origin: the spread is about the mean.
-    flat = Landmarks("ibug68", 50 + 40 * np.stack([np.cos(turn), ratio * np.sin(turn)], 1), np.ones(68, bool))
+    flat = Landmarks(
+        "ibug68", 50 + 40 * np.stack([np.cos(turn), ratio * np.sin(turn)], 1), np.ones(68, bool)
+    )
     if ratio > 0.04:
         flat.check_inside(100, 100)
         return
@@ -75,10 +91,16 @@ def test_landmarks_narrower_than_a_twenty_fifth_are_a_line(ratio: float):
 @pytest.mark.parametrize(
     ("place", "inside"),
     [
-        ([149, 50], True), ([151, 50], False), ([50, 149], True), ([50, 151], False),
-        ([-49, 50], True), ([-51, 50], False), ([50, -49], True), ([50, -51], False),
+        ([149, 50], True),
+        ([151, 50], False),
+        ([50, 149], True),
+        ([50, 151], False),
+        ([-49, 50], True),
+        ([-51, 50], False),
+        ([50, -49], True),
+        ([50, -51], False),
     ],
-)  # fmt: skip
+)
 def test_a_landmark_may_lie_half_a_picture_outside(place: list[float], inside: bool):
     points = face().points.copy()
     points[7] = place
@@ -118,9 +140,13 @@ def test_a_weight_of_zero_is_a_weight():
 
 def test_corners_go_around_the_square():
     stage = LightStage(
-        np.array([[1.0, 2, 3]]), np.array([[0.0, 0, -1]]), np.array([[1.0, 0, 0]]), np.array([0.5]), np.ones((1, 3)),
+        np.array([[1.0, 2, 3]]),
+        np.array([[0.0, 0, -1]]),
+        np.array([[1.0, 0, 0]]),
+        np.array([0.5]),
+        np.ones((1, 3)),
         np.zeros(1, int),
-    )  # fmt: skip
+    )
     wanted = [[0.75, 2.25, 3], [1.25, 2.25, 3], [1.25, 1.75, 3], [0.75, 1.75, 3]]
     np.testing.assert_allclose(stage.corners[0], wanted)
 
@@ -144,7 +170,9 @@ def test_every_quality_was_measured_and_says_so(tmp_path: Path):
     for name, expected in found.items():
         assert isinstance(expected, Expectation) and expected.sentence() in describe(name)
     assert expectations(tmp_path / "none.json") == {}
-    (tmp_path / "one.json").write_text('{"qualities": {"good": {"seconds": 1, "similarity_mm": 2, "psnr": 3}}}')
+    (tmp_path / "one.json").write_text(
+        '{"qualities": {"good": {"seconds": 1, "similarity_mm": 2, "psnr": 3}}}'
+    )
     assert expectations(tmp_path / "one.json") == {"good": Expectation(1, 2, 3)}
 
 

@@ -39,9 +39,15 @@ def test_round_trip_keeps_everything(tmp_path: Path, model: FaceModel):
 
 @pytest.mark.parametrize(
     ("words", "box"),
-    [("box", [True] * 3), ("gaussian", [False] * 3), (("gaussian", "box", "gaussian"), [False, True, False])],
+    [
+        ("box", [True] * 3),
+        ("gaussian", [False] * 3),
+        (("gaussian", "box", "gaussian"), [False, True, False]),
+    ],
 )
-def test_a_prior_for_all_expressions_or_for_each(tmp_path: Path, model: FaceModel, words, box: list[bool]):
+def test_a_prior_for_all_expressions_or_for_each(
+    tmp_path: Path, model: FaceModel, words, box: list[bool]
+):
     original = replace(model, expression_prior=words)
     original.save(tmp_path / "face.npz")
     loaded = FaceModel.load(tmp_path / "face.npz")
@@ -53,7 +59,9 @@ def test_quads_split_along_the_first_diagonal_and_triangles_stay(model: FaceMode
     polygons = np.array([[0, 1, 2, 3], [4, 5, 6, -1], [7, 8, 9, 10]], np.int32)
     part = np.array([0, 1, 2], np.uint8)
     small = replace(model, polygons=polygons, polygon_uvs=polygons, polygon_part=part)
-    np.testing.assert_array_equal(small.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 8, 9], [7, 9, 10]])
+    np.testing.assert_array_equal(
+        small.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 8, 9], [7, 9, 10]]
+    )
     np.testing.assert_array_equal(small.triangle_part, [0, 0, 1, 2, 2])
     np.testing.assert_array_equal(small.triangle_uvs, small.triangles)
 
@@ -99,8 +107,16 @@ def test_landmark_tables(model: FaceModel):
         ("polygons", lambda a: a - 1, "polygons refers to a point outside"),
         ("polygon_uvs", lambda a: a + 1000, "polygon_uvs refers to a point outside"),
         ("polygon_part", lambda a: a[:-1], "polygon_part has shape"),
-        ("expression_prior", lambda _: "uniform", "expression_prior is 'uniform', not box or gaussian"),
-        ("expression_prior", lambda _: ("box", "uniform", "box"), "expression_prior is 'uniform', not box or gaussian"),
+        (
+            "expression_prior",
+            lambda _: "uniform",
+            "expression_prior is 'uniform', not box or gaussian",
+        ),
+        (
+            "expression_prior",
+            lambda _: ("box", "uniform", "box"),
+            "expression_prior is 'uniform', not box or gaussian",
+        ),
         ("expression_prior", lambda _: ("box",), "expression_prior has 1 words for 3 expressions"),
     ],
 )
@@ -124,7 +140,9 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path):
         FaceModel.load(tmp_path / "x.npz")
 
 
-@pytest.mark.parametrize("meta", ["not JSON", json.dumps({"schema": 1}), json.dumps([1]), json.dumps({"schema": 9})])
+@pytest.mark.parametrize(
+    "meta", ["not JSON", json.dumps({"schema": 1}), json.dumps([1]), json.dumps({"schema": 9})]
+)
 def test_damaged_meta_data_is_refused(tmp_path: Path, model: FaceModel, meta: str):
     path = tmp_path / "face.npz"
     model.save(path)

@@ -21,7 +21,9 @@ def assert_same(first: Any, second: Any, what: str = "") -> None:
     """Compare field by field, arrays included."""
     if hasattr(first, "__dataclass_fields__"):
         for item in fields(first):
-            assert_same(getattr(first, item.name), getattr(second, item.name), f"{what}.{item.name}")
+            assert_same(
+                getattr(first, item.name), getattr(second, item.name), f"{what}.{item.name}"
+            )
     elif isinstance(first, dict):
         assert set(first) == set(second), what
         for name in first:
@@ -49,16 +51,31 @@ def test_a_minimal_job_keeps_its_defaults(tmp_path: Path, photo: Path):
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
 @given(
-    st.sampled_from(LIGHT_COLORS), st.sampled_from(DEVICES), st.sets(st.sampled_from(PARAMETERS)),
-    st.none() | st.floats(1e-3, 1e6), st.integers(0, 2**20), st.floats(0, 1e6),
-)  # fmt: skip
+    st.sampled_from(LIGHT_COLORS),
+    st.sampled_from(DEVICES),
+    st.sets(st.sampled_from(PARAMETERS)),
+    st.none() | st.floats(1e-3, 1e6),
+    st.integers(0, 2**20),
+    st.floats(0, 1e6),
+)
 def test_options_round_trip(
-    photo: Path, color: str, device: str, freeze: set[str], budget: float | None, seed: int, weight: float
+    photo: Path,
+    color: str,
+    device: str,
+    freeze: set[str],
+    budget: float | None,
+    seed: int,
+    weight: float,
 ):
     original = Job(
-        photo, light_color=color, device=device, freeze=tuple(freeze), budget_seconds=budget, seed=seed,
+        photo,
+        light_color=color,
+        device=device,
+        freeze=tuple(freeze),
+        budget_seconds=budget,
+        seed=seed,
         weights=Weights(photo=weight),
-    )  # fmt: skip
+    )
     original.save(photo.parent / "job")
     assert_same(replace(Job.load(photo.parent / "job"), image=photo), original)
 
@@ -112,7 +129,10 @@ def test_wrong_weights_are_named(value: float):
         ({"seed": "x"}, "seed is 'x'"),
         ({"camera": {"width": 3}}, "lacks camera.height"),
         ({"camera": [1]}, "camera is a list of 1"),
-        ({"landmarks": {"scheme": "ibug68", "points": [[1, 2]]}}, r"points has shape \(1, 2\), expected \(68, 2\)"),
+        (
+            {"landmarks": {"scheme": "ibug68", "points": [[1, 2]]}},
+            r"points has shape \(1, 2\), expected \(68, 2\)",
+        ),
         ({"landmarks": [1]}, "landmarks is a list of 1"),
     ],
 )

@@ -38,7 +38,11 @@ def test_what_is_refused(content: bytes, words: str, tmp_path: Path):
     (tmp_path / "a.json").write_bytes(content)
     with pytest.raises(InputError) as caught:
         read_json(tmp_path / "a.json", "camera file")
-    assert str(caught.value).isprintable() and len(str(caught.value)) < 500 and "a.json" in str(caught.value)
+    assert (
+        str(caught.value).isprintable()
+        and len(str(caught.value)) < 500
+        and "a.json" in str(caught.value)
+    )
 
 
 def test_a_mark_at_the_beginning_and_deep_values_within_the_limit_are_read():

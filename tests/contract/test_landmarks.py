@@ -23,7 +23,12 @@ GOOD: dict[str, Any] = {"scheme": "ibug68", "points": POINTS, "visible": [True] 
     st.sampled_from(sorted(SCHEME_SIZES)).flatmap(
         lambda scheme: st.tuples(
             st.just(scheme),
-            arrays(np.float64, (SCHEME_SIZES[scheme], 2), elements=st.floats(-1e6, 1e6), fill=st.just(1.5)),
+            arrays(
+                np.float64,
+                (SCHEME_SIZES[scheme], 2),
+                elements=st.floats(-1e6, 1e6),
+                fill=st.just(1.5),
+            ),
             st.integers(6, SCHEME_SIZES[scheme]),
         )
     )

@@ -12,7 +12,15 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, StageSchema, fibonacci_stage
+from facestage.contract.light_stage import (
+    FROZEN,
+    LIGHT_ARRAYS,
+    OFF,
+    ON,
+    LightStage,
+    StageSchema,
+    fibonacci_stage,
+)
 from facestage.contract.schema import checked
 
 counts = st.integers(1, 300)
@@ -29,7 +37,9 @@ def test_lights_face_the_centre_from_the_front_hemisphere(count: int, radius: fl
         np.testing.assert_allclose(np.linalg.norm(axis, axis=1), 1)
         np.testing.assert_allclose((axis * stage.direction).sum(1), 0, atol=1e-12)
     np.testing.assert_allclose((stage.axis_x * stage.axis_y).sum(1), 0, atol=1e-12)
-    np.testing.assert_allclose(np.cross(stage.axis_x, stage.axis_y), -np.cross(stage.axis_y, stage.axis_x))
+    np.testing.assert_allclose(
+        np.cross(stage.axis_x, stage.axis_y), -np.cross(stage.axis_y, stage.axis_x)
+    )
     np.testing.assert_allclose(np.cross(stage.direction, stage.axis_x), stage.axis_y)
 
 
@@ -43,12 +53,16 @@ def test_every_band_of_height_holds_its_share_of_lights(count: int, bands: int):
 
 @pytest.mark.parametrize("count", [20, 100])
 def test_each_light_covers_an_even_solid_angle(count: int):
-    # Share of a fine uniform set of directions that is nearest to each light; the rim's cells are cut.
+    # Share of a fine uniform set of directions that is nearest to each light; the rim's cells are
+    # cut.
     stage, fine = fibonacci_stage(count), fibonacci_stage(10000)
     nearest = cKDTree(stage.position).query(fine.position)[1]
     share = np.bincount(nearest, minlength=count) * count / 10000
     inner = stage.position[:, 2] > 1.5 / np.sqrt(count)
-    print(f"solid angle over its even share, N={count}: {share[inner].min():.2f} to {share[inner].max():.2f}")
+    print(
+        f"solid angle over its even share, N={count}: {share[inner].min():.2f} to "
+        f"{share[inner].max():.2f}"
+    )
     assert share[inner].min() > 0.75 and share[inner].max() < 1.3
 
 
@@ -71,7 +85,9 @@ def test_a_rigid_transform_moves_every_point_of_every_light(count: int, seed: in
     matrix[:3, :3] = Rotation.random(random_state=seed).as_matrix()
     matrix[:3, 3] = [0.3, -0.2, 5.0]
     moved = stage.transformed(matrix)
-    np.testing.assert_allclose(moved.corners, stage.corners @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(
+        moved.corners, stage.corners @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12
+    )
     np.testing.assert_allclose(moved.direction, stage.direction @ matrix[:3, :3].T, atol=1e-12)
     back = moved.transformed(np.linalg.inv(matrix))
     for name in ("position", "direction", "axis_x"):
@@ -86,7 +102,9 @@ def test_corners_form_the_square():
     np.testing.assert_allclose(corners.mean(1), stage.position)
     edges = np.linalg.norm(np.diff(np.concatenate([corners, corners[:, :1]], 1), axis=1), axis=2)
     np.testing.assert_allclose(edges, 0.3)
-    np.testing.assert_allclose(np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1), 0.3 * np.sqrt(2))
+    np.testing.assert_allclose(
+        np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1), 0.3 * np.sqrt(2)
+    )
 
 
 def test_off_lights_stay_exactly_zero():
@@ -113,7 +131,14 @@ def test_wrong_arrays_are_named(change: dict, words: str):
 
 
 def test_an_empty_stage_is_refused():
-    empty = {"position": (0, 3), "direction": (0, 3), "axis_x": (0, 3), "side": (0,), "radiance": (0, 3), "state": (0,)}
+    empty = {
+        "position": (0, 3),
+        "direction": (0, 3),
+        "axis_x": (0, 3),
+        "side": (0,),
+        "radiance": (0, 3),
+        "state": (0,),
+    }
     with pytest.raises(InputError, match="no light"):
         replace(fibonacci_stage(2), **{name: np.zeros(shape) for name, shape in empty.items()})
 
@@ -134,7 +159,10 @@ def test_wrong_sizes_are_named(size: dict):
     ("change", "words"),
     [
         ({"direction": np.zeros((2, 3))}, "direction holds directions that are not of length 1"),
-        ({"axis_x": fibonacci_stage(2).direction}, "axis_x holds axes that are not at right angles"),
+        (
+            {"axis_x": fibonacci_stage(2).direction},
+            "axis_x holds axes that are not at right angles",
+        ),
         ({"side": np.full(2, 1e-9)}, "side holds 1e-09, expected numbers of 1e-06 to"),
         ({"radiance": np.full((2, 3), 1e30)}, "radiance holds 1e\\+30"),
         ({"state": np.array([0, 3])}, "state holds 3, expected whole numbers of 0 to 2"),

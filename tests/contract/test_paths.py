@@ -28,7 +28,9 @@ def test_a_path_that_no_machine_has_is_refused(text: str):
         assert not is_file(Path(text)) and not is_folder(Path(text))
 
 
-def test_home_is_expanded_and_what_is_missing_is_nobodys_concern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_home_is_expanded_and_what_is_missing_is_nobodys_concern(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
     assert user_path("~/a/b", "photo") == tmp_path / "a" / "b"
@@ -44,7 +46,8 @@ def test_a_job_with_such_a_path_is_refused(tmp_path: Path, job: Job, key: str, t
     value = f"npz:{text}" if key == "model" else text
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
     if key == "image" and text.startswith("~"):
-        assert Job.load(tmp_path / "job").image == tmp_path / "job" / text  # beside the job, as any other name
+        # beside the job, as any other name
+        assert Job.load(tmp_path / "job").image == tmp_path / "job" / text
         return
     with pytest.raises(InputError) as caught:
         Job.load(tmp_path / "job")

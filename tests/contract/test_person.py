@@ -15,13 +15,22 @@ from facestage.contract.person import Person, PersonPhoto
 @pytest.fixture
 def person() -> Person:
     photos = (
-        PersonPhoto(1, "/photos/a.png", "1-a", "converged", "Converged: fine.", True, {"psnr": 39.5}),
+        PersonPhoto(
+            1, "/photos/a.png", "1-a", "converged", "Converged: fine.", True, {"psnr": 39.5}
+        ),
         PersonPhoto(2, "/photos/b.png", "2-b", "stopped", "Not fine; do this.", False, {}),
     )
     return Person(
-        "stopped", "Photo 2 (b.png): Not fine; do this.", "default", photos, np.array([0.5, -1.25]),
-        np.array([0.125]), np.full((2, 2), 0.75), 0.4, {"optimisation": 12.5},
-    )  # fmt: skip
+        "stopped",
+        "Photo 2 (b.png): Not fine; do this.",
+        "default",
+        photos,
+        np.array([0.5, -1.25]),
+        np.array([0.125]),
+        np.full((2, 2), 0.75),
+        0.4,
+        {"optimisation": 12.5},
+    )
 
 
 def test_round_trip(person: Person, tmp_path: Path):
@@ -62,5 +71,7 @@ def test_what_is_wrong_is_named(person: Person, tmp_path: Path, change: dict, wo
     person.write_into(tmp_path)
     path = tmp_path / "person.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(InputError, match=rf"The person file '.*person\.json'.*{words}.*; fit the photos again"):
+    with pytest.raises(
+        InputError, match=rf"The person file '.*person\.json'.*{words}.*; fit the photos again"
+    ):
         Person.load(tmp_path)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from facestage.contract.errors import InputError
-from facestage.contract.quality import GOOD, QUALITIES, Expectation, describe, expectations, parse_budget
+from facestage.contract.quality import (
+    GOOD,
+    QUALITIES,
+    Expectation,
+    describe,
+    expectations,
+    parse_budget,
+)
 
 
 def test_a_budget_is_seconds_or_a_name():

@@ -1,4 +1,6 @@
-"""The relight cache: the sum over lights, its file, and the states of a result that it does not fit."""
+"""The relight cache: the sum over lights, its file, and the states of a result that it does not
+fit.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,19 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import OFF
-from facestage.contract.relight_cache import RELIGHT_CACHE, TEXTURES, RelightCache, relight_fingerprint
+from facestage.contract.relight_cache import (
+    RELIGHT_CACHE,
+    TEXTURES,
+    RelightCache,
+    relight_fingerprint,
+)
 from facestage.contract.result import Result
 from facestage.contract.storage import read_arrays, write_arrays
 from reference.known import known
 
 PIXELS = np.array([3, 4, 97, 200, 96 * 80 - 1])
-# The second light is a thousand times weaker than half floats reach; the third does not reach the face.
+# The second light is a thousand times weaker than half floats reach; the third does not reach the
+# face.
 LEVELS = np.array([0.01, 1e-10, 0.0])
 
 
@@ -43,7 +51,9 @@ def cache(saved: Result, images: np.ndarray) -> RelightCache:
     return made
 
 
-def test_relighting_is_the_sum_over_the_lights(saved: Result, cache: RelightCache, images: np.ndarray):
+def test_relighting_is_the_sum_over_the_lights(
+    saved: Result, cache: RelightCache, images: np.ndarray
+):
     loaded = RelightCache.load(saved)
     for number in range(3):
         only = np.zeros((3, 3))
@@ -70,15 +80,15 @@ def test_the_file_holds_what_was_made(saved: Result, cache: RelightCache):
 
 def test_a_head_outside_the_picture_is_an_empty_cache(saved: Result):
     nothing = np.zeros(0)
-    RelightCache.of_images(96, 80, nothing, nothing, np.zeros((3, 3, 0)), 4, relight_fingerprint(saved)).save(
-        known(saved.folder)
-    )
+    RelightCache.of_images(
+        96, 80, nothing, nothing, np.zeros((3, 3, 0)), 4, relight_fingerprint(saved)
+    ).save(known(saved.folder))
     assert not RelightCache.load(saved).relight(np.ones((3, 3))).any()
 
 
 @pytest.mark.parametrize(
     "radiance", [np.ones((2, 3)), np.ones(3), -np.ones((3, 3)), np.full((3, 3), np.nan)], ids=str
-)  # fmt: skip
+)
 def test_radiance_of_another_stage_is_refused(cache: RelightCache, radiance: np.ndarray):
     with pytest.raises(InputError, match=r"expected \(3, 3\) finite"):
         cache.relight(radiance)
@@ -91,15 +101,31 @@ def test_the_lights_radiance_and_state_leave_the_cache_valid(saved: Result, cach
 
 @pytest.mark.parametrize(
     "name",
-    ["model", "camera", "camera_to_stage", "model_to_camera", "identity", "expression", "vertices", "roughness", "seed",
-     "position", "direction", "axis_x", "side", *TEXTURES],
-)  # fmt: skip
+    [
+        "model",
+        "camera",
+        "camera_to_stage",
+        "model_to_camera",
+        "identity",
+        "expression",
+        "vertices",
+        "roughness",
+        "seed",
+        "position",
+        "direction",
+        "axis_x",
+        "side",
+        *TEXTURES,
+    ],
+)
 def test_a_cache_of_another_state_is_refused(saved: Result, cache: RelightCache, name: str):
     if name in TEXTURES:
         (known(saved.folder) / name).write_bytes(b"painted over")
         changed = saved
     elif name in ("position", "direction", "axis_x", "side"):
-        changed = replace(saved, stage=replace(saved.stage, **{name: getattr(saved.stage, name) + 0.25}))
+        changed = replace(
+            saved, stage=replace(saved.stage, **{name: getattr(saved.stage, name) + 0.25})
+        )
     elif name == "model":
         changed = replace(saved, model="npz:other.npz")
     elif name == "camera":
@@ -111,7 +137,9 @@ def test_a_cache_of_another_state_is_refused(saved: Result, cache: RelightCache,
 
 
 def test_a_missing_cache_says_how_to_make_it(saved: Result):
-    with pytest.raises(InputError, match=r"no relight cache; make it .* facestage render .* --cache"):
+    with pytest.raises(
+        InputError, match=r"no relight cache; make it .* facestage render .* --cache"
+    ):
         RelightCache.load(saved)
 
 
@@ -137,7 +165,9 @@ def test_half_a_file_is_refused(saved: Result, cache: RelightCache, share: float
     ],
     ids=str,
 )
-def test_arrays_that_do_not_belong_together_are_refused(saved: Result, cache: RelightCache, name: str, value):
+def test_arrays_that_do_not_belong_together_are_refused(
+    saved: Result, cache: RelightCache, name: str, value
+):
     path = known(saved.folder) / RELIGHT_CACHE
     write_arrays(path, {**read_arrays(path, "cache"), name: value}, compress=False)
     with pytest.raises(InputError, match="damaged"):

@@ -37,20 +37,28 @@ def test_the_json_names_every_weight_and_light(tmp_path: Path, result: Result):
     data = json.loads((tmp_path / "result.json").read_text())
     assert list(data["identity"]) == list(result.identity_names)
     assert data["expression"]["jawOpen"] == result.expression[0]
-    assert len(data["lights"]) == 3 and data["lights"][1]["radiance"] == result.stage.radiance[1].tolist()
+    assert (
+        len(data["lights"]) == 3
+        and data["lights"][1]["radiance"] == result.stage.radiance[1].tolist()
+    )
     np.testing.assert_allclose(data["pose"]["model_to_camera"], result.model_to_camera)
 
 
 def test_an_error_that_is_no_number_is_written_as_null_and_not_read(tmp_path: Path, result: Result):
     replace(result, errors={"psnr": float("nan"), "albedo": 0.5}).write_into(tmp_path)
-    assert json.loads((tmp_path / "result.json").read_text())["errors"] == {"psnr": None, "albedo": 0.5}
+    assert json.loads((tmp_path / "result.json").read_text())["errors"] == {
+        "psnr": None,
+        "albedo": 0.5,
+    }
     assert Result.load(tmp_path).errors == {"albedo": 0.5}
 
 
 def test_model_to_stage_chains_the_transforms(result: Result):
     point = np.array([0.01, 0.02, 0.03, 1.0])
     np.testing.assert_allclose(
-        result.model_to_stage @ point, result.camera_to_stage @ (result.model_to_camera @ point), atol=1e-12
+        result.model_to_stage @ point,
+        result.camera_to_stage @ (result.model_to_camera @ point),
+        atol=1e-12,
     )
 
 
@@ -66,7 +74,8 @@ def test_missing_folder_and_files_are_named(tmp_path: Path, result: Result):
 
 
 @pytest.mark.parametrize(
-    "key", ["status", "advice", "model", "camera", "identity", "energy", "errors", "left_out", "seed"]
+    "key",
+    ["status", "advice", "model", "camera", "identity", "energy", "errors", "left_out", "seed"],
 )
 def test_a_missing_key_is_named(tmp_path: Path, result: Result, key: str):
     result.write_into(tmp_path)

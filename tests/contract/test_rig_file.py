@@ -20,12 +20,21 @@ from reference.tampering import ARRAY_CHANGES, GONE
 def rig() -> RigFile:
     model = synthetic_face(12, 14)
     return RigFile(
-        name="Alice", license="yours", vertices=model.vertices.astype(float), polygons=model.polygons,
-        polygon_uvs=model.polygon_uvs, polygon_part=model.polygon_part, uvs=model.uvs,
-        expression_names=model.expression_names, expression_offsets=model.expression_basis,
-        identity_names=model.identity_names, identity_offsets=model.identity_basis,
-        scale=(0.01, 0.01, 0.02), borrow_identity=False, marks={"chin": np.array([3, 5], np.int32)},
-    )  # fmt: skip
+        name="Alice",
+        license="yours",
+        vertices=model.vertices.astype(float),
+        polygons=model.polygons,
+        polygon_uvs=model.polygon_uvs,
+        polygon_part=model.polygon_part,
+        uvs=model.uvs,
+        expression_names=model.expression_names,
+        expression_offsets=model.expression_basis,
+        identity_names=model.identity_names,
+        identity_offsets=model.identity_basis,
+        scale=(0.01, 0.01, 0.02),
+        borrow_identity=False,
+        marks={"chin": np.array([3, 5], np.int32)},
+    )
 
 
 def test_round_trip_keeps_everything(tmp_path: Path, rig: RigFile):
@@ -73,7 +82,9 @@ def test_what_is_wrong_is_named(rig: RigFile, name: str, change, words: str):
     assert "Alice" in str(caught.value)
 
 
-@pytest.mark.parametrize("meta", ["not JSON", json.dumps([1]), json.dumps({"schema": 9}), json.dumps({"schema": 1})])
+@pytest.mark.parametrize(
+    "meta", ["not JSON", json.dumps([1]), json.dumps({"schema": 9}), json.dumps({"schema": 1})]
+)
 def test_a_damaged_file_is_refused(tmp_path: Path, rig: RigFile, meta: str):
     path = tmp_path / "a.npz"
     rig.save(path)
@@ -89,11 +100,19 @@ def test_another_file_is_refused(tmp_path: Path):
 
 
 # To the places of points, and to materials that are not known yet.
-HARMLESS = {("vertices", "zero"), ("vertices", "negative"), ("uvs", "zero"), ("expression_offsets", "zero"),
-            ("expression_offsets", "negative"), ("uvs", "one row more")}  # fmt: skip
+HARMLESS = {
+    ("vertices", "zero"),
+    ("vertices", "negative"),
+    ("uvs", "zero"),
+    ("expression_offsets", "zero"),
+    ("expression_offsets", "negative"),
+    ("uvs", "one row more"),
+}
 
 
-@pytest.mark.parametrize("name", ["vertices", "polygons", "polygon_uvs", "polygon_part", "uvs", "expression_offsets"])
+@pytest.mark.parametrize(
+    "name", ["vertices", "polygons", "polygon_uvs", "polygon_part", "uvs", "expression_offsets"]
+)
 @pytest.mark.parametrize("change", ARRAY_CHANGES)
 def test_every_array_is_checked(tmp_path: Path, rig: RigFile, name: str, change: str):
     path = tmp_path / "a.npz"

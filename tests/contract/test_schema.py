@@ -1,4 +1,6 @@
-"""Fields believe nothing, schemas tie arrays together, and an error is one sentence about one value."""
+"""Fields believe nothing, schemas tie arrays together, and an error is one sentence about one
+value.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,19 @@ from marshmallow import ValidationError
 
 from facestage.contract.array_field import FLAGS, WHOLE, Array, Words, rigid, unit
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Choice, Flag, Items, Name, Number, Part, PathText, Plain, Table, Text, Whole
+from facestage.contract.fields import (
+    Choice,
+    Flag,
+    Items,
+    Name,
+    Number,
+    Part,
+    PathText,
+    Plain,
+    Table,
+    Text,
+    Whole,
+)
 from facestage.contract.schema import FileSchema, HandWritten, checked, decoded_meta, sections
 
 WRONG: list[tuple[Any, Any, str]] = [
@@ -70,16 +84,27 @@ WRONG: list[tuple[Any, Any, str]] = [
 @pytest.mark.parametrize(("field", "value", "words"), WRONG, ids=lambda item: str(item)[:30])
 def test_wrong_values_are_named(field: Any, value: Any, words: str):
     schema: Any = FileSchema.from_dict({"value": field})
-    with pytest.raises(InputError, match=rf"The file.*(: value.*)?{words}.*; write it again\.$") as caught:
+    with pytest.raises(
+        InputError, match=rf"The file.*(: value.*)?{words}.*; write it again\.$"
+    ) as caught:
         checked(schema(), {"value": value}, "The file 'x'", "write it again")
     assert str(caught.value).isprintable() and len(str(caught.value)) < 300
 
 
 def test_right_values_pass_as_they_are():
     schema: Any = FileSchema.from_dict(
-        {"a": Whole(1, 100), "b": Items(Number()), "c": Array((2, 2), nulls=True, finite=False), "d": Plain()}
+        {
+            "a": Whole(1, 100),
+            "b": Items(Number()),
+            "c": Array((2, 2), nulls=True, finite=False),
+            "d": Plain(),
+        }
     )
-    found = checked(schema(), {"a": 96.0, "b": [1, 2.5], "c": [[1, None], [3, 4]], "d": {"x": [None, 1.5]}}, "The file")
+    found = checked(
+        schema(),
+        {"a": 96.0, "b": [1, 2.5], "c": [[1, None], [3, 4]], "d": {"x": [None, 1.5]}},
+        "The file",
+    )
     assert (found["a"], found["b"], found["d"]) == (96, (1.0, 2.5), {"x": [None, 1.5]})
     np.testing.assert_array_equal(found["c"], np.array([[1, np.nan], [3, 4]]))
 
@@ -93,11 +118,23 @@ class Shape(FileSchema):
 def test_a_named_dimension_is_the_same_everywhere():
     checked(Shape(), {"points": np.zeros((4, 3)), "weights": np.zeros(4)}, "The file")
     for known, arrays, words in (
-        ({}, {"points": np.zeros((4, 3)), "weights": np.zeros(3)}, r"weights has shape \(3,\), expected \(4,\)"),
-        ({"n": 2}, {"points": np.zeros((4, 3)), "weights": np.zeros(4)}, r"points has shape .* expected \(2, 3\)"),
+        (
+            {},
+            {"points": np.zeros((4, 3)), "weights": np.zeros(3)},
+            r"weights has shape \(3,\), expected \(4,\)",
+        ),
+        (
+            {"n": 2},
+            {"points": np.zeros((4, 3)), "weights": np.zeros(4)},
+            r"points has shape .* expected \(2, 3\)",
+        ),
         ({}, {"points": np.zeros((0, 3)), "weights": np.zeros(0)}, "with n from 1 to 5"),
         ({}, {"points": np.zeros((6, 3)), "weights": np.zeros(6)}, "with n from 1 to 5"),
-        ({}, {"points": np.zeros((4, 3))}, r"The file lacks weights, expected numbers in the shape \(n,\)"),
+        (
+            {},
+            {"points": np.zeros((4, 3))},
+            r"The file lacks weights, expected numbers in the shape \(n,\)",
+        ),
     ):
         with pytest.raises(InputError, match=words):
             checked(Shape(**known), arrays, "The file")
@@ -122,8 +159,14 @@ def test_a_million_wrong_entries_cost_one_error():
 
 
 def test_arrays_fall_into_sections():
-    found = sections({"a": np.zeros(1), "stage/x": np.zeros(2), "extra/b/c": np.zeros(3)}, "stage", "extra")
-    assert set(found) == {"a", "stage", "extra"} and set(found["stage"]) == {"x"} and set(found["extra"]) == {"b/c"}
+    found = sections(
+        {"a": np.zeros(1), "stage/x": np.zeros(2), "extra/b/c": np.zeros(3)}, "stage", "extra"
+    )
+    assert (
+        set(found) == {"a", "stage", "extra"}
+        and set(found["stage"]) == {"x"}
+        and set(found["extra"]) == {"b/c"}
+    )
 
 
 @pytest.mark.parametrize("text", ["[" * 5000, "[]", "5", "", '{"a": NaN}'])

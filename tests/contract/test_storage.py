@@ -49,7 +49,11 @@ def test_a_single_array_is_no_archive(tmp_path: Path):
 
 @pytest.mark.parametrize("compress", [True, False])
 def test_arrays_round_trip(tmp_path: Path, compress: bool):
-    arrays = {"a/b": np.arange(6, dtype=np.int32).reshape(2, 3), "text": np.array("ä"), "none": np.zeros((0, 3))}
+    arrays = {
+        "a/b": np.arange(6, dtype=np.int32).reshape(2, 3),
+        "text": np.array("ä"),
+        "none": np.zeros((0, 3)),
+    }
     write_arrays(tmp_path / "x.npz", arrays, compress)
     loaded = read_arrays(tmp_path / "x.npz", "arrays")
     assert set(loaded) == set(arrays)
@@ -59,7 +63,11 @@ def test_arrays_round_trip(tmp_path: Path, compress: bool):
 
 
 json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(),
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=12,
 )
@@ -75,7 +83,12 @@ def test_json_round_trip(tmp_path_factory: pytest.TempPathFactory, data: dict):
 
 
 def test_numpy_and_non_finite_values_become_plain_json():
-    data = {"a": np.float32(0.5), "b": np.array([1.0, np.nan]), "c": (np.int64(3), np.inf), 4: Path("x") / "y"}
+    data = {
+        "a": np.float32(0.5),
+        "b": np.array([1.0, np.nan]),
+        "c": (np.int64(3), np.inf),
+        4: Path("x") / "y",
+    }
     wanted = {"a": 0.5, "b": [1.0, None], "c": [3, None], "4": str(Path("x") / "y")}
     assert json.loads(json.dumps(finite(data))) == wanted
 

@@ -1,4 +1,6 @@
-"""Whatever is done to a result's files: it loads sound, or is refused in one sentence of one line."""
+"""Whatever is done to a result's files: it loads sound, or is refused in one sentence of one
+line.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_a_value_is_named_by_its_path_and_shortened(sound: Path):
     data = json.loads((sound / "result.json").read_text())
     data["camera"]["width"] = "\x1b[2J" + "w" * 10_000_000
     (sound / "result.json").write_text(json.dumps(data))
-    with pytest.raises(InputError, match=r"result\.json: camera\.width is '.x1b.*\(10000004 characters\)") as caught:
+    with pytest.raises(
+        InputError, match=r"result\.json: camera\.width is '.x1b.*\(10000004 characters\)"
+    ) as caught:
         Result.load(sound)
     assert len(str(caught.value)) < 500 and "a whole number of 1 to 16384" in str(caught.value)
 

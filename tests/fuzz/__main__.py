@@ -1,4 +1,6 @@
-"""``make fuzz``: read damaged inputs for minutes, print what was found, and keep the smallest input of each finding."""
+"""``make fuzz``: read damaged inputs for minutes, print what was found, and keep the smallest input
+of each finding.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +35,21 @@ def main() -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make fuzz", description=__doc__)
-    parser.add_argument("--inputs", type=int, default=100_000, help="how many, over all targets by their shares")
+    parser.add_argument(
+        "--inputs", type=int, default=100_000, help="how many, over all targets by their shares"
+    )
     parser.add_argument("--seconds", type=float, help="stop after so long")
     parser.add_argument("--seed", type=int, default=0, help="another seed gives other inputs")
     parser.add_argument("--target", nargs="+", choices=sorted(TARGETS), help="only these")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes that read")
-    parser.add_argument("--repeat", metavar="TARGET/SEED/NUMBER", help="read one input again and show what comes of it")
-    parser.add_argument("--no-keep", action="store_true", help="do not write findings to tests/fuzz/regressions")
+    parser.add_argument(
+        "--repeat",
+        metavar="TARGET/SEED/NUMBER",
+        help="read one input again and show what comes of it",
+    )
+    parser.add_argument(
+        "--no-keep", action="store_true", help="do not write findings to tests/fuzz/regressions"
+    )
     return parser.parse_args()
 
 
@@ -64,13 +74,17 @@ def _tell(line: str) -> None:
 
 
 def _keep_all(campaign: Campaign, home: Path) -> None:
-    """The smallest input of each finding, among the regressions, which the tests read again for ever."""
+    """The smallest input of each finding, among the regressions, which the tests read again for
+    ever.
+    """
     hand = Hand(home)
     try:
         for outcome in campaign.findings.values():
             folder = _keep(hand, outcome, home)
             _tell(
-                f"kept {folder}" if folder else f"too large to keep: {outcome.target}/{outcome.seed}/{outcome.number}"
+                f"kept {folder}"
+                if folder
+                else f"too large to keep: {outcome.target}/{outcome.seed}/{outcome.number}"
             )
     finally:
         hand.stop()
@@ -81,7 +95,9 @@ def _keep(hand: Hand, outcome: Outcome, home: Path) -> Path | None:
     case = target.case(stored_seeds(home, outcome.target), outcome.seed, outcome.number)
     assert case is not None
     slow = outcome.kind == "hang" or outcome.ms > 1000
-    case = shrunk(hand, outcome.target, case, outcome, home / "candidate", HANG_TRIES if slow else TRIES)
+    case = shrunk(
+        hand, outcome.target, case, outcome, home / "candidate", HANG_TRIES if slow else TRIES
+    )
     if size_of(case) > KEPT_BYTES:
         return None
     digest = hashlib.sha256(repr(outcome.signature).encode()).hexdigest()[:8]

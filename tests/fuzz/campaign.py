@@ -1,4 +1,6 @@
-"""A run over many inputs: who reads what, what was found, and the smallest input of each finding."""
+"""A run over many inputs: who reads what, what was found, and the smallest input of each
+finding.
+"""
 
 from __future__ import annotations
 
@@ -93,7 +95,10 @@ class Campaign:
                             if passed - state["told"] > 10:
                                 state["told"] = passed
                                 rate = state["done"] / passed
-                                tell(f"{state['done']:.0f} of {total} inputs, {rate:.0f} a second, {passed:.0f} s")
+                                tell(
+                                    f"{state['done']:.0f} of {total} inputs, {rate:.0f} a "
+                                    f"second, {passed:.0f} s"
+                                )
             # A thread's exception is the run's.
             except BaseException as error:  # noqa: BLE001
                 errors.append(error)
@@ -144,6 +149,8 @@ def _interleaved(plan: Mapping[str, Iterable[int]]) -> list[tuple[str, list[int]
     for target, numbers in plan.items():
         listed = list(numbers)
         parts = max(1, -(-len(listed) // BATCH))
-        cut = [listed[k * len(listed) // parts : (k + 1) * len(listed) // parts] for k in range(parts)]
+        cut = [
+            listed[k * len(listed) // parts : (k + 1) * len(listed) // parts] for k in range(parts)
+        ]
         batches += [(k / parts, target, part) for k, part in enumerate(cut) if part]
     return [(target, part) for _, target, part in sorted(batches, key=lambda batch: batch[:2])]

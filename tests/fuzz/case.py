@@ -37,12 +37,16 @@ def lay_out(case: Case, folder: Path) -> None:
 def read_back(folder: Path) -> Case:
     """The case that :func:`keep` wrote into ``folder``."""
     return {
-        path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
     }
 
 
 def keep(case: Case, folder: Path) -> None:
-    """Write ``case`` as plain files; what stands for something else is an empty file of its marked name."""
+    """Write ``case`` as plain files; what stands for something else is an empty file of its marked
+    name.
+    """
     shutil.rmtree(folder, ignore_errors=True)
     for name, content in case.items():
         path = folder / name

@@ -1,7 +1,8 @@
-"""Where the choices of a mutator come from: Hypothesis, fed with the bytes that belong to one input's number.
+"""Where the choices of a mutator come from: Hypothesis, fed with the bytes that belong to one
+input's number.
 
-``fuzz_one_input`` is Hypothesis's door for outside engines: the same bytes give the same draws, so an input is known
-by (target, seed, number) alone, on any machine.
+``fuzz_one_input`` is Hypothesis's door for outside engines: the same bytes give the same draws, so
+an input is known by (target, seed, number) alone, on any machine.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ T = TypeVar("T")
 BUFFER_BYTES = 4096  # choices of one input; what needs more of them is passed over
 
 _JSON_LEAVES = (
-    strategies.none() | strategies.booleans() | strategies.integers() | strategies.floats() | strategies.text()
+    strategies.none()
+    | strategies.booleans()
+    | strategies.integers()
+    | strategies.floats()
+    | strategies.text()
 )
 _JSON = strategies.recursive(
     _JSON_LEAVES,
@@ -66,7 +71,9 @@ def choices_of(key: str, make: Callable[[Choose], T]) -> T | None:
     def built(draw: Callable[[strategies.SearchStrategy[Any]], Any]) -> T:
         return make(Choose(draw))
 
-    @hypothesis.settings(database=None, deadline=None, suppress_health_check=list(hypothesis.HealthCheck))
+    @hypothesis.settings(
+        database=None, deadline=None, suppress_health_check=list(hypothesis.HealthCheck)
+    )
     @hypothesis.given(built())
     def collect(value: T) -> None:
         made.append(value)

@@ -1,4 +1,6 @@
-"""Whether what a reader accepted is what its type says: plain types, finite numbers, arrays that are arrays."""
+"""Whether what a reader accepted is what its type says: plain types, finite numbers, arrays that
+are arrays.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,17 @@ def require(condition: object, what: str) -> None:
 
 
 def check_dataclass(value: Any, but: tuple[str, ...] = ()) -> None:
-    """Every field of ``value`` has the declared type and is finite, but for the fields named in ``but``."""
+    """Every field of ``value`` has the declared type and is finite, but for the fields named in
+    ``but``.
+    """
     hints = typing.get_type_hints(type(value))
     for field in dataclasses.fields(value):
         if field.name not in but:
-            check(getattr(value, field.name), hints[field.name], f"{type(value).__name__}.{field.name}")
+            check(
+                getattr(value, field.name),
+                hints[field.name],
+                f"{type(value).__name__}.{field.name}",
+            )
 
 
 def check(value: Any, kind: Any, what: str) -> None:
@@ -53,7 +61,9 @@ def check(value: Any, kind: Any, what: str) -> None:
     elif kind is np.ndarray:
         check_array(value, what)
     elif isinstance(kind, type) and dataclasses.is_dataclass(kind):
-        require(isinstance(value, kind), f"{what} is a {type(value).__name__}, not a {kind.__name__}")
+        require(
+            isinstance(value, kind), f"{what} is a {type(value).__name__}, not a {kind.__name__}"
+        )
         check_dataclass(value)
     elif kind is Path:
         require(isinstance(value, Path), f"{what} is a {type(value).__name__}, not a path")

@@ -21,11 +21,28 @@ from fuzz.mutate_json import mangle_json
 Mutator = Callable[[Choose, bytes], bytes]
 Members = list[tuple[str, bytes]]
 DATE = (1980, 1, 1, 0, 0, 0)
-METHODS = (*(zipfile.ZIP_STORED,) * 4, *(zipfile.ZIP_DEFLATED,) * 2, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+METHODS = (
+    *(zipfile.ZIP_STORED,) * 4,
+    *(zipfile.ZIP_DEFLATED,) * 2,
+    zipfile.ZIP_BZIP2,
+    zipfile.ZIP_LZMA,
+)
 LOCAL, CENTRAL, END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
 # Offset and size of the fields of a local and of a central header.
 LOCAL_FIELDS = ((4, 2), (6, 2), (8, 2), (14, 4), (18, 4), (22, 4), (26, 2), (28, 2))
-CENTRAL_FIELDS = ((6, 2), (8, 2), (10, 2), (16, 4), (20, 4), (24, 4), (28, 2), (30, 2), (32, 2), (38, 4), (42, 4))
+CENTRAL_FIELDS = (
+    (6, 2),
+    (8, 2),
+    (10, 2),
+    (16, 4),
+    (20, 4),
+    (24, 4),
+    (28, 2),
+    (30, 2),
+    (32, 2),
+    (38, 4),
+    (42, 4),
+)
 END_FIELDS = ((4, 2), (8, 2), (10, 2), (12, 4), (16, 4), (20, 2))
 UNPACKED_MAX = 64 << 20  # bytes of an archive that is taken apart
 BOMB = 2700  # MiB that a few MiB unpack to
@@ -67,7 +84,9 @@ def mutator_for(name: str) -> Mutator:
 
 
 def mangle_zip(choose: Choose, data: bytes) -> bytes:
-    """Members damaged and packed again with right sums (mostly), headers changed, or plain damage."""
+    """Members damaged and packed again with right sums (mostly), headers changed, or plain
+    damage.
+    """
     kind = choose.number(0, 9)
     if kind == 0:
         return mangle_bytes(choose, data)
@@ -115,7 +134,10 @@ def _members(choose: Choose, members: Members) -> Members:
         other = choose.number(0, len(members) - 1)
         changed[place], changed[other] = (name, members[other][1]), (members[other][0], content)
     elif kind == 17:
-        changed[place] = (choose.one_of(("", "../../x.npy", "/x.npy", "a\nb.npy", "x" * 3000, choose.text())), content)
+        changed[place] = (
+            choose.one_of(("", "../../x.npy", "/x.npy", "a\nb.npy", "x" * 3000, choose.text())),
+            content,
+        )
     elif kind == 18:
         changed.append((choose.one_of(("extra.npy", "extra/.npy", "x")), content))
     else:
@@ -127,7 +149,9 @@ def _headers(choose: Choose, data: bytes) -> bytes:
     """One to three fields of the headers: sizes, sums, flags (encrypted), methods, offsets."""
     changed = bytearray(data)
     for _ in range(choose.number(1, 3)):
-        mark, fields = choose.one_of(((LOCAL, LOCAL_FIELDS), (CENTRAL, CENTRAL_FIELDS), (END, END_FIELDS)))
+        mark, fields = choose.one_of(
+            ((LOCAL, LOCAL_FIELDS), (CENTRAL, CENTRAL_FIELDS), (END, END_FIELDS))
+        )
         starts = _found(changed, mark)
         if not starts:
             continue
@@ -157,7 +181,11 @@ def mangle_tar(choose: Choose, data: bytes) -> bytes:
         return pack(mangle_bytes(choose, inner))
     try:
         with tarfile.open(fileobj=io.BytesIO(inner)) as archive:
-            members = [(info.name, stream.read()) for info in archive if (stream := archive.extractfile(info))]
+            members = [
+                (info.name, stream.read())
+                for info in archive
+                if (stream := archive.extractfile(info))
+            ]
     except (tarfile.TarError, OSError, EOFError, ValueError):
         return pack(mangle_bytes(choose, inner))
     return pack(tar_bytes(_members(choose, members)))
@@ -176,13 +204,13 @@ def tar_bytes(members: Members) -> bytes:
 def _unpacked(data: bytes) -> tuple[Callable[[bytes], bytes], bytes]:
     try:
         if data.startswith(b"\xfd7zXZ"):
-            return (lambda inner: lzma.compress(inner, preset=0)), lzma.LZMADecompressor().decompress(
-                data, UNPACKED_MAX
-            )
+            return (
+                lambda inner: lzma.compress(inner, preset=0)
+            ), lzma.LZMADecompressor().decompress(data, UNPACKED_MAX)
         if data.startswith(b"\x1f\x8b"):
-            return (lambda inner: gzip.compress(inner, 1, mtime=0)), zlib.decompressobj(31).decompress(
-                data, UNPACKED_MAX
-            )
+            return (lambda inner: gzip.compress(inner, 1, mtime=0)), zlib.decompressobj(
+                31
+            ).decompress(data, UNPACKED_MAX)
         if data.startswith(b"BZh"):
             return bz2.compress, bz2.BZ2Decompressor().decompress(data, UNPACKED_MAX)
     except (OSError, EOFError, lzma.LZMAError, ValueError, zlib.error):
@@ -191,14 +219,19 @@ def _unpacked(data: bytes) -> tuple[Callable[[bytes], bytes], bytes]:
 
 
 def deflated_zeros(mebibytes: int) -> bytes:
-    """A raw deflate stream of so many MiB of zeros: one block that starts afresh, again and again."""
+    """A raw deflate stream of so many MiB of zeros: one block that starts afresh, again and
+    again.
+    """
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     block = packer.compress(bytes(1 << 20)) + packer.flush(zlib.Z_FULL_FLUSH)
     return block * mebibytes + packer.flush()
 
 
 def bomb_zip(name: str, start: bytes = b"", mebibytes: int = BOMB) -> bytes:
-    """A small zip whose one member unpacks to ``start`` and zeros. Its sum is wrong, which shows at the end alone."""
+    """A small zip whose one member unpacks to ``start`` and zeros.
+
+    Its sum is wrong, which shows at the end alone.
+    """
     stored = b"\x00" + struct.pack("<HH", len(start), len(start) ^ 0xFFFF) + start if start else b""
     content = stored + deflated_zeros(mebibytes)
     size = len(start) + (mebibytes << 20)

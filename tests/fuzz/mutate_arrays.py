@@ -1,4 +1,6 @@
-"""Damage to .npy members: wrong shapes, types, orders and values behind a right header, and wrong headers."""
+"""Damage to .npy members: wrong shapes, types, orders and values behind a right header, and wrong
+headers.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,38 @@ from fuzz.choice import Choose
 from fuzz.mutate_bytes import mangle_bytes
 from fuzz.mutate_json import mangle_json
 
-VALUES = (float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1e-300, -1.0, 0.0, 2.0**31, -(2.0**63), 1e38, 7e4)
-TYPES = ("f8", "f4", "f2", "i8", "i4", "u1", "?", "c16", "U3", "S3", "M8[s]", "m8[s]", ">f8", "u8", "V4", "i4,f8")
+VALUES = (
+    float("nan"),
+    float("inf"),
+    -float("inf"),
+    1e300,
+    -1e300,
+    1e-300,
+    -1.0,
+    0.0,
+    2.0**31,
+    -(2.0**63),
+    1e38,
+    7e4,
+)
+TYPES = (
+    "f8",
+    "f4",
+    "f2",
+    "i8",
+    "i4",
+    "u1",
+    "?",
+    "c16",
+    "U3",
+    "S3",
+    "M8[s]",
+    "m8[s]",
+    ">f8",
+    "u8",
+    "V4",
+    "i4,f8",
+)
 SHAPES = (
     "()",
     "(0,)",
@@ -74,7 +106,15 @@ def mangle_npy(choose: Choose, data: bytes) -> bytes:
         return _header(choose, data)
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, TypeError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError):
+    except (
+        ValueError,
+        TypeError,
+        EOFError,
+        OSError,
+        MemoryError,
+        SyntaxError,
+        tokenize.TokenError,
+    ):
         return mangle_bytes(choose, data)
     if array.dtype.kind == "U" and array.ndim == 0:
         try:
@@ -88,7 +128,14 @@ def mangle_npy(choose: Choose, data: bytes) -> bytes:
 
 
 def mangle_array(choose: Choose, array: np.ndarray) -> np.ndarray:
-    actions: tuple[Callable[[Choose, np.ndarray], np.ndarray], ...] = (_values, _values, _shape, _shape, _type, _order)
+    actions: tuple[Callable[[Choose, np.ndarray], np.ndarray], ...] = (
+        _values,
+        _values,
+        _shape,
+        _shape,
+        _type,
+        _order,
+    )
     with np.errstate(all="ignore"):
         return choose.one_of(actions)(choose, array)
 
@@ -161,11 +208,25 @@ def _header(choose: Choose, data: bytes) -> bytes:
     elif kind == 2:
         text = text.replace("False", choose.one_of(("True", "5", "None", "[]")))
     elif kind == 3:
-        text = choose.one_of(("{}", "", "{" * 500, "[" * 5000 + "]" * 5000, "9" * 5000, "__import__('os')", "{'descr'"))
+        text = choose.one_of(
+            (
+                "{}",
+                "",
+                "{" * 500,
+                "[" * 5000 + "]" * 5000,
+                "9" * 5000,
+                "__import__('os')",
+                "{'descr'",
+            )
+        )
     elif kind == 4:
         text = text + " " * choose.one_of((1, 70, 20_000)) + "\n"
     else:
-        return data[:6] + bytes([choose.one_of((0, 1, 2, 3, 4, 255)), choose.one_of((0, 1, 255))]) + data[8:]
+        return (
+            data[:6]
+            + bytes([choose.one_of((0, 1, 2, 3, 4, 255)), choose.one_of((0, 1, 255))])
+            + data[8:]
+        )
     header = text.encode("latin-1", "replace")
     size = len(header) if choose.number(0, 3) else choose.one_of((0, 1, 0xFFFF))
     return data[:8] + struct.pack("<H", min(size, 0xFFFF)) + header + rest

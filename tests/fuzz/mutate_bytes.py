@@ -1,4 +1,6 @@
-"""Damage to bytes of any format: flipped, cut, repeated, moved, and numbers at the ends of their ranges."""
+"""Damage to bytes of any format: flipped, cut, repeated, moved, and numbers at the ends of their
+ranges.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,22 @@ import struct
 
 from fuzz.choice import Choose
 
-BOUNDARY = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**64 - 1)
+BOUNDARY = (
+    0,
+    1,
+    2,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0x8000,
+    0xFFFF,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**63 - 1,
+    2**64 - 1,
+)
 SIZES = {1: "B", 2: "H", 4: "I", 8: "Q"}
 FOREIGN = (
     b"",
@@ -34,7 +51,9 @@ def mangle_bytes(choose: Choose, data: bytes) -> bytes:
     """``data`` with one piece of damage."""
     if not data or choose.chance(60):
         return choose.one_of(FOREIGN)
-    return choose.one_of((_flip, _flip, _number, _number, _delete, _repeat, _move, _cut, _append, _fill))(choose, data)
+    return choose.one_of(
+        (_flip, _flip, _number, _number, _delete, _repeat, _move, _cut, _append, _fill)
+    )(choose, data)
 
 
 def _span(choose: Choose, data: bytes) -> tuple[int, int]:
@@ -56,7 +75,9 @@ def _number(choose: Choose, data: bytes) -> bytes:
         return b""
     start = choose.number(0, len(data) - size)
     value = choose.one_of(BOUNDARY) & (256**size - 1)
-    return data[:start] + struct.pack(choose.one_of("<>") + SIZES[size], value) + data[start + size :]
+    return (
+        data[:start] + struct.pack(choose.one_of("<>") + SIZES[size], value) + data[start + size :]
+    )
 
 
 def _delete(choose: Choose, data: bytes) -> bytes:

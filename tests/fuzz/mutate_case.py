@@ -1,4 +1,6 @@
-"""From a valid case to a damaged one: a file that only looks like one, or one to two files with damage inside."""
+"""From a valid case to a damaged one: a file that only looks like one, or one to two files with
+damage inside.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ BY_SUFFIX: dict[str, Mutator] = {
 }
 
 
-def damaged(choose: Choose, seeds: Sequence[Case], fixed: Sequence[str] = (), plain: bool = False) -> Case:
+def damaged(
+    choose: Choose, seeds: Sequence[Case], fixed: Sequence[str] = (), plain: bool = False
+) -> Case:
     """One of ``seeds`` with damage to its files, but to those that ``fixed`` names.
 
     ``plain``: every file stays a file.

@@ -1,4 +1,6 @@
-"""Damage to HDF5 files behind right checksums: other types and sizes, links that lead out, data that is elsewhere."""
+"""Damage to HDF5 files behind right checksums: other types and sizes, links that lead out, data
+that is elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def _put(choose: Choose, file: h5py.File, name: str, array: np.ndarray | bytes |
         file.create_virtual_dataset(name, layout)
     elif kind == 9:
         shape = choose.one_of(((300_000_000,), (3, 200_000_000), (2**40,), (900, 300_000), ()))
-        file.create_dataset(name, shape, "f4", chunks=True if shape else None, fillvalue=1.0 if shape else None)
+        file.create_dataset(
+            name, shape, "f4", chunks=True if shape else None, fillvalue=1.0 if shape else None
+        )
     elif kind == 10:
         file[name] = choose.one_of(TEXTS)
     elif kind == 11:

@@ -1,4 +1,6 @@
-"""Damage to photographs between their chunks and segments, checksums put right, so that it gets past the first look."""
+"""Damage to photographs between their chunks and segments, checksums put right, so that it gets
+past the first look.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def mangle_image(choose: Choose, data: bytes) -> bytes:
 
 
 def mangle_profile(choose: Choose, data: bytes) -> bytes:
-    """An ICC profile or TIFF directory: numbers of the header and of the table at the ends of their ranges."""
+    """An ICC profile or TIFF directory: numbers of the header and of the table at the ends of their
+    ranges.
+    """
     if choose.chance(3) or len(data) < 132:
         return mangle_bytes(choose, data)
     start = choose.number(0, min(len(data), 400) // 4 - 1) * 4
@@ -67,7 +71,12 @@ def _png(choose: Choose, data: bytes) -> bytes:
 
 
 def png_chunk(name: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+    return (
+        struct.pack(">I", len(content))
+        + name
+        + content
+        + struct.pack(">I", zlib.crc32(name + content))
+    )
 
 
 def _recompressed(choose: Choose, name: bytes, content: bytes) -> bytes:
@@ -98,8 +107,13 @@ def _jpeg(choose: Choose, data: bytes) -> bytes:
     elif kind == 1:
         segments.insert(choose.number(0, len(segments)), (marker, content))
     elif kind == 2:
-        segments[number] = (choose.one_of((0xC0, 0xC2, 0xC4, 0xDB, 0xE1, 0xE2, 0xEE, 0xFE)), content)
+        segments[number] = (
+            choose.one_of((0xC0, 0xC2, 0xC4, 0xDB, 0xE1, 0xE2, 0xEE, 0xFE)),
+            content,
+        )
     else:
         segments[number] = (marker, mangle_bytes(choose, content)[:65000])
-    packed = b"".join(b"\xff" + bytes([code]) + struct.pack(">H", len(body) + 2) + body for code, body in segments)
+    packed = b"".join(
+        b"\xff" + bytes([code]) + struct.pack(">H", len(body) + 2) + body for code, body in segments
+    )
     return b"\xff\xd8" + packed + rest

@@ -1,4 +1,6 @@
-"""Damage to JSON: any value becomes any other, keys go and come, numbers and nesting leave every range."""
+"""Damage to JSON: any value becomes any other, keys go and come, numbers and nesting leave every
+range.
+"""
 
 from __future__ import annotations
 

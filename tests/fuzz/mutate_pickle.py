@@ -1,4 +1,6 @@
-"""Damage to pickles: opcodes that go, come and change, memo bombs, and names that must not be looked up."""
+"""Damage to pickles: opcodes that go, come and change, memo bombs, and names that must not be
+looked up.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ _LENGTHS = (
     b"L" + b"9" * 100_000 + b"L\n",
     b"\x8b\xa0\x86\x01\x00" + b"\xff" * 100_000,
 )
-_PLAIN = tuple(bytes([code]) for code in b"().012NRabdeilostu]}\x81\x85\x86\x87\x88\x89\x8f\x90\x91\x94")
+_PLAIN = tuple(
+    bytes([code]) for code in b"().012NRabdeilostu]}\x81\x85\x86\x87\x88\x89\x8f\x90\x91\x94"
+)
 
 
 def mangle_pickle(choose: Choose, data: bytes) -> bytes:
@@ -101,7 +105,9 @@ def _shared(choose: Choose) -> bytes:
     code = b"N"
     for level in range(choose.one_of((5, 30, 60))):
         slot = bytes([200 + level % 40])
-        code += b"q" + slot + b"0" + opening + b"(" + (b"h" + slot) * choose.one_of((2, 10)) + closing
+        code += (
+            b"q" + slot + b"0" + opening + b"(" + (b"h" + slot) * choose.one_of((2, 10)) + closing
+        )
     return code
 
 

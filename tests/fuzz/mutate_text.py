@@ -47,7 +47,9 @@ def mangle_text(choose: Choose, data: bytes) -> bytes:
 
 
 def mangle_mat(choose: Choose, data: bytes) -> bytes:
-    """A number of the element tree at the end of its range, behind the compression where there is one."""
+    """A number of the element tree at the end of its range, behind the compression where there is
+    one.
+    """
     if choose.chance(4) or len(data) < HEADER + 16:
         return mangle_bytes(choose, data)
     starts, place = [], HEADER
@@ -58,17 +60,27 @@ def mangle_mat(choose: Choose, data: bytes) -> bytes:
     place, kind, size = choose.one_of(starts)
     content = data[place + 8 : place + 8 + size]
     if kind != COMPRESSED:
-        return data[:place] + _word(choose, data[place : place + 8 + size]) + data[place + 8 + size :]
+        return (
+            data[:place] + _word(choose, data[place : place + 8 + size]) + data[place + 8 + size :]
+        )
     try:
         inner = zlib.decompress(content)
     except zlib.error:
         return mangle_bytes(choose, data)
     packed = zlib.compress(_word(choose, inner), 1)
-    return data[:place] + struct.pack("<II", COMPRESSED, len(packed)) + packed + data[place + 8 + size :]
+    return (
+        data[:place]
+        + struct.pack("<II", COMPRESSED, len(packed))
+        + packed
+        + data[place + 8 + size :]
+    )
 
 
 def _word(choose: Choose, element: bytes) -> bytes:
     """One of the first words: types, sizes, flags and dimensions are there."""
     start = 4 * choose.number(0, max(min(len(element), 96) // 4 - 1, 0))
-    value = choose.one_of((*BOUNDARY, 5, 6, 7, 9, 12, 14, 15, 16, 17, 18, 96, 0x10, 0x0400, 0x0206)) & 0xFFFFFFFF
+    value = (
+        choose.one_of((*BOUNDARY, 5, 6, 7, 9, 12, 14, 15, 16, 17, 18, 96, 0x10, 0x0400, 0x0206))
+        & 0xFFFFFFFF
+    )
     return element[:start] + struct.pack("<I", value) + element[start + 4 :]

@@ -80,5 +80,8 @@ _FAULTS: dict[str, tuple[Callable[[Path], None], str]] = {
     "talks": (_talks, "noise"),
     "warns": (_warns, "warning"),
 }
-TARGETS = {name: Target(name, (), _seeds, read, 1, (ValueError,), warm=False) for name, (read, _) in _FAULTS.items()}
+TARGETS = {
+    name: Target(name, (), _seeds, read, 1, (ValueError,), warm=False)
+    for name, (read, _) in _FAULTS.items()
+}
 KINDS = {name: kind for name, (_, kind) in _FAULTS.items()}

@@ -1,4 +1,6 @@
-"""The parent's side of a worker: starts it, listens, and ends it when it hangs; what it died of becomes a finding."""
+"""The parent's side of a worker: starts it, listens, and ends it when it hangs; what it died of
+becomes a finding.
+"""
 
 from __future__ import annotations
 
@@ -65,13 +67,17 @@ class Hand:
         """Read these inputs; the process is replaced after each that it did not survive."""
         left = list(numbers)
         while left:
-            for outcome in self._ordered({"target": target, "seed": seed, "numbers": left}, target, seed, left[0]):
+            for outcome in self._ordered(
+                {"target": target, "seed": seed, "numbers": left}, target, seed, left[0]
+            ):
                 left = left[left.index(outcome.number) + 1 :]
                 yield outcome
 
     def read_folder(self, target: str, folder: Path) -> Outcome:
         """Read the input that lies in ``folder``."""
-        return next(iter(list(self._ordered({"target": target, "folder": str(folder)}, target, 0, 0))))
+        return next(
+            iter(list(self._ordered({"target": target, "folder": str(folder)}, target, 0, 0)))
+        )
 
     def stop(self) -> None:
         if self.child is not None:
@@ -79,8 +85,12 @@ class Hand:
             self.child = None
         shutil.rmtree(self.home, ignore_errors=True)
 
-    def _ordered(self, order: dict[str, Any], target: str, seed: int, first: int) -> Iterator[Outcome]:
-        """Answers until the order is done or the worker is gone; the input that it was at is the last finding."""
+    def _ordered(
+        self, order: dict[str, Any], target: str, seed: int, first: int
+    ) -> Iterator[Outcome]:
+        """Answers until the order is done or the worker is gone; the input that it was at is the
+        last finding.
+        """
         child = self.child or self._start()
         assert child.stdin is not None
         child.stdin.write(json.dumps(order).encode() + b"\n")
@@ -99,12 +109,21 @@ class Hand:
             self.child = None
             if number is not None:
                 yield Outcome(
-                    target, seed, number, FINDING, answer["kind"], answer["where"], answer["text"], answer["ms"]
+                    target,
+                    seed,
+                    number,
+                    FINDING,
+                    answer["kind"],
+                    answer["where"],
+                    answer["text"],
+                    answer["ms"],
                 )
             return
 
     def _start(self) -> subprocess.Popen[bytes]:
-        one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        one_thread = dict.fromkeys(
+            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+        )
         environment = {
             **os.environ,
             **one_thread,
@@ -138,7 +157,9 @@ class Hand:
                 if not chunk:
                     code = child.wait()
                     _end(child)
-                    yield self._died(f"exit code {code}" if code >= 0 else signal.Signals(-code).name)
+                    yield self._died(
+                        f"exit code {code}" if code >= 0 else signal.Signals(-code).name
+                    )
                     return
                 *lines, self.pending = (self.pending + chunk).split(b"\n")
                 for line in lines:

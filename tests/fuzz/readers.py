@@ -1,4 +1,6 @@
-"""What is done with each input: one function per reader, which reads, looks at what came out, and uses it a little."""
+"""What is done with each input: one function per reader, which reads, looks at what came out, and
+uses it a little.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from fuzz.consistent import check, check_array, check_dataclass, require
 
 
 def install_small_default_model() -> None:
-    """Let ``default`` be a face of 529 vertices, so that what is carried over from it costs milliseconds."""
+    """Let ``default`` be a face of 529 vertices, so that what is carried over from it costs
+    milliseconds.
+    """
     from facestage.models import registry
     from fuzz.seeds_contract import small_default
 
@@ -61,14 +65,28 @@ def check_result(result: Any) -> None:
         check_array(np.asarray(np.nan_to_num(array)), f"Result.arrays[{name!r}]")
     count = len(result.vertices)
     require(result.vertices.shape == (count, 3), "Result.vertices is not (n, 3)")
-    require(result.triangles.ndim == 2 and result.triangles.shape[1] == 3, "Result.triangles is not (t, 3)")
-    inside = not result.triangles.size or (result.triangles.min() >= 0 and result.triangles.max() < count)
+    require(
+        result.triangles.ndim == 2 and result.triangles.shape[1] == 3,
+        "Result.triangles is not (t, 3)",
+    )
+    inside = not result.triangles.size or (
+        result.triangles.min() >= 0 and result.triangles.max() < count
+    )
     require(inside, "Result.triangles refers to vertices that are not there")
-    require(result.identity.shape == (len(result.identity_names),), "Result.identity and its names differ")
-    require(result.expression.shape == (len(result.expression_names),), "Result.expression and its names differ")
+    require(
+        result.identity.shape == (len(result.identity_names),),
+        "Result.identity and its names differ",
+    )
+    require(
+        result.expression.shape == (len(result.expression_names),),
+        "Result.expression and its names differ",
+    )
     for name in ("camera_to_stage", "model_to_camera", "model_to_stage"):
         require(getattr(result, name).shape == (4, 4), f"Result.{name} is not (4, 4)")
-    require(result.specular.ndim == 2 and result.albedo.ndim == 1, "Result's coefficients have other dimensions")
+    require(
+        result.specular.ndim == 2 and result.albedo.ndim == 1,
+        "Result's coefficients have other dimensions",
+    )
     require(np.isfinite(result.model_to_stage).all(), "Result.model_to_stage is not finite")
 
 
@@ -77,7 +95,10 @@ def read_person(folder: Path) -> None:
 
     person = Person.load(folder)
     check_dataclass(person)
-    require(person.identity.ndim == person.albedo.ndim == 1 and person.specular.ndim == 2, "Person has other shapes")
+    require(
+        person.identity.ndim == person.albedo.ndim == 1 and person.specular.ndim == 2,
+        "Person has other shapes",
+    )
 
 
 def read_landmarks(folder: Path) -> None:
@@ -180,7 +201,11 @@ def read_rig_file(folder: Path) -> None:
 
     rig = RigFile.load(folder / "rig.npz")
     check_dataclass(rig)
-    check({str(index): place for index, place in rig.known_points().items()}, dict[str, np.ndarray], "known points")
+    check(
+        {str(index): place for index, place in rig.known_points().items()},
+        dict[str, np.ndarray],
+        "known points",
+    )
 
 
 def read_any_json(folder: Path) -> None:

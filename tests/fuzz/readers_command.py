@@ -1,4 +1,6 @@
-"""Command lines: what is done with each input, and what stands in for what would compute for minutes."""
+"""Command lines: what is done with each input, and what stands in for what would compute for
+minutes.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,10 @@ def read_render(folder: Path) -> None:
 
     lights = _json_or_none(folder / "lights.json", "light file")
     weights = _json_or_none(folder / "weights.json", "weight file")
-    with mock.patch.object(relight, "render", stand_in), mock.patch.object(relight, "relit", stand_in):
+    with (
+        mock.patch.object(relight, "render", stand_in),
+        mock.patch.object(relight, "relit", stand_in),
+    ):
         relight.render_result(folder, folder / "out.png", lights, weights, None)
 
 
@@ -53,7 +58,9 @@ def run_command(folder: Path) -> None:
     """A command line in the input's folder; what would compute for minutes does nothing."""
     from facestage import cli
 
-    arguments = [str(item).replace("\0", "") for item in json.loads((folder / "arguments.argv").read_bytes())]
+    arguments = [
+        str(item).replace("\0", "") for item in json.loads((folder / "arguments.argv").read_bytes())
+    ]
     error, output = io.StringIO(), io.StringIO()
     before = Path.cwd()
     os.chdir(folder)
@@ -71,7 +78,10 @@ def run_command(folder: Path) -> None:
     require(code in (0, 2), f"the exit code is {code}")
     if code:
         sentence = error.getvalue()
-        require(sentence.startswith("facestage: ") and sentence.endswith("\n"), f"no sentence: {sentence!r:.200}")
+        require(
+            sentence.startswith("facestage: ") and sentence.endswith("\n"),
+            f"no sentence: {sentence!r:.200}",
+        )
         raise RefusedError(sentence[:-1])
 
 

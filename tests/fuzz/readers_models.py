@@ -18,7 +18,9 @@ from fuzz.readers import read_any_arrays
 
 
 def check_loaded(specification: str, folder: Path) -> None:
-    """The model as every command loads it, its conversion kept beside the input's folder as long as it is looked at."""
+    """The model as every command loads it, its conversion kept beside the input's folder as long as
+    it is looked at.
+    """
     from facestage.models.registry import load_model
 
     kept = folder.parent / "converted"
@@ -41,12 +43,23 @@ def read_face_model(folder: Path) -> None:
 
 def check_model(model: Any) -> None:
     check_dataclass(model)
-    require(len(model.expression_box) == len(model.expression_names), "expression_box and its names differ")
-    require(len(model.triangles) == len(model.triangle_uvs) == len(model.triangle_part), "triangles differ in number")
+    require(
+        len(model.expression_box) == len(model.expression_names),
+        "expression_box and its names differ",
+    )
+    require(
+        len(model.triangles) == len(model.triangle_uvs) == len(model.triangle_part),
+        "triangles differ in number",
+    )
     for scheme in model.landmarks:
         vertices, weights = model.landmark_vertices(scheme)
-        check_array(np.einsum("mk,mkc->mc", weights, model.vertices[vertices]), f"landmarks {scheme}")
-    check_array(model.shape(np.ones(len(model.identity_names)), np.ones(len(model.expression_names))), "a shape")
+        check_array(
+            np.einsum("mk,mkc->mc", weights, model.vertices[vertices]), f"landmarks {scheme}"
+        )
+    check_array(
+        model.shape(np.ones(len(model.identity_names)), np.ones(len(model.expression_names))),
+        "a shape",
+    )
     check_array(model.albedo(np.zeros(len(model.albedo_basis))), "an albedo")
 
 
@@ -108,9 +121,12 @@ def read_photo(folder: Path) -> None:
     check_dataclass(photo)
     size = photo.size[::-1]
     require(
-        photo.color.shape == photo.clipped.shape == (*size, 3) and photo.mask.shape == size, "a photo's shapes differ"
+        photo.color.shape == photo.clipped.shape == (*size, 3) and photo.mask.shape == size,
+        "a photo's shapes differ",
     )
-    require(photo.color.dtype == np.float32 and photo.color.min() >= 0, "a photo's colors are negative")
+    require(
+        photo.color.dtype == np.float32 and photo.color.min() >= 0, "a photo's colors are negative"
+    )
     require(photo.focal is None or photo.focal.focal_px > 0, "a photo's lens has no length")
 
 

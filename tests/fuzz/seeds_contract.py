@@ -1,4 +1,6 @@
-"""Valid inputs for the contract's readers and for what the backend keeps, written by the project's own writers."""
+"""Valid inputs for the contract's readers and for what the backend keeps, written by the project's
+own writers.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,10 @@ def written(write: Callable[[Path], object]) -> Case:
             for path in sorted(Path(folder).rglob("*"))
             if path.is_file()
         }
-    return {name: zip_bytes(zip_members(data)) if name.endswith(".npz") else data for name, data in case.items()}
+    return {
+        name: zip_bytes(zip_members(data)) if name.endswith(".npz") else data
+        for name, data in case.items()
+    }
 
 
 def numbers(seed: int, *shape: int) -> np.ndarray:
@@ -152,7 +157,10 @@ def person_folders() -> list[Case]:
 def landmark_files() -> list[Case]:
     plain = {"scheme": "ibug68", "points": landmarks().points.tolist()}
     mesh = {"scheme": "mediapipe478", "points": (numbers(1, 478, 2)).round(2).tolist()}
-    return [{"landmarks.json": json.dumps(data).encode()} for data in (landmarks().to_json(), plain, mesh)]
+    return [
+        {"landmarks.json": json.dumps(data).encode()}
+        for data in (landmarks().to_json(), plain, mesh)
+    ]
 
 
 def camera_files() -> list[Case]:
@@ -160,7 +168,11 @@ def camera_files() -> list[Case]:
 
 
 def event_lines() -> list[Case]:
-    events = (Event("started"), Event("progress", "light", 3, 0.1, 2.0, 3.0, 0.5, "a.png", "b"), Event("done"))
+    events = (
+        Event("started"),
+        Event("progress", "light", 3, 0.1, 2.0, 3.0, 0.5, "a.png", "b"),
+        Event("done"),
+    )
     return [{"line.json": event.to_line().encode()} for event in events]
 
 
@@ -186,7 +198,10 @@ def render_folders() -> list[Case]:
     """The same with the files that ``facestage render`` takes beside it."""
     lights = {"radiance": [[1.0, 0.5, 0.25]] * LIGHTS}
     weights = {"expression": {"jawOpen": 0.5}, "identity": {"wide": -1.0}}
-    extra = {"lights.json": json.dumps(lights).encode(), "weights.json": json.dumps(weights).encode()}
+    extra = {
+        "lights.json": json.dumps(lights).encode(),
+        "weights.json": json.dumps(weights).encode(),
+    }
     return [case | extra for case in relit_folders()]
 
 
@@ -197,7 +212,9 @@ def tiny_model() -> FaceModel:
 def small_default() -> FaceModel:
     """What stands for the default model: with the regions that are carried over from it."""
     model = synthetic_face(23, 23)
-    return replace(model, regions={**model.regions, "face": np.arange(len(model.vertices), dtype=np.int32)})
+    return replace(
+        model, regions={**model.regions, "face": np.arange(len(model.vertices), dtype=np.int32)}
+    )
 
 
 def rig() -> RigFile:
@@ -220,8 +237,17 @@ def rig() -> RigFile:
 
 
 def rig_files() -> list[Case]:
-    without = replace(rig(), identity_names=(), identity_offsets=np.zeros((0, 168, 3)), borrow_identity=True, marks={})
-    return [written(lambda folder, made=made: made.save(folder / "rig.npz")) for made in (rig(), without)]  # type: ignore[misc]
+    without = replace(
+        rig(),
+        identity_names=(),
+        identity_offsets=np.zeros((0, 168, 3)),
+        borrow_identity=True,
+        marks={},
+    )
+    return [
+        written(lambda folder, made=made: made.save(folder / "rig.npz"))  # type: ignore[misc]
+        for made in (rig(), without)
+    ]
 
 
 def face_models() -> list[Case]:
@@ -260,6 +286,11 @@ def any_json() -> list[Case]:
 
 
 def any_arrays() -> list[Case]:
-    arrays = {"a": np.arange(6.0).reshape(2, 3), "b/c": np.arange(3), "t": np.array("x"), "m": np.array([True, False])}
+    arrays = {
+        "a": np.arange(6.0).reshape(2, 3),
+        "b/c": np.arange(3),
+        "t": np.array("x"),
+        "m": np.array([True, False]),
+    }
     packed = written(lambda folder: np.savez(folder / "a.npz", **arrays))
     return [packed, {"a.npz": zip_bytes(zip_members(packed["a.npz"]), 8)}]

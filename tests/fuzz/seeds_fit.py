@@ -66,7 +66,11 @@ def checkpoint(step: int | None = 3) -> Checkpoint:
     """In the middle of a phase, or (None) before its first step."""
     memory = Memory(1.5, 0.1, rigid(3), np.array([True, False, True]), np.zeros((4, 5), bool))
     ledger = Ledger({"rays": Work(1.5, 20.0)}, {("resting lights", "rays"): 5.0})
-    within = None if step is None else Within(step, _state(), (1e-3, 2.0), np.array([False, False, True]))
+    within = (
+        None
+        if step is None
+        else Within(step, _state(), (1e-3, 2.0), np.array([False, False, True]))
+    )
     trace = [{"stage": "pose", "iteration": 1, "energy": 2.5}]
     return Checkpoint("fingerprint", 2, 12.5, _state(), _state(), memory, ledger, trace, within)
 
@@ -76,7 +80,9 @@ def checkpoints() -> list[Case]:
 
 
 def joint_checkpoints() -> list[Case]:
-    joint = JointCheckpoint((checkpoint(), checkpoint(None)), ("", "a"), (0.5, 2.0), (True, False), False)
+    joint = JointCheckpoint(
+        (checkpoint(), checkpoint(None)), ("", "a"), (0.5, 2.0), (True, False), False
+    )
     return [written(joint.save)]
 
 
@@ -84,7 +90,11 @@ def command_lines() -> list[Case]:
     """Every command, in a folder with a file of every kind that it may name."""
     from PIL import Image
 
-    folder: Case = {"photo.png": encoded(Image.fromarray(picture()), "PNG"), **face_models()[0], **rig_files()[0]}
+    folder: Case = {
+        "photo.png": encoded(Image.fromarray(picture()), "PNG"),
+        **face_models()[0],
+        **rig_files()[0],
+    }
     folder |= {f"job/{name}": data for name, data in job_folders()[0].items()}
     render = render_folders()[0]
     beside = ("lights.json", "weights.json")

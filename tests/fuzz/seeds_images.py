@@ -43,7 +43,15 @@ def exif_bytes(orientation: int = 6) -> bytes:
     exif[0x0112] = orientation
     exif[0x0110] = "Camera"
     exif.get_ifd(0x8769).update(
-        {0x920A: 50.0, 0xA405: 75, 0xA404: 1.5, 0xA002: WIDTH, 0xA003: HEIGHT, 0xA20E: 700.0, 0xA210: 3}
+        {
+            0x920A: 50.0,
+            0xA405: 75,
+            0xA404: 1.5,
+            0xA002: WIDTH,
+            0xA003: HEIGHT,
+            0xA20E: 700.0,
+            0xA210: 3,
+        }
     )
     return exif.tobytes()
 
@@ -111,8 +119,12 @@ def exr_photographs() -> list[Case]:
     for channels in (1, 3, 4):
         image = picture(channels).astype(np.float32) / 255
         images.append(exr(image))
-        images.append(exr(image, (*half, cv2.IMWRITE_EXR_COMPRESSION, cv2.IMWRITE_EXR_COMPRESSION_PIZ)))
-        images.append(exr(image, (*half, cv2.IMWRITE_EXR_COMPRESSION, cv2.IMWRITE_EXR_COMPRESSION_NO)))
+        images.append(
+            exr(image, (*half, cv2.IMWRITE_EXR_COMPRESSION, cv2.IMWRITE_EXR_COMPRESSION_PIZ))
+        )
+        images.append(
+            exr(image, (*half, cv2.IMWRITE_EXR_COMPRESSION, cv2.IMWRITE_EXR_COMPRESSION_NO))
+        )
     return [{"a.exr": data} for data in (*images, _with_chromaticities(images[5]))]
 
 
@@ -136,10 +148,17 @@ def profiles() -> list[Case]:
 
 def _grey_profile() -> bytes:
     """Grey with a table of 16 values: header, one tag, one curve."""
-    curve = b"curv" + bytes(4) + (16).to_bytes(4, "big") + np.linspace(0, 65535, 16).astype(">u2").tobytes()
+    curve = (
+        b"curv"
+        + bytes(4)
+        + (16).to_bytes(4, "big")
+        + np.linspace(0, 65535, 16).astype(">u2").tobytes()
+    )
     header = bytearray(128)
     header[12:24], header[36:40] = b"mntrGRAYXYZ ", b"acsp"
-    table = (1).to_bytes(4, "big") + b"kTRC" + (144).to_bytes(4, "big") + len(curve).to_bytes(4, "big")
+    table = (
+        (1).to_bytes(4, "big") + b"kTRC" + (144).to_bytes(4, "big") + len(curve).to_bytes(4, "big")
+    )
     return bytes(header) + table + curve
 
 

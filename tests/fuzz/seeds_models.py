@@ -50,9 +50,13 @@ def pickles() -> list[Case]:
 
 def flame_files() -> list[Case]:
     """A model of few vertices, which is read as a whole and refused for its shapes."""
-    arrays: dict[str, Any] = flame_arrays() | {"shapedirs": numbers(1, 4, 3, 2), "posedirs": numbers(2, 4, 3, 2)}
+    arrays: dict[str, Any] = flame_arrays() | {
+        "shapedirs": numbers(1, 4, 3, 2),
+        "posedirs": numbers(2, 4, 3, 2),
+    }
     small = {
-        name: value[:4] if isinstance(value, np.ndarray) and len(value) > 9 else value for name, value in arrays.items()
+        name: value[:4] if isinstance(value, np.ndarray) and len(value) > 9 else value
+        for name, value in arrays.items()
     }
     small["J_regressor"] = sparse.csc_matrix(numbers(3, 5, 4))
     dense: dict[str, Any] = {
@@ -67,9 +71,13 @@ def flame_files() -> list[Case]:
 
 
 def whole_flame() -> list[Case]:
-    """A model of the published size whose modes are zeros, with the landmarks and UVs that may lie beside it."""
+    """A model of the published size whose modes are zeros, with the landmarks and UVs that may lie
+    beside it.
+    """
     arrays: dict[str, Any] = flame_arrays()
-    dense = {name: np.asarray(arrays[name]) for name in ("v_template", "f", "weights", "kintree_table")}
+    dense = {
+        name: np.asarray(arrays[name]) for name in ("v_template", "f", "weights", "kintree_table")
+    }
     dense["J_regressor"] = arrays["J_regressor"].toarray()
     dense["v_template"] = dense["v_template"].astype(np.float32)
     dense["weights"] = dense["weights"].astype(np.float16)
@@ -95,7 +103,9 @@ def bfm_files() -> list[Case]:
 
 
 def mat_files() -> list[Case]:
-    """MATLAB files of the model of 2009, plain and compressed, that are read as a whole and refused for their size."""
+    """MATLAB files of the model of 2009, plain and compressed, that are read as a whole and refused
+    for their size.
+    """
     arrays = {
         "shapeMU": numbers(1, 30, 1),
         "shapePC": numbers(2, 30, 2),
@@ -112,7 +122,9 @@ def mat_files() -> list[Case]:
         stream = io.BytesIO()
         scipy.io.savemat(stream, content, do_compression=packed)
         # The first 116 bytes say when it was written.
-        made.append({"01_MorphableModel.mat": b"MATLAB 5.0 MAT-file".ljust(116) + stream.getvalue()[116:]})
+        made.append(
+            {"01_MorphableModel.mat": b"MATLAB 5.0 MAT-file".ljust(116) + stream.getvalue()[116:]}
+        )
     return made
 
 
@@ -133,7 +145,10 @@ def ict_files() -> list[Case]:
     random = np.random.default_rng(1)
     lines = [f"v {x:.3f} {y:.3f} {z:.3f}" for x, y, z in random.uniform(-9, 9, (ICT_VERTICES, 3))]
     lines += ["vt 0.1 0.2", "vt 0.3 0.4", "vt 0.5 0.9"]
-    lines += [f"f {k % 26000 + 1}/1 {k % 26000 + 2}/2 {k % 26000 + 3}/3 {k % 26000 + 4}/3" for k in range(ICT_POLYGONS)]
+    lines += [
+        f"f {k % 26000 + 1}/1 {k % 26000 + 2}/2 {k % 26000 + 3}/3 {k % 26000 + 4}/3"
+        for k in range(ICT_POLYGONS)
+    ]
     marks = json.dumps({"idx_to_landmark_verts": list(range(68))}).encode()
     short = b"v 1 2 3\nv 4 5 6\nvt 0.1 0.2\nf 1/1 2/1 1/1\n"
     top = "ICT/FaceXModel/"
@@ -156,7 +171,9 @@ def bombs() -> list[Case]:
     """Small files that unpack, or ask, for more memory than a reader may take."""
     header = io.BytesIO()
     shape = (BOMB << 17,)
-    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": shape}
+    )
     zeros = lzma.compress(bytes(300 << 20), preset=0)
     top = "ICT/FaceXModel/a.obj"
     info = tarfile.TarInfo(top)
@@ -169,7 +186,11 @@ def bombs() -> list[Case]:
         {"a.npz": zip_bytes([("a.npy", header.getvalue())])},
         {"a.npz": zip_bytes([("a.npy", asks + b"\xff\xff" + b" " * 65535)])},
         {"a.pkl": b"\x80\x04r\xff\xff\xff\x0f."},
-        {"a.pkl": b"\x80\x02]" + b"".join(b"q%c0](h%ch%ce" % (k, k, k) for k in range(1, 60)) + b"."},
+        {
+            "a.pkl": b"\x80\x02]"
+            + b"".join(b"q%c0](h%ch%ce" % (k, k, k) for k in range(1, 60))
+            + b"."
+        },
         {"a.h5": hdf5_of_nothing()},
         {"a.png": large_png(13_300)},
         {"a.png": large_png(16_000)},
@@ -182,9 +203,17 @@ def hdf5_of_nothing() -> bytes:
     stream = io.BytesIO()
     with h5py.File(stream, "w") as file:
         for group in ("shape", "color", "expression"):
-            for name, shape in (("mean", (750_000,)), ("pcaBasis", (750_000, 2000)), ("pcaVariance", (2000,))):
-                file.create_dataset(f"{group}/model/{name}", shape, "f4", chunks=True, fillvalue=1.0)
-        file.create_dataset("shape/representer/cells", (3, 2**33), "i4", chunks=(3, 2**20), fillvalue=1)
+            for name, shape in (
+                ("mean", (750_000,)),
+                ("pcaBasis", (750_000, 2000)),
+                ("pcaVariance", (2000,)),
+            ):
+                file.create_dataset(
+                    f"{group}/model/{name}", shape, "f4", chunks=True, fillvalue=1.0
+                )
+        file.create_dataset(
+            "shape/representer/cells", (3, 2**33), "i4", chunks=(3, 2**20), fillvalue=1
+        )
     return stream.getvalue()
 
 
@@ -196,12 +225,18 @@ def large_png(side: int) -> bytes:
 
 
 def geometry_messages() -> list[Case]:
-    """The protocol buffer of the landmark model's own face: 468 points on a grid that is its own mirror image."""
+    """The protocol buffer of the landmark model's own face: 468 points on a grid that is its own
+    mirror image.
+    """
     column, row = np.meshgrid(np.arange(18) - 8.5, np.arange(26))
-    points = np.stack([column, row, 0 * row, 0 * row, 0 * row], axis=-1).reshape(-1, 5).astype("<f4")
+    points = (
+        np.stack([column, row, 0 * row, 0 * row, 0 * row], axis=-1).reshape(-1, 5).astype("<f4")
+    )
     corner = (np.arange(25)[:, None] * 18 + np.arange(17)).ravel()
     triangles = np.stack([corner, corner + 1, corner + 18], axis=1).ravel()
-    mesh = _field(3, points.tobytes()) + b"".join(_varint(4 << 3) + _varint(int(value)) for value in triangles)
+    mesh = _field(3, points.tobytes()) + b"".join(
+        _varint(4 << 3) + _varint(int(value)) for value in triangles
+    )
     return [{"geometry.binarypb": _field(1, mesh)}]
 
 
@@ -209,7 +244,11 @@ def bundles() -> list[Case]:
     members = [("face_detector.tflite", b"TFL3"), ("face_landmarks_detector.tflite", b"TFL3")]
     geometry = geometry_messages()[0]["geometry.binarypb"]
     return [
-        {"face_landmarker.task": zip_bytes([*members, ("geometry_pipeline_metadata_landmarks.binarypb", geometry)])}
+        {
+            "face_landmarker.task": zip_bytes(
+                [*members, ("geometry_pipeline_metadata_landmarks.binarypb", geometry)]
+            )
+        }
     ]
 
 

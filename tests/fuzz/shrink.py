@@ -1,4 +1,6 @@
-"""The smallest input of a finding that simple means reach: fewer files, seeds in place of damage, shorter ones."""
+"""The smallest input of a finding that simple means reach: fewer files, seeds in place of damage,
+shorter ones.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,12 @@ from fuzz.pool import Hand, Outcome
 TRIES = 150
 
 
-def shrunk(hand: Hand, target: str, case: Case, found: Outcome, folder: Path, tries: int = TRIES) -> Case:
-    """A smaller case with the same signature as ``found``; after ``tries`` readings the best so far."""
+def shrunk(
+    hand: Hand, target: str, case: Case, found: Outcome, folder: Path, tries: int = TRIES
+) -> Case:
+    """A smaller case with the same signature as ``found``; after ``tries`` readings the best so
+    far.
+    """
     left = tries
 
     def same(candidate: Case) -> bool:
@@ -39,7 +45,9 @@ def _with(same: Callable[[Case], bool], others: Case, name: str, content: bytes)
 
 
 def _shorter(content: bytes, same: Callable[[bytes], bool]) -> bytes:
-    """``content`` without every chunk that may go, chunks halved from half of it down to single bytes."""
+    """``content`` without every chunk that may go, chunks halved from half of it down to single
+    bytes.
+    """
     size = len(content) // 2
     while size:
         start = 0

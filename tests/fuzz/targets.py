@@ -34,7 +34,10 @@ class Target:
 
     def case(self, seeds: list[Case], seed: int, number: int) -> Case | None:
         """Input ``number`` of the run ``seed``; None where its choices do not suffice."""
-        return choices_of(f"{self.name}/{seed}/{number}", lambda choose: damaged(choose, seeds, self.fixed, self.plain))
+        return choices_of(
+            f"{self.name}/{seed}/{number}",
+            lambda choose: damaged(choose, seeds, self.fixed, self.plain),
+        )
 
 
 def _target(
@@ -67,11 +70,30 @@ TARGETS = {
             120,
         ),
         _target("job", f"{CONTRACT}.job", seeds_contract.job_folders, readers.read_job, 90),
-        _target("result", f"{CONTRACT}.result", seeds_contract.result_folders, readers.read_result, 90),
-        _target("person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60),
-        _target("landmarks", f"{CONTRACT}.landmarks", seeds_contract.landmark_files, readers.read_landmarks, 50),
-        _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40),
-        _target("event", f"{CONTRACT}.events", seeds_contract.event_lines, readers.read_event, 40, plain=True),
+        _target(
+            "result", f"{CONTRACT}.result", seeds_contract.result_folders, readers.read_result, 90
+        ),
+        _target(
+            "person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60
+        ),
+        _target(
+            "landmarks",
+            f"{CONTRACT}.landmarks",
+            seeds_contract.landmark_files,
+            readers.read_landmarks,
+            50,
+        ),
+        _target(
+            "camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40
+        ),
+        _target(
+            "event",
+            f"{CONTRACT}.events",
+            seeds_contract.event_lines,
+            readers.read_event,
+            40,
+            plain=True,
+        ),
         _target(
             "relight",
             f"{CONTRACT}.relight_cache",
@@ -87,7 +109,9 @@ TARGETS = {
             command.read_render,
             30,
         ),
-        _target("rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50),
+        _target(
+            "rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50
+        ),
         _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 1),
         _target(
             "face-model",
@@ -96,9 +120,17 @@ TARGETS = {
             models.read_face_model,
             40,
         ),
-        _target("truth", "facestage.fit.given.truth", seeds_contract.truth_files, readers.read_truth, 40),
+        _target(
+            "truth", "facestage.fit.given.truth", seeds_contract.truth_files, readers.read_truth, 40
+        ),
         _target("memory", "facestage.native", seeds_contract.memories, readers.read_memory, 30),
-        _target("checkpoint", "facestage.fit.runs.checkpoint", seeds_fit.checkpoints, readers.read_checkpoint, 30),
+        _target(
+            "checkpoint",
+            "facestage.fit.runs.checkpoint",
+            seeds_fit.checkpoints,
+            readers.read_checkpoint,
+            30,
+        ),
         _target(
             "joint-checkpoint",
             "facestage.fit.runs.joint_checkpoint",
@@ -106,16 +138,38 @@ TARGETS = {
             readers.read_joint_checkpoint,
             20,
         ),
-        _target("pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100),
+        _target(
+            "pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100
+        ),
         _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
-        _target("flame-whole", f"{MODELS}.flame {MODELS}.embedding", seeds_models.whole_flame, models.read_flame, 1),
         _target(
-            "bfm", f"{MODELS}.bfm {MODELS}.hdf5_file facestage.in_child", seeds_models.bfm_files, models.read_bfm, 6
+            "flame-whole",
+            f"{MODELS}.flame {MODELS}.embedding",
+            seeds_models.whole_flame,
+            models.read_flame,
+            1,
         ),
         _target(
-            "bfm-mat", f"{MODELS}.bfm {MODELS}.mat_file facestage.in_child", seeds_models.mat_files, models.read_bfm, 8
+            "bfm",
+            f"{MODELS}.bfm {MODELS}.hdf5_file facestage.in_child",
+            seeds_models.bfm_files,
+            models.read_bfm,
+            6,
         ),
-        _target("gnm", f"{MODELS}.gnm {MODELS}.published_file", seeds_models.gnm_files, models.read_gnm, 4),
+        _target(
+            "bfm-mat",
+            f"{MODELS}.bfm {MODELS}.mat_file facestage.in_child",
+            seeds_models.mat_files,
+            models.read_bfm,
+            8,
+        ),
+        _target(
+            "gnm",
+            f"{MODELS}.gnm {MODELS}.published_file",
+            seeds_models.gnm_files,
+            models.read_gnm,
+            4,
+        ),
         _target(
             "ict",
             f"{MODELS}.ict {MODELS}.obj_text {MODELS}.published_archive",
@@ -124,7 +178,9 @@ TARGETS = {
             8,
         ),
         _target("bomb", "", seeds_models.bombs, models.read_bomb, 1, warm=False),
-        _target("bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10),
+        _target(
+            "bundle", "facestage.landmarks.model_file", seeds_models.bundles, models.read_bundle, 10
+        ),
         _target(
             "geometry",
             "facestage.landmarks.canonical",
@@ -150,7 +206,9 @@ TARGETS = {
             refusals=(ValueError,),
             plain=True,
         ),
-        _target("exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True),
+        _target(
+            "exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True
+        ),
         _target(
             "command",
             "facestage.cli facestage.cli.render facestage.cli.streams",

@@ -1,4 +1,6 @@
-"""The fuzzer itself: it finds every fault that is planted, repeats an input by its number, and shrinks."""
+"""The fuzzer itself: it finds every fault that is planted, repeats an input by its number, and
+shrinks.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,11 @@ def outcomes(hand: Hand, target: str, count: int = 1) -> list[Outcome]:
 @pytest.mark.parametrize("name", [name for name, kind in planted.KINDS.items() if kind])
 def test_every_planted_fault_is_found(hand: Hand, name: str) -> None:
     # Of the inputs for "traceback" some hold the byte that it stumbles over.
-    found = [one for one in outcomes(hand, name, 40 if name == "traceback" else 1) if one.verdict == FINDING]
+    found = [
+        one
+        for one in outcomes(hand, name, 40 if name == "traceback" else 1)
+        if one.verdict == FINDING
+    ]
     assert found and {one.kind for one in found} == {planted.KINDS[name]}
 
 
@@ -65,12 +71,21 @@ def test_an_input_is_known_by_its_number(name: str) -> None:
 
 
 def test_a_case_survives_being_kept(tmp_path: Path) -> None:
-    case: Case = {"a/b.json": b"{}", "c": b"", f"d{FIFO}": b"", f"e{ENDLESS}": b"", f"f{FOLDER}": b"", f"g{LOOP}": b""}
+    case: Case = {
+        "a/b.json": b"{}",
+        "c": b"",
+        f"d{FIFO}": b"",
+        f"e{ENDLESS}": b"",
+        f"f{FOLDER}": b"",
+        f"g{LOOP}": b"",
+    }
     keep(case, tmp_path / "kept")
     assert read_back(tmp_path / "kept") == case
     lay_out(case, tmp_path / "laid")
     assert (tmp_path / "laid/d").is_fifo() and (tmp_path / "laid/f").is_dir()
-    assert (tmp_path / "laid/e").readlink() == Path("/dev/zero") and (tmp_path / "laid/g").is_symlink()
+    assert (tmp_path / "laid/e").readlink() == Path("/dev/zero") and (
+        tmp_path / "laid/g"
+    ).is_symlink()
 
 
 def test_findings_of_one_cause_are_told_once() -> None:

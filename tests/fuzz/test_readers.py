@@ -77,7 +77,9 @@ def test_a_short_run_over_every_reader_finds_nothing(tmp_path: Path) -> None:
     plan = {name: range(count) for name, count in counts(INPUTS).items()}
     campaign.run(plan, SEED, JOBS, tmp_path, print)
     assert set(campaign.tallies) == set(TARGETS)
-    assert not campaign.findings, "\n".join(described(outcome) for outcome in campaign.findings.values())
+    assert not campaign.findings, "\n".join(
+        described(outcome) for outcome in campaign.findings.values()
+    )
     # Damage that everything refuses, or nothing, tests nothing.
     for name in ("job", "result", "person", "camera", "photo", "pickle", "arrays", "face-model"):
         tally = campaign.tallies[name]
@@ -93,8 +95,14 @@ def test_every_module_that_reads_is_in_the_table(repository: Path) -> None:
         if calls:
             parts = path.relative_to(backend).with_suffix("").parts
             reading[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = sorted(calls)
-    unknown = {name: calls for name, calls in reading.items() if name not in covered and name not in OWN_FILES}
-    assert not unknown, "give each a target in tests/fuzz/targets.py, or say in OWN_FILES why it needs none"
+    unknown = {
+        name: calls
+        for name, calls in reading.items()
+        if name not in covered and name not in OWN_FILES
+    }
+    assert not unknown, (
+        "give each a target in tests/fuzz/targets.py, or say in OWN_FILES why it needs none"
+    )
     assert not set(OWN_FILES) - set(reading), "a module of OWN_FILES reads no file"
 
 

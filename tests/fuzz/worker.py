@@ -1,7 +1,10 @@
-"""The process that reads damaged inputs, and may die of one: told by lines of JSON what to read, answers with such.
+"""The process that reads damaged inputs, and may die of one: told by lines of JSON what to read,
+answers with such.
 
-In:  {"target", "seed", "numbers": [...]}, or {"target", "folder"} for an input that lies in a folder.
-Out: one line for each input: {"number", "verdict", "kind", "where", "text", "ms", "mib"}; then {"end": true}.
+In:  {"target", "seed", "numbers": [...]}, or {"target", "folder"} for an input that lies in a
+folder.
+Out: one line for each input: {"number", "verdict", "kind", "where", "text", "ms", "mib"}; then
+{"end": true}.
 """
 
 from __future__ import annotations
@@ -33,7 +36,9 @@ WARM_UP = 2
 
 
 class Worker:
-    """``home`` holds this worker's folder of the input, and what is printed where nobody should print."""
+    """``home`` holds this worker's folder of the input, and what is printed where nobody should
+    print.
+    """
 
     def __init__(self, home: Path, seeds: Path, targets: dict[str, Any]) -> None:
         self.home, self.seeds_folder, self.targets = home, seeds, targets
@@ -67,7 +72,9 @@ class Worker:
         self.answers.flush()
 
     def seeds(self, target: Any) -> list[Case]:
-        """The target's seeds, made by whoever needs them first; the first ones are read, so that imports are done."""
+        """The target's seeds, made by whoever needs them first; the first ones are read, so that
+        imports are done.
+        """
         if target.name not in self.loaded:
             path = self.seeds_folder / f"{target.name}.pickle"
             if path.is_file():
@@ -108,7 +115,11 @@ class Worker:
         sys.stdout.flush()
         sys.stderr.flush()
         noise = os.pread(self.noise, 400, 0).decode("utf-8", "replace")
-        shown = [item for item in warned if not issubclass(item.category, (DeprecationWarning, ResourceWarning))]
+        shown = [
+            item
+            for item in warned
+            if not issubclass(item.category, (DeprecationWarning, ResourceWarning))
+        ]
         if verdict["verdict"] != FINDING:
             if max(mebibytes, children) > MEMORY_LIMIT / 2**20:
                 verdict = _finding("memory", "", f"{max(mebibytes, children):.0f} MiB")
@@ -117,7 +128,9 @@ class Worker:
             elif shown:
                 first = shown[0]
                 place = f"{Path(first.filename).name}:{first.category.__name__}"
-                verdict = _finding("warning", place, f"{first.filename}:{first.lineno}: {first.message}")
+                verdict = _finding(
+                    "warning", place, f"{first.filename}:{first.lineno}: {first.message}"
+                )
         return verdict | {"ms": round(milliseconds, 1), "mib": round(mebibytes, 1)}
 
 
@@ -134,7 +147,11 @@ def _judged(target: Any, folder: Path) -> dict[str, Any]:
             return _finding("sentence", f"{problem} {_where(error)}", str(error)[:500])
         return {"verdict": REFUSED}
     except InconsistentError as error:
-        return _finding("inconsistent", re.split(" (?:is|has|holds|refers|and) ", str(error))[0][:60], str(error)[:500])
+        return _finding(
+            "inconsistent",
+            re.split(" (?:is|has|holds|refers|and) ", str(error))[0][:60],
+            str(error)[:500],
+        )
     # Whatever else is raised is what this looks for.
     except BaseException as error:  # noqa: BLE001
         text = "".join(traceback.format_exception(error, limit=-6))

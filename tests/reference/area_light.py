@@ -1,4 +1,6 @@
-"""Direct light of square area lights: the sum over given sample points, and the integral over a fine grid."""
+"""Direct light of square area lights: the sum over given sample points, and the integral over a
+fine grid.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ MIN_VIEW_COSINE = 1e-3  # the model ends at grazing view
 
 
 def tea(key: np.ndarray, salt: np.ndarray, rounds: int = 4) -> np.ndarray:
-    """Numbers in [0, 1) by the Tiny Encryption Algorithm (Zafar et al. 2010), 23 bits as a float32 keeps."""
+    """Numbers in [0, 1) by the Tiny Encryption Algorithm (Zafar et al. 2010), 23 bits as a float32
+    keeps.
+    """
     mask = 0xFFFFFFFF
     first, second, total = key & mask, salt & mask, 0
     for _ in range(rounds):
@@ -25,7 +29,9 @@ def tea(key: np.ndarray, salt: np.ndarray, rounds: int = 4) -> np.ndarray:
 
 
 def lattice(points: int, lights: int, samples: int, seed: int) -> np.ndarray:
-    """(points, lights, samples, 2) positions in the unit square: Roberts' R2 sequence, shifted per point and light."""
+    """(points, lights, samples, 2) positions in the unit square: Roberts' R2 sequence, shifted per
+    point and light.
+    """
     return keyed_lattice(np.arange(points), lights, samples, seed)
 
 
@@ -55,10 +61,12 @@ def direct_light(
     start: np.ndarray | None = None,
     mesh: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Diffuse and specular integrals (points, lights) at unit radiance over the sample positions ``square``.
+    """Diffuse and specular integrals (points, lights) at unit radiance over the sample positions
+    ``square``.
 
-    ``start`` (points, 3) is where shadow rays begin and ``mesh`` (vertices, triangles) what they may hit.
-    """  # fmt: skip
+    ``start`` (points, 3) is where shadow rays begin and ``mesh`` (vertices, triangles) what they
+    may hit.
+    """
     diffuse, specular = np.zeros(square.shape[:2]), np.zeros(square.shape[:2])
     grazing = np.maximum(dot(normals, views), MIN_VIEW_COSINE)
     for light in range(len(stage)):
@@ -73,9 +81,14 @@ def direct_light(
             seen = (cosine > 0) & (nl > 0)
             if mesh is not None and start is not None and seen.any():
                 seen[seen] = ~occluded(start[seen], target[seen], *mesh)
-            weight = np.where(seen, stage.side[light] ** 2 / square.shape[2] * cosine / dot(offset, offset), 0.0)
+            weight = np.where(
+                seen, stage.side[light] ** 2 / square.shape[2] * cosine / dot(offset, offset), 0.0
+            )
             diffuse[:, light] += weight * np.maximum(nl, 0)
-            # Tilt the view to the clamped cosine only where it is clamped: elsewhere this is the plain formula.
+            # Tilt the view to the clamped cosine only where it is clamped: elsewhere this is the
+            # plain formula.
             lobe = cook_torrance(normals, direction, views, roughness)
-            specular[:, light] += weight * np.where(grazing > MIN_VIEW_COSINE, lobe * np.maximum(nl, 0), 0.0)
+            specular[:, light] += weight * np.where(
+                grazing > MIN_VIEW_COSINE, lobe * np.maximum(nl, 0), 0.0
+            )
     return diffuse, specular

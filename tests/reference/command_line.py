@@ -21,11 +21,17 @@ QUICK = ("--freeze", "specular", "albedo", "roughness", "--lights", "4", "--devi
 PATIENCE = 240  # seconds until a process counts as hung
 
 
-def start(*arguments: str | Path, warnings: str = "error::ResourceWarning") -> subprocess.Popen[str]:
+def start(
+    *arguments: str | Path, warnings: str = "error::ResourceWarning"
+) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "facestage.cli", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONWARNINGS": warnings},
-    )  # fmt: skip
+        [sys.executable, "-m", "facestage.cli", *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONWARNINGS": warnings},
+    )
 
 
 def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -38,8 +44,19 @@ def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def fit_arguments(case: Case, out: Path, extra: Sequence[str | Path] = QUICK) -> list[str | Path]:
-    return ["fit", case.photo, "--landmarks", case.landmarks, "--camera", case.camera, "--model", case.model_option,
-            "--out", out, *extra]  # fmt: skip
+    return [
+        "fit",
+        case.photo,
+        "--landmarks",
+        case.landmarks,
+        "--camera",
+        case.camera,
+        "--model",
+        case.model_option,
+        "--out",
+        out,
+        *extra,
+    ]
 
 
 def events_of(out: str) -> list[Event]:
@@ -53,7 +70,11 @@ def one_sentence(text: str) -> str:
     assert "Traceback" not in text, text
     lines = text.splitlines()
     assert len(lines) == 1, text
-    assert lines[0].startswith("facestage: ") and len(lines[0]) > 30 and lines[0].rstrip().endswith((".", "?", "]"))
+    assert (
+        lines[0].startswith("facestage: ")
+        and len(lines[0]) > 30
+        and lines[0].rstrip().endswith((".", "?", "]"))
+    )
     return lines[0]
 
 

@@ -36,19 +36,30 @@ def schlick(cos_d: np.ndarray) -> np.ndarray:
     return F0 + (1 - F0) * (1 - cos_d) ** 5
 
 
-def cook_torrance(normal: np.ndarray, light: np.ndarray, view: np.ndarray, roughness: float) -> np.ndarray:
+def cook_torrance(
+    normal: np.ndarray, light: np.ndarray, view: np.ndarray, roughness: float
+) -> np.ndarray:
     """D G F / (4 (n.l)(n.v)) for unit vectors; alpha = roughness^2. Zero below the surface."""
     alpha = roughness**2
     cos_l, cos_v = dot(normal, light), dot(normal, view)
     half = normalize(np.asarray(light) + np.asarray(view))
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = ggx(dot(normal, half), alpha) * smith(cos_l, cos_v, alpha) * schlick(dot(view, half))
+        value = (
+            ggx(dot(normal, half), alpha) * smith(cos_l, cos_v, alpha) * schlick(dot(view, half))
+        )
         value = value / (4 * cos_l * cos_v)
     return np.where((cos_l > 0) & (cos_v > 0), value, 0.0)
 
 
 def skin(
-    normal: np.ndarray, light: np.ndarray, view: np.ndarray, albedo: float, c_spec: float, roughness: float
+    normal: np.ndarray,
+    light: np.ndarray,
+    view: np.ndarray,
+    albedo: float,
+    c_spec: float,
+    roughness: float,
 ) -> np.ndarray:
     """The whole reflectance f of the design, per channel of a grey albedo."""
-    return K_DIFFUSE * albedo / np.pi + K_SPECULAR * c_spec * cook_torrance(normal, light, view, roughness)
+    return K_DIFFUSE * albedo / np.pi + K_SPECULAR * c_spec * cook_torrance(
+        normal, light, view, roughness
+    )

@@ -1,4 +1,6 @@
-"""The least squares of one photo or several with every row written out: slow, and obviously right."""
+"""The least squares of one photo or several with every row written out: slow, and obviously
+right.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from facestage.fit.stages.stage import Stage
 
 @dataclass(frozen=True)
 class Rows:
-    """Residuals r (m,), their derivatives J (m, size) and weights w (m,) of an energy 0.5 sum w r^2."""
+    """Residuals r (m,), their derivatives J (m, size) and weights w (m,) of an energy 0.5 sum w
+    r^2.
+    """
 
     jacobian: np.ndarray
     residual: np.ndarray
@@ -37,7 +41,9 @@ def written_out(jacobian: Jacobian, layout: Layout, pixels: int) -> np.ndarray:
             "cbn,ncp->bcp", block.lights.astype(float), jacobian.light_jacobian
         )
         if block.texels is not None:
-            rows[:, :, layout.slices["specular"]] = block.gloss[..., None] * block.texels.toarray()[:, None]
+            rows[:, :, layout.slices["specular"]] = (
+                block.gloss[..., None] * block.texels.toarray()[:, None]
+            )
     return result.reshape(-1, layout.size)
 
 
@@ -49,15 +55,19 @@ def data_rows(stage: Stage, state: State, seed: int) -> Rows:
     placed = energy.landmarks.at(state)
     residual = placed.residuals(state)
     landmarks = Rows(
-        placed.jacobian(state, layout), residual, energy.weights.landmarks * placed.robust_weights(residual)
-    )  # fmt: skip
+        placed.jacobian(state, layout),
+        residual,
+        energy.weights.landmarks * placed.robust_weights(residual),
+    )
     evaluation = photo.evaluate(state, energy.stage, seed, everything=True)
     y, x = photo.index(evaluation.image.surface)
     weights = photo.weights(evaluation, photo.noise(evaluation), energy.weights.photo)[y, x]
     jacobian = Jacobian(photo.forward, state, evaluation.image, layout, stage.active)
     pixels = Rows(
-        written_out(jacobian, layout, len(weights)), evaluation.residual[y, x].ravel(), np.repeat(weights, 3)
-    )  # fmt: skip
+        written_out(jacobian, layout, len(weights)),
+        evaluation.residual[y, x].ravel(),
+        np.repeat(weights, 3),
+    )
     return stacked([landmarks, pixels])
 
 
@@ -78,13 +88,16 @@ def prior_rows(stage: Stage, state: State, blocks: Sequence[str]) -> Rows:
 def stacked(rows: Sequence[Rows]) -> Rows:
     """All rows, one below the other."""
     return Rows(
-        np.concatenate([one.jacobian for one in rows]), np.concatenate([one.residual for one in rows]),
+        np.concatenate([one.jacobian for one in rows]),
+        np.concatenate([one.residual for one in rows]),
         np.concatenate([one.weights for one in rows]),
-    )  # fmt: skip
+    )
 
 
 def side_by_side(rows: Sequence[Rows], layouts: Sequence[Layout], shared: Sequence[str]) -> Rows:
-    """The rows of several photos over [shared blocks | the first's own | the second's own | ...], blocks in order."""
+    """The rows of several photos over [shared blocks | the first's own | the second's own | ...],
+    blocks in order.
+    """
 
     def width(layout: Layout, names: Sequence[str]) -> int:
         return sum(layout.slices[name].stop - layout.slices[name].start for name in names)

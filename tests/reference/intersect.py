@@ -8,7 +8,9 @@ import numpy as np
 def intersections(
     origin: np.ndarray, directions: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance (P, t), infinite where missed, and barycentric u, v (P, t) of every ray and triangle."""
+    """Distance (P, t), infinite where missed, and barycentric u, v (P, t) of every ray and
+    triangle.
+    """
     origin = np.broadcast_to(origin, directions.shape).astype(float)[:, None]
     directions = directions.astype(float)[:, None]
     a, b, c = (vertices.astype(float)[triangles[:, corner]][None] for corner in range(3))
@@ -38,7 +40,9 @@ def first_hits(
     return np.where(found, nearest, -1), np.stack([1 - u - v, u, v], 1), distance[row, nearest]
 
 
-def occluded(start: np.ndarray, target: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def occluded(
+    start: np.ndarray, target: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> np.ndarray:
     """(P,) bool: whether any triangle lies between ``start`` (P, 3) and ``target`` (P, 3)."""
     offset = target - start
     length = np.linalg.norm(offset, axis=1)

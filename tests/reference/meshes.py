@@ -28,14 +28,18 @@ class Mesh:
 
 def plane(height: float = -0.1, half: float = 0.3) -> Mesh:
     """A square facing +Z."""
-    corners = np.array([[-half, -half, height], [half, -half, height], [half, half, height], [-half, half, height]])
+    corners = np.array(
+        [[-half, -half, height], [half, -half, height], [half, half, height], [-half, half, height]]
+    )
     return Mesh(np.float32(corners).astype(float), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def box(centre: tuple[float, float, float], half: float) -> Mesh:
     """An axis-aligned cube."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    faces = np.array(
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    )
     triangles = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     return Mesh(np.float32(np.array(centre) + half * signs).astype(float), triangles)
 
@@ -45,11 +49,16 @@ def sphere(radius: float = 0.07, rows: int = 12, columns: int = 18) -> Mesh:
     theta = np.linspace(0.02, np.pi - 0.02, rows)[:, None]
     phi = 2 * np.pi * np.arange(columns)[None] / columns
     points = np.stack(
-        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1
+        np.broadcast_arrays(
+            np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        ),
+        axis=-1,
     )
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns)).ravel()
     b = (np.arange(rows - 1)[:, None] * columns + (np.arange(columns) + 1) % columns).ravel()
-    triangles = np.concatenate([np.stack([a, a + columns, b], 1), np.stack([b, a + columns, b + columns], 1)])
+    triangles = np.concatenate(
+        [np.stack([a, a + columns, b], 1), np.stack([b, a + columns, b + columns], 1)]
+    )
     return Mesh(np.float32(radius * points.reshape(-1, 3)).astype(float), triangles)
 
 
@@ -68,7 +77,12 @@ def stage_at(position: ArrayLike, side: float, radiance: float = 1.0) -> LightSt
     axis = normalize(np.cross(direction, [0.3, 1.0, 0.2]))
     count = len(position)
     return LightStage(
-        position, direction, axis, np.full(count, side), np.full((count, 3), radiance), np.full(count, ON)
+        position,
+        direction,
+        axis,
+        np.full(count, side),
+        np.full((count, 3), radiance),
+        np.full(count, ON),
     )
 
 
@@ -86,7 +100,9 @@ class Points:
 def seen_points(
     mesh: Mesh, side: int, eye: tuple[float, float, float] = (0.05, -0.08, 0.6), width: float = 0.45
 ) -> Points:
-    """What a ``side`` x ``side`` image sees of the mesh, by brute force; shading normals lean 0.2 rad off."""
+    """What a ``side`` x ``side`` image sees of the mesh, by brute force; shading normals lean 0.2
+    rad off.
+    """
     centre = (np.arange(side) + 0.5) / side - 0.5
     x, y = np.meshgrid(width * centre, -width * centre)
     target = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1)
@@ -100,6 +116,9 @@ def seen_points(
     facing *= -np.sign((facing * rays).sum(1, keepdims=True))
     lean = 0.2 * np.random.default_rng(5).uniform(-1, 1, facing.shape)
     return Points(
-        np.float32(points).astype(float), np.float32(normalize(facing + lean)).astype(float),
-        np.float32(facing).astype(float), np.float32(-rays).astype(float), triangle,
-    )  # fmt: skip
+        np.float32(points).astype(float),
+        np.float32(normalize(facing + lean)).astype(float),
+        np.float32(facing).astype(float),
+        np.float32(-rays).astype(float),
+        triangle,
+    )

@@ -1,4 +1,6 @@
-"""Any face model before a camera under a few lights: its picture, and a photo with landmarks for a small fit."""
+"""Any face model before a camera under a few lights: its picture, and a photo with landmarks for a
+small fit.
+"""
 
 from __future__ import annotations
 
@@ -25,21 +27,33 @@ RADIANCE = np.array([[9, 8, 7], [2, 2, 3], [6, 7, 8], [1, 1, 1], [3, 2, 2], [4, 
 
 
 def fewer_modes(model: FaceModel, identity: int, expressions: tuple[str, ...]) -> FaceModel:
-    """The model with its first identity modes, the named expressions and eight colors: quick to fit."""
+    """The model with its first identity modes, the named expressions and eight colors: quick to
+    fit.
+    """
     rows = [model.expression_names.index(name) for name in expressions]
     return replace(
-        model, identity_names=model.identity_names[:identity], identity_basis=model.identity_basis[:identity],
-        expression_names=expressions, expression_basis=model.expression_basis[rows],
+        model,
+        identity_names=model.identity_names[:identity],
+        identity_basis=model.identity_basis[:identity],
+        expression_names=expressions,
+        expression_basis=model.expression_basis[rows],
         expression_prior=tuple("box" if box else "gaussian" for box in model.expression_box[rows]),
         albedo_basis=model.albedo_basis[:8],
-    )  # fmt: skip
+    )
 
 
 def model_scene(
-    model: FaceModel, side: int = 96, yaw: float = 0.2, identity: np.ndarray | None = None,
-    expression: np.ndarray | dict[str, float] | None = None, distance: float = 0.6, zoom: float = 1.0,
-) -> Scene:  # fmt: skip
-    """The model turned by ``yaw`` radians, ``distance`` m from the camera; the face fills half of it at ``zoom`` 1."""
+    model: FaceModel,
+    side: int = 96,
+    yaw: float = 0.2,
+    identity: np.ndarray | None = None,
+    expression: np.ndarray | dict[str, float] | None = None,
+    distance: float = 0.6,
+    zoom: float = 1.0,
+) -> Scene:
+    """The model turned by ``yaw`` radians, ``distance`` m from the camera; the face fills half of
+    it at ``zoom`` 1.
+    """
     weights = np.zeros(len(model.expression_names))
     if isinstance(expression, dict):
         for name, weight in expression.items():
@@ -53,12 +67,17 @@ def model_scene(
     matrix = np.eye(4)
     matrix[:3, 3] = translation
     state = State(
-        rotation=Rotation.from_rotvec([0.06, yaw, -0.03]).as_matrix(), translation=translation,
+        rotation=Rotation.from_rotvec([0.06, yaw, -0.03]).as_matrix(),
+        translation=translation,
         camera=Camera(side, side, zoom * 2.0 * side * distance / 0.6, (0.5 * side, 0.5 * side)),
-        identity=np.zeros(len(model.identity_names)) if identity is None else identity, expression=weights,
-        lights=lights.from_radiance(RADIANCE), light_position=np.zeros((len(RADIANCE), 2)),
-        albedo=np.zeros(len(model.albedo_basis)), roughness=0.4, specular=np.full((8, 8), 0.7),
-    )  # fmt: skip
+        identity=np.zeros(len(model.identity_names)) if identity is None else identity,
+        expression=weights,
+        lights=lights.from_radiance(RADIANCE),
+        light_position=np.zeros((len(RADIANCE), 2)),
+        albedo=np.zeros(len(model.albedo_basis)),
+        roughness=0.4,
+        specular=np.full((8, 8), 0.7),
+    )
     stage = fibonacci_stage(len(RADIANCE), radius=0.8).transformed(matrix).with_radiance(RADIANCE)
     return Scene(model, geometry, lights, stage, ForwardModel(geometry, lights), state)
 
@@ -71,12 +90,18 @@ def projected_landmarks(scene: Scene) -> Landmarks:
 
 
 def fit_error(folder: Path, scene: Scene) -> tuple[float, Result]:
-    """Mean distance (m) of a quick fit to the scene's own picture over the narrow face, similarity-aligned; the fit."""
+    """Mean distance (m) of a quick fit to the scene's own picture over the narrow face,
+    similarity-aligned; the fit.
+    """
     from facestage.fit.given.metrics import aligned_distance
     from facestage.fit.result.run import fit_job
 
     scene.model.save(folder / "model.npz")
-    job = replace(landmark_job(folder, scene, f"npz:{folder / 'model.npz'}"), quality="draft", budget_seconds=6.0)
+    job = replace(
+        landmark_job(folder, scene, f"npz:{folder / 'model.npz'}"),
+        quality="draft",
+        budget_seconds=6.0,
+    )
     result = fit_job(job, folder / "result")
     narrow = scene.model.regions["narrow_face"]
     truth = scene.forward.pose(scene.state)[1][narrow]
@@ -91,8 +116,13 @@ def landmark_job(folder: Path, scene: Scene, specification: str) -> Job:
 
     color, _ = scene.render(samples=16)
     color = 0.75 * color / color.max()
-    Image.fromarray(np.round(255 * linear_to_srgb(color)).astype(np.uint8)).save(folder / "photo.png")
+    Image.fromarray(np.round(255 * linear_to_srgb(color)).astype(np.uint8)).save(
+        folder / "photo.png"
+    )
     return Job(
-        image=folder / "photo.png", model=specification, landmarks=projected_landmarks(scene),
-        camera=scene.state.camera, stage=fibonacci_stage(6),
-    )  # fmt: skip
+        image=folder / "photo.png",
+        model=specification,
+        landmarks=projected_landmarks(scene),
+        camera=scene.state.camera,
+        stage=fibonacci_stage(6),
+    )

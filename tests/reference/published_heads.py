@@ -1,6 +1,8 @@
-"""Heads with the vertex counts that FLAME, the Basel Face Model and GNM publish, without their data.
+"""Heads with the vertex counts that FLAME, the Basel Face Model and GNM publish, without their
+data.
 
-The surface is the default head seen from a point inside it, so that a picture of one looks like a face.
+The surface is the default head seen from a point inside it, so that a picture of one looks like a
+face.
 """
 
 from __future__ import annotations
@@ -73,16 +75,23 @@ def head(count: int, ring: int = 0) -> Head:
         # Nothing lies below the neck's ring.
         low = -0.80
         directions[:, 1] = np.where(
-            directions[:, 1] < low + 0.03, low + 0.03 + 0.9 * (directions[:, 1] - low), directions[:, 1]
+            directions[:, 1] < low + 0.03,
+            low + 0.03 + 0.9 * (directions[:, 1] - low),
+            directions[:, 1],
         )
-        directions[:, 1] = np.maximum(directions[:, 1], low + 0.02 + 1e-3 * np.arange(count - ring) / count)
+        directions[:, 1] = np.maximum(
+            directions[:, 1], low + 0.02 + 1e-3 * np.arange(count - ring) / count
+        )
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         keep = directions[:, 1] > low + 0.005
         directions[~keep] = _fibonacci(3 * count)[: (~keep).sum()]
         turn = 2 * np.pi * np.arange(ring) / ring
         across = np.sqrt(1 - low**2)
         directions = np.concatenate(
-            [directions, np.stack([across * np.sin(turn), np.full(ring, low), across * np.cos(turn)], 1)]
+            [
+                directions,
+                np.stack([across * np.sin(turn), np.full(ring, low), across * np.cos(turn)], 1),
+            ]
         )
     hull = ConvexHull(directions, qhull_options="Qt").simplices
     if ring:
@@ -129,7 +138,9 @@ def ball(count: int, radius: float, centre: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def smooth_modes(vertices: np.ndarray, count: int, size: float, seed: int) -> np.ndarray:
-    """(count, n, 3) m, smooth displacement fields that fall off like the modes of a statistical model."""
+    """(count, n, 3) m, smooth displacement fields that fall off like the modes of a statistical
+    model.
+    """
     random = np.random.default_rng(seed)
     span = np.ptp(vertices, axis=0).max()
     result = np.empty((count, len(vertices), 3), np.float32)

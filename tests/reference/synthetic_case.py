@@ -31,7 +31,12 @@ def write_case(folder: Path, scene: Scene, noise_px: float = 0.4) -> Case:
     """Photo as 8-bit PNG, noisy landmarks, camera, model and truth."""
     from PIL import Image
 
-    case = Case(*(folder / name for name in ("photo.png", "landmarks.json", "camera.json", "model.npz", "truth.npz")))
+    case = Case(
+        *(
+            folder / name
+            for name in ("photo.png", "landmarks.json", "camera.json", "model.npz", "truth.npz")
+        )
+    )
     color, _ = scene.render(samples=64)
     color = 0.75 * color / color.max()
     Image.fromarray(np.round(255 * linear_to_srgb(color)).astype(np.uint8)).save(case.photo)

@@ -1,4 +1,6 @@
-"""A face-like model small enough for brute force: a bumpy half ellipsoid with UVs, modes and 68 landmarks."""
+"""A face-like model small enough for brute force: a bumpy half ellipsoid with UVs, modes and 68
+landmarks.
+"""
 
 from __future__ import annotations
 
@@ -20,45 +22,72 @@ def synthetic_face(rows: int = 23, columns: int = 23, expression_prior: str = "b
     u, v = u.ravel(), v.ravel()
     longitude, latitude = 1.6 * u, 1.2 * v
     outward = np.stack(
-        [np.sin(longitude) * np.cos(latitude), np.sin(latitude), np.cos(longitude) * np.cos(latitude)], axis=1
+        [
+            np.sin(longitude) * np.cos(latitude),
+            np.sin(latitude),
+            np.cos(longitude) * np.cos(latitude),
+        ],
+        axis=1,
     )
     nose = _bump(u, v, (0, -0.1), 0.12)
     eyes = _bump(u, v, (-0.25, 0.25), 0.12) + _bump(u, v, (0.25, 0.25), 0.12)
     mouth = _bump(u, v, (0, -0.45), 0.14)
-    vertices = outward * [0.075, 0.105, 0.09] * (1 + 0.22 * nose - 0.06 * eyes + 0.04 * mouth)[:, None]
+    vertices = (
+        outward * [0.075, 0.105, 0.09] * (1 + 0.22 * nose - 0.06 * eyes + 0.04 * mouth)[:, None]
+    )
     vertices = vertices - [0, 0, 0.06]
     polygons = _quads(rows, columns)
-    identity = np.stack([
-        0.004 * np.stack([outward[:, 0], 0 * u, 0 * u], 1),
-        0.005 * np.stack([0 * u, outward[:, 1], 0 * u], 1),
-        0.006 * nose[:, None] * outward,
-        0.003 * np.stack([np.sin(2 * v), 0 * u, np.cos(2 * u) * v], 1),
-    ])  # fmt: skip
+    identity = np.stack(
+        [
+            0.004 * np.stack([outward[:, 0], 0 * u, 0 * u], 1),
+            0.005 * np.stack([0 * u, outward[:, 1], 0 * u], 1),
+            0.006 * nose[:, None] * outward,
+            0.003 * np.stack([np.sin(2 * v), 0 * u, np.cos(2 * u) * v], 1),
+        ]
+    )
     lower = 1 / (1 + np.exp((v + 0.4) / 0.08))
     corners = _bump(u, v, (-0.2, -0.45), 0.15) - _bump(u, v, (0.2, -0.45), 0.15)
     brows = _bump(u, v, (-0.25, 0.45), 0.15) + _bump(u, v, (0.25, 0.45), 0.15)
-    expression = np.stack([
-        0.012 * lower[:, None] * [0, -1, -0.3],
-        0.008 * np.stack([-corners, 0.7 * np.abs(corners), 0 * u], 1),
-        0.008 * brows[:, None] * [0, 1, 0.2],
-    ])  # fmt: skip
+    expression = np.stack(
+        [
+            0.012 * lower[:, None] * [0, -1, -0.3],
+            0.008 * np.stack([-corners, 0.7 * np.abs(corners), 0 * u], 1),
+            0.008 * brows[:, None] * [0, 1, 0.2],
+        ]
+    )
     red = _bump(u, v, (-0.4, -0.1), 0.25) + _bump(u, v, (0.4, -0.1), 0.25) + mouth
-    albedo = np.array([0.46, 0.31, 0.24]) * (1 - 0.25 * eyes[:, None]) * (1 - red[:, None] * [0.0, 0.25, 0.2])
+    albedo = (
+        np.array([0.46, 0.31, 0.24])
+        * (1 - 0.25 * eyes[:, None])
+        * (1 - red[:, None] * [0.0, 0.25, 0.2])
+    )
     modes = [
-        0.20 * np.ones((len(u), 3)), 0.15 * u[:, None] * [1, 1, 1], 0.15 * v[:, None] * [1, 1, 1],
-        0.20 * red[:, None] * [0.2, -1, -0.8], 0.12 * np.cos(3 * u + 2 * v)[:, None] * [0.5, 1, 1.2],
-    ]  # fmt: skip
+        0.20 * np.ones((len(u), 3)),
+        0.15 * u[:, None] * [1, 1, 1],
+        0.15 * v[:, None] * [1, 1, 1],
+        0.20 * red[:, None] * [0.2, -1, -0.8],
+        0.12 * np.cos(3 * u + 2 * v)[:, None] * [0.5, 1, 1.2],
+    ]
     return FaceModel(
-        name="synthetic", license="CC0", source="made for tests", vertices=vertices.astype(np.float32),
-        polygons=polygons, polygon_uvs=polygons.copy(), polygon_part=np.full(len(polygons), SKIN, np.uint8),
-        uvs=np.stack([(u + 1) / 2, (v + 1) / 2], 1).astype(np.float32) * np.float32(0.96) + np.float32(0.02),
-        identity_names=IDENTITY, identity_basis=identity.astype(np.float32),
-        expression_names=EXPRESSION, expression_basis=expression.astype(np.float32),
-        albedo_mean=albedo.astype(np.float32), albedo_basis=np.stack(modes).astype(np.float32),
+        name="synthetic",
+        license="CC0",
+        source="made for tests",
+        vertices=vertices.astype(np.float32),
+        polygons=polygons,
+        polygon_uvs=polygons.copy(),
+        polygon_part=np.full(len(polygons), SKIN, np.uint8),
+        uvs=np.stack([(u + 1) / 2, (v + 1) / 2], 1).astype(np.float32) * np.float32(0.96)
+        + np.float32(0.02),
+        identity_names=IDENTITY,
+        identity_basis=identity.astype(np.float32),
+        expression_names=EXPRESSION,
+        expression_basis=expression.astype(np.float32),
+        albedo_mean=albedo.astype(np.float32),
+        albedo_basis=np.stack(modes).astype(np.float32),
         landmarks={"ibug68": _landmarks(u, v)},
         regions={"narrow_face": np.flatnonzero(np.abs(u) < 0.6).astype(np.int32)},
         expression_prior=expression_prior,
-    )  # fmt: skip
+    )
 
 
 def _quads(rows: int, columns: int) -> np.ndarray:
@@ -72,11 +101,15 @@ def _quads(rows: int, columns: int) -> np.ndarray:
 
 
 def _landmarks(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(68, 6): 17 along a jaw line, the rest on three rings inside; nearest vertices, pairwise different."""
+    """(68, 6): 17 along a jaw line, the rest on three rings inside; nearest vertices, pairwise
+    different.
+    """
     angle = np.linspace(-np.pi * 0.95, -0.05 * np.pi, 17)
     wanted = [(0.6 * np.cos(a), 0.75 * np.sin(a)) for a in angle]
     for count, radius in ((25, 0.5), (17, 0.33), (9, 0.16)):
-        wanted += [(radius * np.cos(a), radius * np.sin(a)) for a in 2 * np.pi * np.arange(count) / count]
+        wanted += [
+            (radius * np.cos(a), radius * np.sin(a)) for a in 2 * np.pi * np.arange(count) / count
+        ]
     taken: list[int] = []
     for x, y in wanted:
         distance = (u - x) ** 2 + (v - y) ** 2

@@ -1,4 +1,6 @@
-"""A synthetic face in front of a camera under a few lights, rendered with the fit's own forward model."""
+"""A synthetic face in front of a camera under a few lights, rendered with the fit's own forward
+model.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ class Scene:
     forward: ForwardModel
     state: State
 
-    def render(self, state: State | None = None, samples: int = 32, seed: int = 77) -> tuple[np.ndarray, np.ndarray]:
+    def render(
+        self, state: State | None = None, samples: int = 32, seed: int = 77
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Image (h, w, 3) and where it shows the face (h, w)."""
         state = self.state if state is None else state
         y, x = np.mgrid[: state.camera.height, : state.camera.width]
@@ -54,7 +58,9 @@ class Scene:
         seen[row, column] = True
         return color, seen
 
-    def landmarks(self, state: State | None = None, noise_px: float = 0.0, seed: int = 0) -> Landmarks:
+    def landmarks(
+        self, state: State | None = None, noise_px: float = 0.0, seed: int = 0
+    ) -> Landmarks:
         """The projected landmarks of a state."""
         state = self.state if state is None else state
         vertices, _ = self.model.landmark_vertices("ibug68")
@@ -63,19 +69,32 @@ class Scene:
         return Landmarks("ibug68", points, np.ones(68, bool))
 
     def solver(
-        self, photo: np.ndarray, blocks: tuple[str, ...], steps: int, weights: Weights, samples: int = 8,
-        landmarks: Landmarks | None = None, clipped: np.ndarray | None = None,
-    ) -> Stage:  # fmt: skip
+        self,
+        photo: np.ndarray,
+        blocks: tuple[str, ...],
+        steps: int,
+        weights: Weights,
+        samples: int = 8,
+        landmarks: Landmarks | None = None,
+        clipped: np.ndarray | None = None,
+    ) -> Stage:
         """A stage of the schedule over ``blocks`` against ``photo``."""
         layout = Layout(self.state)
         box = self.model.expression_box
         term = PhotoTerm(self.forward, plain_photo(photo, clipped), samples)
         energy = Energy(
-            layout, Priors(layout, self.state, box, weights, float(RADIANCE.mean())),
-            LandmarkTerm(self.geometry, landmarks or self.landmarks(), 0.6), weights, self.lights, term, self.stage,
-        )  # fmt: skip
+            layout,
+            Priors(layout, self.state, box, weights, float(RADIANCE.mean())),
+            LandmarkTerm(self.geometry, landmarks or self.landmarks(), 0.6),
+            weights,
+            self.lights,
+            term,
+            self.stage,
+        )
         low, high = layout.bounds(box)
-        return Stage("test", blocks, energy, steps, np.zeros(layout.size, bool), low, high, tolerance=1e-5)
+        return Stage(
+            "test", blocks, energy, steps, np.zeros(layout.size, bool), low, high, tolerance=1e-5
+        )
 
     def fit(self, stage: Stage, start: State, seed: int = 3) -> tuple[State, list[Iteration]]:
         """Where the stage ends, and its steps."""
@@ -104,13 +123,17 @@ def synthetic_scene(uniform: bool = False, side: int = SIDE, specular_size: int 
     matrix[:3, 3] = translation
     random = np.random.default_rng(4)
     state = State(
-        rotation=Rotation.from_rotvec([0.1, 0.25, -0.05]).as_matrix(), translation=translation,
+        rotation=Rotation.from_rotvec([0.1, 0.25, -0.05]).as_matrix(),
+        translation=translation,
         camera=Camera(side, side, 2.1 * side, (0.51 * side, 0.48 * side)),
-        identity=np.array([0.8, -0.6, 0.7, 0.5]), expression=np.array([0.35, 0.25, 0.4]),
-        lights=lights.from_radiance(radiance), light_position=np.zeros((len(radiance), 2)),
-        albedo=np.array([0.3, -0.5, 0.4, 0.6, -0.3]), roughness=0.45,
+        identity=np.array([0.8, -0.6, 0.7, 0.5]),
+        expression=np.array([0.35, 0.25, 0.4]),
+        lights=lights.from_radiance(radiance),
+        light_position=np.zeros((len(radiance), 2)),
+        albedo=np.array([0.3, -0.5, 0.4, 0.6, -0.3]),
+        roughness=0.45,
         specular=0.8 + 0.15 * random.uniform(-1, 1, (specular_size, specular_size)),
-    )  # fmt: skip
+    )
     stage = fibonacci_stage(len(radiance), radius=0.8).transformed(matrix).with_radiance(radiance)
     return Scene(model, geometry, lights, stage, ForwardModel(geometry, lights), state)
 

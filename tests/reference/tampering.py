@@ -37,16 +37,38 @@ ARRAY_CHANGES: dict[str, Callable[[np.ndarray], Any]] = {
     "objects": lambda array: np.full(array.shape, None, object),
 }
 VALUES: dict[str, Any] = {
-    "missing": GONE, "null": None, "a number": 5, "a negative number": -1, "a fraction": 0.5, "huge": 1e300,
-    "too large for floats": 10**400, "text": "x", "no text": "", "long text": "x" * 1_000_000, "true": True,
-    "a list": [], "a list of lists": [[[1]]], "an object": {}, "an object of objects": {"x": {"y": []}},
-    "a null character": "a\0b", "half a character": "\ud800", "lines": "a\nb\x1b[31m",
-}  # fmt: skip
+    "missing": GONE,
+    "null": None,
+    "a number": 5,
+    "a negative number": -1,
+    "a fraction": 0.5,
+    "huge": 1e300,
+    "too large for floats": 10**400,
+    "text": "x",
+    "no text": "",
+    "long text": "x" * 1_000_000,
+    "true": True,
+    "a list": [],
+    "a list of lists": [[[1]]],
+    "an object": {},
+    "an object of objects": {"x": {"y": []}},
+    "a null character": "a\0b",
+    "half a character": "\ud800",
+    "lines": "a\nb\x1b[31m",
+}
 TEXTS: dict[str, bytes] = {
-    "nothing": b"", "no JSON": b"{", "a list": b"[]", "deep": b"[" * 100_000, "deep and whole": b"[" * 900 + b"]" * 900,
-    "deep object": b'{"a":' * 100_000, "digits": b'{"schema": ' + b"9" * 10_000 + b"}", "NaN": b'{"schema": NaN}',
-    "twice": b'{"schema": 1, "schema": 1}', "Latin": b'{"schema": "\xe9"}', "zeros": bytes(1000),
-}  # fmt: skip
+    "nothing": b"",
+    "no JSON": b"{",
+    "a list": b"[]",
+    "deep": b"[" * 100_000,
+    "deep and whole": b"[" * 900 + b"]" * 900,
+    "deep object": b'{"a":' * 100_000,
+    "digits": b'{"schema": ' + b"9" * 10_000 + b"}",
+    "NaN": b'{"schema": NaN}',
+    "twice": b'{"schema": 1, "schema": 1}',
+    "Latin": b'{"schema": "\xe9"}',
+    "zeros": bytes(1000),
+}
 PICTURES = ("albedo.exr", "specular.exr", "roughness.exr")
 
 
@@ -60,7 +82,10 @@ def tamperings(folder: Path) -> Iterator[Tampering]:
         for words, value in VALUES.items():
             yield f"{'.'.join(path)}: {words}", partial(_change_value, path=path, value=value)
     for words, content in TEXTS.items():
-        yield f"result.json: {words}", partial(_at, "result.json", partial(_replace, content=content))
+        yield (
+            f"result.json: {words}",
+            partial(_at, "result.json", partial(_replace, content=content)),
+        )
     for words, deed in ARCHIVES.items():
         yield f"result.npz: {words}", partial(_at, "result.npz", deed)
     for file in ("result.json", "result.npz", *PICTURES):
@@ -165,7 +190,9 @@ def _lying(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     first = next(iter(members))
-    header = str({"descr": "<f8", "fortran_order": False, "shape": (2**37,)}).encode().ljust(117) + b"\n"
+    header = (
+        str({"descr": "<f8", "fortran_order": False, "shape": (2**37,)}).encode().ljust(117) + b"\n"
+    )
     members[first] = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(64)
     with zipfile.ZipFile(path, "w") as archive:
         for name, content in members.items():
@@ -173,11 +200,17 @@ def _lying(path: Path) -> None:
 
 
 ARCHIVES: dict[str, Callable[[Path], None]] = {
-    "LZMA": _repacked(zipfile.ZIP_LZMA), "BZIP2": _repacked(zipfile.ZIP_BZIP2), "encrypted": _encrypted,
+    "LZMA": _repacked(zipfile.ZIP_LZMA),
+    "BZIP2": _repacked(zipfile.ZIP_BZIP2),
+    "encrypted": _encrypted,
     "a lying header": _lying,
-}  # fmt: skip
+}
 FILES: dict[str, Callable[[Path], None]] = {
-    "missing": lambda path: path.unlink(missing_ok=True), "empty": lambda path: _replace(path, b""),
-    "text": lambda path: _replace(path, b"hello " * 99), "half": _halve, "a folder": _folder, "a pipe": _pipe,
+    "missing": lambda path: path.unlink(missing_ok=True),
+    "empty": lambda path: _replace(path, b""),
+    "text": lambda path: _replace(path, b"hello " * 99),
+    "half": _halve,
+    "a folder": _folder,
+    "a pipe": _pipe,
     "without end": _endless,
-}  # fmt: skip
+}

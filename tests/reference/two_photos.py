@@ -14,7 +14,9 @@ from facestage.fit.forward.shading import ForwardModel
 from reference.synthetic_scene import Scene
 
 
-def another_photo(scene: Scene, side: int = 80, turn: tuple[float, float, float] = (-0.05, -0.4, 0.08)) -> Scene:
+def another_photo(
+    scene: Scene, side: int = 80, turn: tuple[float, float, float] = (-0.05, -0.4, 0.08)
+) -> Scene:
     """The person of ``scene``, ``turn``ed (rotation vector), under four lights instead of six."""
     radiance = np.array([[2, 2, 2], [9, 8, 7], [1, 1, 1.5], [3, 4, 5]], float)
     lights = LightParameters(np.ones(4, bool), np.zeros_like(radiance), uniform=False)
@@ -22,9 +24,15 @@ def another_photo(scene: Scene, side: int = 80, turn: tuple[float, float, float]
     matrix = np.eye(4)
     matrix[:3, 3] = translation
     state = replace(
-        scene.state, rotation=Rotation.from_rotvec(turn).as_matrix(), translation=translation,
-        camera=Camera(side, side, 2.2 * side, (0.5 * side, 0.5 * side)), expression=np.array([0.1, 0.5, 0.0]),
-        lights=lights.from_radiance(radiance), light_position=np.zeros((4, 2)),
-    )  # fmt: skip
+        scene.state,
+        rotation=Rotation.from_rotvec(turn).as_matrix(),
+        translation=translation,
+        camera=Camera(side, side, 2.2 * side, (0.5 * side, 0.5 * side)),
+        expression=np.array([0.1, 0.5, 0.0]),
+        lights=lights.from_radiance(radiance),
+        light_position=np.zeros((4, 2)),
+    )
     stage = fibonacci_stage(4, radius=0.8).transformed(matrix).with_radiance(radiance)
-    return replace(scene, lights=lights, stage=stage, forward=ForwardModel(scene.geometry, lights), state=state)
+    return replace(
+        scene, lights=lights, stage=stage, forward=ForwardModel(scene.geometry, lights), state=state
+    )

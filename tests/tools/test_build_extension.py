@@ -1,4 +1,6 @@
-"""The extension's archive: Blender installs it, and its wheel alone gives the add-on the contract."""
+"""The extension's archive: Blender installs it, and its wheel alone gives the add-on the
+contract.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,8 @@ import facestage
 REPOSITORY = Path(__file__).resolve().parents[2]
 MANIFEST = REPOSITORY / "addon" / "facestage_blender" / "blender_manifest.toml"
 
-# Installs the extension into an empty Blender. The working tree's own packages are kept out of sight:
-# setuptools' editable finder, and any folder of the tree on the path.
+# Installs the extension into an empty Blender. The working tree's own packages are kept out of
+# sight: setuptools' editable finder, and any folder of the tree on the path.
 INSTALL = """
 import sys
 import bpy
@@ -42,8 +44,10 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dist")
     done = subprocess.run(
         [sys.executable, str(REPOSITORY / "tools" / "build_extension.py"), str(folder)],
-        stdin=subprocess.DEVNULL, capture_output=True, text=True,
-    )  # fmt: skip
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return next(folder.glob("*.zip"))
 
@@ -73,13 +77,21 @@ def test_wheel_holds_the_backend_and_not_the_addon(archive: Path, tmp_path: Path
 
 def test_blender_installs_and_enables_it(archive: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", INSTALL, str(archive), str(REPOSITORY)], cwd=tmp_path, stdin=subprocess.DEVNULL,
-        capture_output=True, text=True, env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
-    )  # fmt: skip
+        [sys.executable, "-c", INSTALL, str(archive), str(REPOSITORY)],
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
+    )
     assert "ENABLED True" in done.stdout, done.stdout + done.stderr
     assert f"FROM {tmp_path}" in done.stdout
-    assert list(tmp_path.rglob("site-packages/marshmallow/__init__.py")), "what the contract imports comes along"
-    assert "TOP False" in done.stdout, "the add-on imports itself by an absolute name, which an extension does not have"
+    assert list(tmp_path.rglob("site-packages/marshmallow/__init__.py")), (
+        "what the contract imports comes along"
+    )
+    assert "TOP False" in done.stdout, (
+        "the add-on imports itself by an absolute name, which an extension does not have"
+    )
 
 
 def test_versions_agree() -> None:
@@ -100,19 +112,29 @@ def test_manifest_keeps_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
         build_extension.with_wheels("wheels = []\n", ["facestage.whl"])
 
 
-def test_a_library_is_fetched_with_its_digests_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_is_fetched_with_its_digests_or_not_at_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import build_extension
     from setup_error import SetupError
 
-    lock = "a==1 \\\n    --hash=sha256:1\nb==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\nbc==4\n"
-    assert build_extension.locked(lock, "b") == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
+    lock = (
+        "a==1 \\\n    --hash=sha256:1\nb==2 \\\n    --hash=sha256:2 \\\n    "
+        "--hash=sha256:3\nbc==4\n"
+    )
+    assert (
+        build_extension.locked(lock, "b")
+        == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
+    )
     for name in ("bc", "c"):
         with pytest.raises(SetupError, match=f"does not pin {name} with its digests"):
             build_extension.locked(lock, name)
     for name in build_extension.LIBRARIES:
         other = (REPOSITORY / "requirements" / "python3.13.txt").read_text(encoding="utf-8")
-        assert build_extension.locked(other, name) == build_extension.locked(build_extension.LOCK.read_text(), name)
+        assert build_extension.locked(other, name) == build_extension.locked(
+            build_extension.LOCK.read_text(), name
+        )
 
 
 def _sources() -> list[Path]:

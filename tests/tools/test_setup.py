@@ -40,7 +40,9 @@ def native(tools: None) -> ModuleType:
 
 
 def fake_python(folder: Path, name: str, version: str) -> Path:
-    """A program that answers as an interpreter of ``version`` would; an empty one fails, like a pyenv shim."""
+    """A program that answers as an interpreter of ``version`` would; an empty one fails, like a
+    pyenv shim.
+    """
     program = folder / name
     program.write_text(f"#!/bin/sh\n{f'echo {version}' if version else 'exit 127'}\n")
     program.chmod(0o755)
@@ -58,7 +60,11 @@ def fake_python(folder: Path, name: str, version: str) -> Path:
     ],
 )
 def test_best_python_is_found(
-    set_up: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, present: dict[str, str], chosen: str
+    set_up: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    present: dict[str, str],
+    chosen: str,
 ) -> None:
     for name, version in present.items():
         fake_python(tmp_path, name, version)
@@ -68,10 +74,14 @@ def test_best_python_is_found(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the stand-ins are shell scripts")
-def test_no_fitting_python_is_one_sentence(set_up: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_fitting_python_is_one_sentence(
+    set_up: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "executable", str(fake_python(tmp_path, "python3", "3.12")))
-    with pytest.raises(set_up.SetupError, match=r"3\.11 or 3\.13 is needed, found: 3\.12; install Python 3\.11"):
+    with pytest.raises(
+        set_up.SetupError, match=r"3\.11 or 3\.13 is needed, found: 3\.12; install Python 3\.11"
+    ):
         set_up.find_python(None)
 
 
@@ -100,32 +110,60 @@ def test_every_locked_package_has_digests(python: str) -> None:
     for line in packages:
         requirement, *digests = line.split()
         assert digests, f"{requirement} has no digest"
-        assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", digest) for digest in digests), requirement
+        assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", digest) for digest in digests), (
+            requirement
+        )
 
 
-def test_nothing_is_installed_without_its_digest(set_up: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_installed_without_its_digest(
+    set_up: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
     calls: list[tuple[str, ...]] = []
     monkeypatch.setattr(set_up, "pip", lambda *arguments: calls.append(arguments))
     monkeypatch.setattr(set_up, "venv_version", lambda: "3.11")
     set_up.install_packages()
     packages, project = calls
-    assert packages[:3] == ("--require-hashes", "--only-binary", ":all:") and packages[-1].endswith("python3.11.txt")
+    assert packages[:3] == ("--require-hashes", "--only-binary", ":all:") and packages[-1].endswith(
+        "python3.11.txt"
+    )
     assert {"--no-deps", "--no-build-isolation", "--no-index"} <= set(project)
 
 
 def test_pip_refuses_a_package_with_another_digest(set_up: ModuleType, tmp_path: Path) -> None:
     wheel = tmp_path / "tiny-1-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
-        archive.writestr("tiny-1.dist-info/METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1\n")
-        archive.writestr("tiny-1.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(
+            "tiny-1.dist-info/METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1\n"
+        )
+        archive.writestr(
+            "tiny-1.dist-info/WHEEL",
+            "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        )
         archive.writestr("tiny-1.dist-info/RECORD", "")
-    for digest, refused in ((hashlib.sha256(wheel.read_bytes()).hexdigest(), False), ("0" * 64, True)):
+    for digest, refused in (
+        (hashlib.sha256(wheel.read_bytes()).hexdigest(), False),
+        ("0" * 64, True),
+    ):
         (tmp_path / "list.txt").write_text(f"tiny==1 --hash=sha256:{digest}\n")
-        done = set_up.run([
-            sys.executable, "-I", "-m", "pip", "install", "--dry-run", "--no-index", "--find-links", str(tmp_path),
-            *set_up.LOCKED, "-r", str(tmp_path / "list.txt"),
-        ])  # fmt: skip
-        assert ("DO NOT MATCH THE HASHES" in done.stdout) == (done.returncode != 0) == refused, done.stdout
+        done = set_up.run(
+            [
+                sys.executable,
+                "-I",
+                "-m",
+                "pip",
+                "install",
+                "--dry-run",
+                "--no-index",
+                "--find-links",
+                str(tmp_path),
+                *set_up.LOCKED,
+                "-r",
+                str(tmp_path / "list.txt"),
+            ]
+        )
+        assert ("DO NOT MATCH THE HASHES" in done.stdout) == (done.returncode != 0) == refused, (
+            done.stdout
+        )
 
 
 def test_an_interpreter_is_asked_without_the_current_folder(
@@ -151,15 +189,23 @@ def test_locked_versions_are_the_allowed_ones() -> None:
     for python in ("3.11", "3.13"):
         locked = pinned(python)
         for requirement in map(Requirement, wanted):
-            if requirement.marker is None or requirement.marker.evaluate({"python_version": python}):
-                assert requirement.specifier.contains(locked[requirement.name]), f"{requirement} on Python {python}"
+            if requirement.marker is None or requirement.marker.evaluate(
+                {"python_version": python}
+            ):
+                assert requirement.specifier.contains(locked[requirement.name]), (
+                    f"{requirement} on Python {python}"
+                )
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="apt and ldd are Linux programs")
 def test_libraries_are_loaded_after_those_they_need(
     native: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    needs = {"module.so": ["libtop.so.1"], "libtop.so.1": ["libmid.so.2", "libelse.so"], "libmid.so.2": ["libend.so.3"]}
+    needs = {
+        "module.so": ["libtop.so.1"],
+        "libtop.so.1": ["libmid.so.2", "libelse.so"],
+        "libmid.so.2": ["libend.so.3"],
+    }
     (tmp_path / "site" / "bpy").mkdir(parents=True)
     (tmp_path / "native").mkdir()
     (tmp_path / "site" / "bpy" / "module.so").write_text("")
@@ -172,7 +218,9 @@ def test_libraries_are_loaded_after_those_they_need(
 
 @pytest.mark.skipif(os.name == "nt", reason="make is not part of Windows")
 def test_make_lists_its_commands() -> None:
-    done = subprocess.run(["make", "--no-print-directory"], cwd=REPOSITORY, capture_output=True, text=True)
+    done = subprocess.run(
+        ["make", "--no-print-directory"], cwd=REPOSITORY, capture_output=True, text=True
+    )
     for command in ("setup", "demo", "test", "lint", "types", "ci", "doctor", "extension", "clean"):
         assert f"make {command} " in done.stdout, done.stdout + done.stderr
 

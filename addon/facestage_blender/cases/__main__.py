@@ -1,7 +1,8 @@
 """Makes photographs with known truth.
 
-python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE] [--size 256] [--seed 0]
-python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
+python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE]
+[--size 256] [--seed 0] python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4]
+[--model ...]
 """
 
 from __future__ import annotations
@@ -25,19 +26,43 @@ SIZE_MIN, SIZE_MAX = 16, 4096
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    result = argparse.ArgumentParser(prog="facestage_blender.cases", description="Make photographs with known truth.")
+    result = argparse.ArgumentParser(
+        prog="facestage_blender.cases", description="Make photographs with known truth."
+    )
     result.add_argument("--out", type=Path, help="folder for the cases, one folder each")
-    result.add_argument("--count", type=int, default=len(RECIPES), help="how many; more than the recipes repeat them")
-    result.add_argument("--only", nargs="*", default=[], metavar="NAME", help="only cases of these names")
+    result.add_argument(
+        "--count",
+        type=int,
+        default=len(RECIPES),
+        help="how many; more than the recipes repeat them",
+    )
+    result.add_argument(
+        "--only", nargs="*", default=[], metavar="NAME", help="only cases of these names"
+    )
     result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
     result.add_argument("--size", type=int, default=256, help="side of the photos in pixels")
     result.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel")
-    result.add_argument("--seed", type=int, default=0, help="other people, poses and lamps of the same recipes")
-    result.add_argument("--person", type=int, metavar="SEED", help="instead: several photos of the person of this seed")
     result.add_argument(
-        "--photos", type=int, default=4, metavar="N", help=f"how many of the person, 1 to {len(PHOTOS)} (default 4)"
+        "--seed", type=int, default=0, help="other people, poses and lamps of the same recipes"
     )
-    result.add_argument("--list", action="store_true", help="only say which cases there are, and what is hard in each")
+    result.add_argument(
+        "--person",
+        type=int,
+        metavar="SEED",
+        help="instead: several photos of the person of this seed",
+    )
+    result.add_argument(
+        "--photos",
+        type=int,
+        default=4,
+        metavar="N",
+        help=f"how many of the person, 1 to {len(PHOTOS)} (default 4)",
+    )
+    result.add_argument(
+        "--list",
+        action="store_true",
+        help="only say which cases there are, and what is hard in each",
+    )
     return result
 
 
@@ -45,7 +70,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Make the cases; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        chosen = choose(options.count, options.only) if options.person is None else photos(options.photos)
+        chosen = (
+            choose(options.count, options.only)
+            if options.person is None
+            else photos(options.photos)
+        )
         if options.list:
             for name, recipe in chosen.items():
                 print(f"{name:<20}{recipe.hard}")
@@ -68,7 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:
-    """The first ``count`` cases by name: each recipe once, then again as NAME_2, NAME_3, ... with other seeds.
+    """The first ``count`` cases by name: each recipe once, then again as NAME_2, NAME_3, ... with
+    other seeds.
 
     Raises InputError for a count below 1 and for a name in ``only`` that is not among them.
     """
@@ -86,7 +116,10 @@ def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:
 
 
 def photos(count: int) -> dict[str, Recipe]:
-    """The first ``count`` photos of a person by name. Raises InputError for a count that there is not."""
+    """The first ``count`` photos of a person by name.
+
+    Raises InputError for a count that there is not.
+    """
     if not 1 <= count <= len(PHOTOS):
         raise InputError(f"{count} photos of a person were asked for; expected 1 to {len(PHOTOS)}.")
     return {recipe.name: recipe for recipe in PHOTOS[:count]}
@@ -106,16 +139,31 @@ def make(chosen: dict[str, Recipe], options: argparse.Namespace) -> None:
     for name, recipe in chosen.items():
         started = time.monotonic()
         make_case(
-            model, name, recipe, options.out.resolve(), options.size, options.samples, options.seed, options.person
+            model,
+            name,
+            recipe,
+            options.out.resolve(),
+            options.size,
+            options.samples,
+            options.seed,
+            options.person,
         )
         print(f"{name:<20}{time.monotonic() - started:5.1f} s", flush=True)
 
 
 def make_case(
-    model: FaceModel, name: str, recipe: Recipe, out: Path, size: int, samples: int, seed: int,
+    model: FaceModel,
+    name: str,
+    recipe: Recipe,
+    out: Path,
+    size: int,
+    samples: int,
+    seed: int,
     person: int | None = None,
-) -> None:  # fmt: skip
-    """Photograph one case into ``out``/``name``; ``person``: the seed of who it is, else that of the case."""
+) -> None:
+    """Photograph one case into ``out``/``name``; ``person``: the seed of who it is, else that of
+    the case.
+    """
     from facestage_blender import pipeline
     from facestage_blender.synthetic import render_person
 
@@ -123,7 +171,13 @@ def make_case(
 
     drawn = case_seed(name if person is None else f"{person}/{name}", seed)
     render_person(
-        pipeline.empty_scene(), model, person_of(model, recipe, drawn, person), out / name, samples, drawn, size
+        pipeline.empty_scene(),
+        model,
+        person_of(model, recipe, drawn, person),
+        out / name,
+        samples,
+        drawn,
+        size,
     )
 
 

@@ -1,4 +1,6 @@
-"""Strands of hair that fall from the hairline over the forehead: narrow ribbons with skin between them."""
+"""Strands of hair that fall from the hairline over the forehead: narrow ribbons with skin between
+them.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ STEPS = 15
 
 
 def strands(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Worn:
-    """Hair over the scalp, and locks of thin strands that hang over the forehead to the brows and beyond."""
+    """Hair over the scalp, and locks of thin strands that hang over the forehead to the brows and
+    beyond.
+    """
     brow = float(landmarks(model, vertices)[17:27, 1].mean())
     hairline = brow + HAIRLINE
     places = np.linspace(-0.12, 0.12, 33)
@@ -51,9 +55,13 @@ def strands(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) ->
 
 
 def _ribbon(path: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles of a band along a path (m, 3), which faces the front and narrows towards its end."""
+    """Points and triangles of a band along a path (m, 3), which faces the front and narrows towards
+    its end.
+    """
     along = np.gradient(path[:, :2], axis=0)
-    across = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(
+        along, axis=1, keepdims=True
+    )
     half = 0.5 * width * np.linspace(1, 0.1, len(path))[:, None] ** 0.6 * across
     side = np.column_stack([half, np.zeros(len(path))])
     return sheet(np.stack([path - side, path + side], axis=1))

@@ -1,4 +1,6 @@
-"""A hand that leans against the cheek: capsules for fingers, palm and wrist, blended into one skin."""
+"""A hand that leans against the cheek: capsules for fingers, palm and wrist, blended into one
+skin.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,16 @@ VOXEL, SMOOTHING = 0.0016, 12  # m; steps that round off the joints
 
 
 def hand(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Worn:
-    """Four fingers on the cheek, the palm below the jaw, a wrist; on a side that is drawn, of the face's own skin."""
+    """Four fingers on the cheek, the palm below the jaw, a wrist; on a side that is drawn, of the
+    face's own skin.
+    """
     marks, side = landmarks(model, vertices), rng.choice([-1.0, 1.0])
     jaw, mouth = (marks[4], marks[48]) if side < 0 else (marks[12], marks[54])
     skin = vertices[skin_vertices(model)].astype(np.float64)
     lean = np.radians(rng.uniform(-8, 8))
-    knuckle = np.array([0.75 * jaw[0] + 0.25 * mouth[0], jaw[1] - 0.012]) + 0.004 * rng.uniform(-1, 1, 2)
+    knuckle = np.array([0.75 * jaw[0] + 0.25 * mouth[0], jaw[1] - 0.012]) + 0.004 * rng.uniform(
+        -1, 1, 2
+    )
     parts, bases = [], []
     for finger, length in enumerate(LENGTHS):
         place = finger - 1.5  # from the index finger, nearest the mouth, outward
@@ -40,15 +46,24 @@ def hand(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Wo
         # A finger is stiff: straight between its joints, and nowhere inside the cheek.
         joints = np.array([0.0, 0.45, 0.75, 1.0])
         straight = np.interp(along, joints, np.interp(joints, along, height))
-        z = straight + max(float((height - straight).max()), 0.0) + 0.9 * radius + BEND * np.sin(np.pi * along)
+        z = (
+            straight
+            + max(float((height - straight).max()), 0.0)
+            + 0.9 * radius
+            + BEND * np.sin(np.pi * along)
+        )
         parts.append(_capsules(np.column_stack([path, z]), radius))
         bases.append(np.array([*base, z[0]]))
     wrist = np.mean(bases, axis=0) + np.array([side * 0.02 - PALM * np.sin(lean), -PALM, -0.004])
     for place, base in zip((-1.0, -0.3, 0.3, 1.0), bases, strict=True):
         end = wrist + np.array([side * 0.012 * place, 0.0, 0.0])
-        parts.append(_capsules(np.linspace(base, end, 9), np.linspace(RADII[0] + 0.002, PALM_RADIUS, 9)))
+        parts.append(
+            _capsules(np.linspace(base, end, 9), np.linspace(RADII[0] + 0.002, PALM_RADIUS, 9))
+        )
     # The thumb lies along the jaw.
-    thumb = np.linspace(wrist + np.array([0.0, 0.02, 0.008]), bases[0] + np.array([-side * 0.028, 0.0, 0.002]), 9)
+    thumb = np.linspace(
+        wrist + np.array([0.0, 0.02, 0.008]), bases[0] + np.array([-side * 0.028, 0.0, 0.002]), 9
+    )
     parts.append(_capsules(thumb, np.linspace(0.013, 0.0085, 9)))
     arm = np.linspace(wrist, wrist + np.array([side * 0.05, -0.16, 0.0]), 9)
     parts.append(_capsules(arm, np.linspace(WRIST_RADIUS, 1.4 * WRIST_RADIUS, 9)))
@@ -61,7 +76,9 @@ def _capsules(path: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndar
     ends = np.linspace(0, np.pi / 2, 6)
     along = (path[-1] - path[0]) / np.linalg.norm(path[-1] - path[0])
     cap = np.sin(ends)[:, None] * along
-    rings = np.concatenate([path[:1] - radius[0] * cap[::-1], path[1:-1], path[-1:] + radius[-1] * cap])
+    rings = np.concatenate(
+        [path[:1] - radius[0] * cap[::-1], path[1:-1], path[-1:] + radius[-1] * cap]
+    )
     size = np.concatenate([radius[0] * np.cos(ends[::-1]), radius[1:-1], radius[-1] * np.cos(ends)])
     first = np.cross(along, np.array([0.31, 0.37, 0.86]))
     first /= np.linalg.norm(first)

@@ -8,7 +8,8 @@ import numpy as np
 
 from facestage.contract.face_model import SKIN, FaceModel
 
-SKIN_GAP, TAPER = 0.0008, 0.012  # what lies on the skin does not touch it; m from the edge to the full lift
+# what lies on the skin does not touch it; m from the edge to the full lift
+SKIN_GAP, TAPER = 0.0008, 0.012
 SUBDIVISIONS = 2
 WIRE = 0.0018  # radius of the glasses' frame
 
@@ -34,13 +35,18 @@ def shell(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The skin above a height, lifted off the head; points and triangles.
 
-    ``edge`` and ``thickness`` give the height and the lift (m,) at points (m, 3); the lift starts from 0 at the edge.
+    ``edge`` and ``thickness`` give the height and the lift (m,) at points (m, 3); the lift starts
+    from 0 at the edge.
     """
     skin = model.triangles[model.triangle_part == SKIN]
     corners = vertices[skin].astype(np.float64)
     normal = np.zeros((len(vertices), 3))
     for corner in range(3):
-        np.add.at(normal, skin[:, corner], np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+        np.add.at(
+            normal,
+            skin[:, corner],
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
+        )
     points, triangles = np.concatenate([vertices, normal], axis=1), skin
     # The meshes of heads are coarse where hair grows.
     for _ in range(SUBDIVISIONS):
@@ -55,7 +61,9 @@ def shell(
 
 
 def _subdivided(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each triangle as four, with the midpoints of its edges; points (n, c) of any number of coordinates."""
+    """Each triangle as four, with the midpoints of its edges; points (n, c) of any number of
+    coordinates.
+    """
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
     ends, middle = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     ab, bc, ca = (len(points) + middle.reshape(-1, 3)).T
@@ -67,7 +75,11 @@ def _subdivided(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, 
 def front(points: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(m,) z of the frontmost of the points (n, 3) within 5 mm of each place (m, 2)."""
     distance = np.linalg.norm(points[None, :, :2] - at[:, None], axis=-1)
-    near = np.where(distance < np.maximum(0.005, distance.min(axis=1, keepdims=True)) + 1e-9, points[:, 2], -np.inf)
+    near = np.where(
+        distance < np.maximum(0.005, distance.min(axis=1, keepdims=True)) + 1e-9,
+        points[:, 2],
+        -np.inf,
+    )
     return near.max(axis=1)
 
 
@@ -99,7 +111,9 @@ def tube(path: np.ndarray, closed: bool = False, sides: int = 8) -> tuple[np.nda
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(along, first)
     turn = np.linspace(0, 2 * np.pi, sides + 1)[:, None]
-    return sheet(path[:, None] + WIRE * (np.cos(turn) * first[:, None] + np.sin(turn) * second[:, None]))
+    return sheet(
+        path[:, None] + WIRE * (np.cos(turn) * first[:, None] + np.sin(turn) * second[:, None])
+    )
 
 
 def joined_parts(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
@@ -107,5 +121,7 @@ def joined_parts(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.nda
     starts = np.cumsum([0, *(len(points) for points, _ in parts[:-1])])
     return (
         np.concatenate([points for points, _ in parts]),
-        np.concatenate([triangles + start for (_, triangles), start in zip(parts, starts, strict=True)]),
+        np.concatenate(
+            [triangles + start for (_, triangles), start in zip(parts, starts, strict=True)]
+        ),
     )

@@ -26,7 +26,9 @@ TONE_SPREAD = 0.15
 
 
 def random_person(model: FaceModel, seed: int, albedo_size: int = ALBEDO_SIZE) -> Person:
-    """A smiling person under five lights of the default stage: shape, skin and tints drawn from ``seed``."""
+    """A smiling person under five lights of the default stage: shape, skin and tints drawn from
+    ``seed``.
+    """
     rng = np.random.default_rng(seed)
     identity, delta = _identity(model, rng), _skin_tone(model, rng)
     albedo = skin.mottled(_painted(model, delta, albedo_size), TEXTURE_MISMATCH, rng)
@@ -37,17 +39,27 @@ def random_person(model: FaceModel, seed: int, albedo_size: int = ALBEDO_SIZE) -
     for light, power in zip((3, 6, 11, 14, 1), (10.0, 5.0, 3.0, 2.0, 1.5), strict=True):
         radiance[light] = power * (1 + 0.15 * rng.uniform(-1, 1, 3))
     return Person(
-        identity, expression_weights(model, SMILE), np.clip(albedo, 0.005, 0.95), specular, 0.42, pose,
+        identity,
+        expression_weights(model, SMILE),
+        np.clip(albedo, 0.005, 0.95),
+        specular,
+        0.42,
+        pose,
         stage.with_radiance(radiance),
-    )  # fmt: skip
+    )
 
 
 def person_of(
-    model: FaceModel, recipe: Recipe, seed: int, same: int | None = None, albedo_size: int = ALBEDO_SIZE
+    model: FaceModel,
+    recipe: Recipe,
+    seed: int,
+    same: int | None = None,
+    albedo_size: int = ALBEDO_SIZE,
 ) -> Person:
     """The person and the light of a recipe; whatever the recipe leaves open is drawn from ``seed``.
 
-    ``same``: the seed of who it is, so that photos of other seeds show one person: shape and skin are drawn from it.
+    ``same``: the seed of who it is, so that photos of other seeds show one person: shape and skin
+    are drawn from it.
     """
     rng = np.random.default_rng(seed)
     own = rng if same is None else np.random.default_rng(same)
@@ -62,20 +74,31 @@ def person_of(
         albedo = skin.bearded(albedo, model, own)
     roughness = own.uniform(0.35, 0.5) if recipe.roughness is None else recipe.roughness
     angles = np.array(recipe.pose) + np.array(POSE_SPREAD) * np.clip(rng.normal(size=3), -1.5, 1.5)
-    place = np.array([0, 0, -recipe.distance]) + PLACE_SPREAD * recipe.distance / DISTANCE * rng.uniform(-1, 1, 3)
+    place = np.array(
+        [0, 0, -recipe.distance]
+    ) + PLACE_SPREAD * recipe.distance / DISTANCE * rng.uniform(-1, 1, 3)
     vertices = model.shape(identity, expression)
     things = [worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn]
     tone = tuple(np.median(albedo.reshape(-1, 3), axis=0))
     return Person(
-        identity, expression, np.clip(albedo, 0.005, 0.95), _specular(own), float(roughness), _pose(angles, place),
-        light_stage(recipe.lamps, rng), tuple(replace(each, color=tone) if each.of_skin else each for each in things),
-        recipe.interreflection, FOCAL_PX * recipe.distance / DISTANCE,
-        () if recipe.walls is None else walls(recipe.walls, recipe.lamps), recipe.optics,
-    )  # fmt: skip
+        identity,
+        expression,
+        np.clip(albedo, 0.005, 0.95),
+        _specular(own),
+        float(roughness),
+        _pose(angles, place),
+        light_stage(recipe.lamps, rng),
+        tuple(replace(each, color=tone) if each.of_skin else each for each in things),
+        recipe.interreflection,
+        FOCAL_PX * recipe.distance / DISTANCE,
+        () if recipe.walls is None else walls(recipe.walls, recipe.lamps),
+        recipe.optics,
+    )
 
 
 def expression_weights(model: FaceModel, wanted: Mapping[str, float]) -> np.ndarray:
-    """(e,) weights of the model's expressions for weights by ARKit's names, where the model has them.
+    """(e,) weights of the model's expressions for weights by ARKit's names, where the model has
+    them.
 
     ICT-FaceKit writes mouthSmile_L for mouthSmileLeft, and has a left and a right browInnerUp.
     """
@@ -95,11 +118,15 @@ def _everyday_expression(rng: np.random.Generator) -> dict[str, float]:
     smile, brow, squint = rng.uniform(0, 0.5), rng.uniform(-0.3, 0.4), rng.uniform(0, 0.3)
     uneven = 1 + 0.2 * rng.uniform(-1, 1, 3)
     return {
-        "mouthSmileLeft": smile, "mouthSmileRight": smile * uneven[0],
+        "mouthSmileLeft": smile,
+        "mouthSmileRight": smile * uneven[0],
         "browInnerUp": max(brow, 0.0),
-        "browDownLeft": max(-brow, 0.0), "browDownRight": max(-brow, 0.0) * uneven[1],
-        "eyeSquintLeft": squint, "eyeSquintRight": squint * uneven[2], "jawOpen": rng.uniform(0, 0.15),
-    }  # fmt: skip
+        "browDownLeft": max(-brow, 0.0),
+        "browDownRight": max(-brow, 0.0) * uneven[1],
+        "eyeSquintLeft": squint,
+        "eyeSquintRight": squint * uneven[2],
+        "jawOpen": rng.uniform(0, 0.15),
+    }
 
 
 def _identity(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
@@ -118,8 +145,12 @@ def _specular(rng: np.random.Generator) -> np.ndarray:
     return np.clip(0.75 + 0.25 * skin.noise(rng, SPECULAR_SIZE, 6), 0.2, 1.4)
 
 
-def _pose(angles: np.ndarray | tuple[float, ...], place: np.ndarray | tuple[float, ...]) -> np.ndarray:
-    """(4, 4) model to camera: yaw, then pitch, then roll, in degrees, and the face's place in metres."""
+def _pose(
+    angles: np.ndarray | tuple[float, ...], place: np.ndarray | tuple[float, ...]
+) -> np.ndarray:
+    """(4, 4) model to camera: yaw, then pitch, then roll, in degrees, and the face's place in
+    metres.
+    """
     yaw, pitch, roll = np.radians(angles)
     pose = np.eye(4)
     pose[:3, :3] = _turn(2, roll) @ _turn(0, pitch) @ _turn(1, yaw)

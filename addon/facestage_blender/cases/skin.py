@@ -16,11 +16,14 @@ FRECKLE_RADIUS = (0.0006, 0.0018)  # metres, one standard deviation of the dab
 FRECKLE_DEPTH = (0.3, 0.8)  # natural logarithm of the darkening in green
 # Melanin takes more from blue than from red; log darkening relative to green.
 PIGMENT = np.array([0.65, 1.0, 1.25])
-BEARD_DEPTH, STUBBLE = 1.3, 0.45  # log darkening of a full beard, and its relative variation from hair to hair
+# log darkening of a full beard, and its relative variation from hair to hair
+BEARD_DEPTH, STUBBLE = 1.3, 0.45
 
 
 def noise(rng: np.random.Generator, size: int, cells: int) -> np.ndarray:
-    """(size, size) noise of unit variance, linear between random values at ``cells`` x ``cells`` knots."""
+    """(size, size) noise of unit variance, linear between random values at ``cells`` x ``cells``
+    knots.
+    """
     knots = rng.normal(size=(cells + 1, cells + 1))
     at = (np.arange(size) + 0.5) / size * cells
     low = np.minimum(at.astype(int), cells - 1)
@@ -31,8 +34,12 @@ def noise(rng: np.random.Generator, size: int, cells: int) -> np.ndarray:
 
 
 def mottled(albedo: np.ndarray, deviation: float, rng: np.random.Generator) -> np.ndarray:
-    """The texture (s, s, 3) with blotches and grain of relative standard deviation ``deviation``."""
-    pattern = sum(noise(rng, len(albedo), cells) for cells in MOTTLE_CELLS) / np.sqrt(len(MOTTLE_CELLS))
+    """The texture (s, s, 3) with blotches and grain of relative standard deviation
+    ``deviation``.
+    """
+    pattern = sum(noise(rng, len(albedo), cells) for cells in MOTTLE_CELLS) / np.sqrt(
+        len(MOTTLE_CELLS)
+    )
     return albedo * (1 + deviation * pattern[..., None])
 
 
@@ -42,11 +49,16 @@ def freckled(albedo: np.ndarray, model: FaceModel, rng: np.random.Generator) -> 
     inside = np.zeros(len(model.vertices), bool)
     inside[model.regions.get("face", np.arange(len(model.vertices)))] = True
     rows = inside[model.triangles].all(axis=1) & (model.triangle_part == SKIN)
-    corners, uvs = model.vertices[model.triangles[rows]], model.uvs[model.triangle_uvs[rows]].astype(np.float64)
+    corners, uvs = (
+        model.vertices[model.triangles[rows]],
+        model.uvs[model.triangle_uvs[rows]].astype(np.float64),
+    )
     edges = corners[:, 1:] - corners[:, :1]
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     uv_edges = uvs[:, 1:] - uvs[:, :1]
-    uv_area = 0.5 * np.abs(uv_edges[:, 0, 0] * uv_edges[:, 1, 1] - uv_edges[:, 0, 1] * uv_edges[:, 1, 0])
+    uv_area = 0.5 * np.abs(
+        uv_edges[:, 0, 0] * uv_edges[:, 1, 1] - uv_edges[:, 0, 1] * uv_edges[:, 1, 0]
+    )
     chosen = rng.choice(len(area), FRECKLES, p=area / area.sum())
     weights = rng.dirichlet(np.ones(3), FRECKLES)
     centre = np.einsum("fi,fix->fx", weights, uvs[chosen]) * size
@@ -66,9 +78,9 @@ def freckled(albedo: np.ndarray, model: FaceModel, rng: np.random.Generator) -> 
 
 def bearded(albedo: np.ndarray, model: FaceModel, rng: np.random.Generator) -> np.ndarray:
     """The texture (s, s, 3) darkened where a beard grows, lips and neck left out."""
-    weight = paint_vertices(beard_weight(model)[:, None], model.triangles, model.uvs, model.triangle_uvs, len(albedo))[
-        ..., 0
-    ]
+    weight = paint_vertices(
+        beard_weight(model)[:, None], model.triangles, model.uvs, model.triangle_uvs, len(albedo)
+    )[..., 0]
     hairs = np.clip(1 + STUBBLE * noise(rng, len(albedo), len(albedo) // 3), 0, 2)
     return albedo * np.exp(-BEARD_DEPTH * (weight * hairs)[..., None] * np.array([0.9, 1.0, 1.05]))
 
@@ -81,7 +93,9 @@ def beard_weight(model: FaceModel) -> np.ndarray:
     half_width = 0.5 * abs(mark[14, 0] - mark[2, 0])
     # Up to the nose, down to the corners of the mouth on the cheeks, up again to the ears.
     knots = np.array([0.0, 0.35, 0.6, 1.0]) * half_width
-    heights = np.array([mark[33, 1] - 0.006, mark[33, 1] - 0.008, mark[48:55, 1].mean(), mark[[1, 15], 1].mean()])
+    heights = np.array(
+        [mark[33, 1] - 0.006, mark[33, 1] - 0.008, mark[48:55, 1].mean(), mark[[1, 15], 1].mean()]
+    )
     upper = np.interp(np.abs(x - mark[33, 0]), knots, heights)
     lower = mark[8, 1] - 0.012
     back = mark[[1, 15], 2].mean() - 0.008

@@ -1,13 +1,15 @@
 """The obvious alternative: the fit's energy, by Mitsuba's gradients and Adam.
 
-Photo, landmarks, outline and priors are the fit's own terms, robust and weighted alike. Fairly: it starts where the
-fit's photo phases start (pose and shape from landmarks, lights by non-negative least squares), its learning rates are
-per kind of parameter and decay, and the linear bases are applied outside of automatic differentiation, which is faster.
+Photo, landmarks, outline and priors are the fit's own terms, robust and weighted alike. Fairly: it
+starts where the fit's photo phases start (pose and shape from landmarks, lights by non-negative
+least squares), its learning rates are per kind of parameter and decay, and the linear bases are
+applied outside of automatic differentiation, which is faster.
 
-What differs: lamps stay in their places, by which Mitsuba does not differentiate; the specular map is
-interpolated between vertices rather than texels; a pixel is a few paths at random places in it rather than its
-middle. A pixel's weight is estimated anew every WEIGHTS_EVERY iterations, and where the photo has the outline every
-OUTLINE_EVERY, rather than at every step: an iteration moves the face by much less.
+What differs: lamps stay in their places, by which Mitsuba does not differentiate; the specular map
+is interpolated between vertices rather than texels; a pixel is a few paths at random places in it
+rather than its middle. A pixel's weight is estimated anew every WEIGHTS_EVERY iterations, and where
+the photo has the outline every OUTLINE_EVERY, rather than at every step: an iteration moves the
+face by much less.
 """
 
 from __future__ import annotations
@@ -73,7 +75,9 @@ def learning_rates(layout: Layout, rates: Rates, light_scale: float) -> np.ndarr
 
 
 class SceneMap:
-    """From a state to the scene's values, and from derivatives by those to derivatives by the parameters."""
+    """From a state to the scene's values, and from derivatives by those to derivatives by the
+    parameters.
+    """
 
     def __init__(self, forward: ForwardModel, layout: Layout, specular_size: int) -> None:
         self.forward, self.layout = forward, layout
@@ -84,15 +88,20 @@ class SceneMap:
         uvs[self.geometry.triangles.ravel()] = model.uvs[self.geometry.triangle_uvs.ravel()]
         texel, weight = bilinear_weights(uvs, specular_size)
         row = np.repeat(np.arange(count), texel.shape[1])
-        self.texture = sp.csr_matrix((weight.ravel(), (row, texel.ravel())), shape=(count, specular_size**2))
+        self.texture = sp.csr_matrix(
+            (weight.ravel(), (row, texel.ravel())), shape=(count, specular_size**2)
+        )
 
     def values(self, state: State) -> SceneValues:
         """What the scene shows at ``state``."""
         albedo = np.minimum(np.exp(self.forward.log_albedo(state)), brdf.ALBEDO_MAX)
         return SceneValues(
-            self.forward.pose(state)[1], albedo, self.texture @ state.specular.ravel(), state.roughness,
+            self.forward.pose(state)[1],
+            albedo,
+            self.texture @ state.specular.ravel(),
+            state.roughness,
             self.forward.lights.radiance(state.lights),
-        )  # fmt: skip
+        )
 
     def gradient(self, state: State, values: SceneValues, derivative: SceneValues) -> np.ndarray:
         """(size,) by the chain rule; pose as :meth:`Layout.apply` moves it."""
@@ -105,27 +114,39 @@ class SceneMap:
         result[slices["identity"]] = by_shape[: geometry.identity_count]
         result[slices["expression"]] = by_shape[geometry.identity_count :]
         by_log = derivative.albedo * values.albedo * (values.albedo < brdf.ALBEDO_MAX)
-        result[slices["albedo"]] = geometry.albedo_basis.reshape(len(geometry.albedo_basis), -1) @ by_log.ravel()
+        result[slices["albedo"]] = (
+            geometry.albedo_basis.reshape(len(geometry.albedo_basis), -1) @ by_log.ravel()
+        )
         result[slices["specular"]] = self.texture.T @ derivative.c_spec
         result[slices["roughness"]] = derivative.roughness
         lights = self.forward.lights
         jacobian = lights.jacobian(state.lights)
-        result[slices["lights"]] = np.einsum("nc,ncp->p", derivative.radiance[lights.fitted], jacobian)
+        result[slices["lights"]] = np.einsum(
+            "nc,ncp->p", derivative.radiance[lights.fitted], jacobian
+        )
         return result
 
 
 class AdamRun:
-    """The alternative's loss, its gradient, and its steps. ``energy`` is the fit's, at one resolution."""
+    """The alternative's loss, its gradient, and its steps.
+
+    ``energy`` is the fit's, at one resolution.
+    """
 
     def __init__(self, energy: Energy, state: State, samples: int) -> None:
         """``state`` has the camera of the energy's resolution."""
         assert energy.photo is not None and energy.stage is not None
-        self.energy, self.photo, self.stage, self.samples = energy, energy.photo, energy.stage, samples
+        self.energy, self.photo, self.stage, self.samples = (
+            energy,
+            energy.photo,
+            energy.stage,
+            samples,
+        )
         forward = self.photo.forward
         self.map = SceneMap(forward, energy.layout, len(state.specular))
         self.scene = GradientScene(
             forward.geometry.triangles, state.camera, self.stage, self.map.values(state)
-        )  # fmt: skip
+        )
         self.target, self.outline = self.weigh(state, 0), self.find_outline(state)
 
     def find_outline(self, state: State) -> Silhouette | None:
@@ -135,20 +156,26 @@ class AdamRun:
     def weigh(self, state: State, seed: int) -> Target:
         """The photo with the weights that the fit's noise model gives at ``state``."""
         evaluation = self.photo.evaluate(state, self.stage, seed)
-        weights = self.photo.weights(evaluation, self.photo.noise(evaluation), self.energy.weights.photo)
+        weights = self.photo.weights(
+            evaluation, self.photo.noise(evaluation), self.energy.weights.photo
+        )
         return Target(self.photo.photo.color, self.photo.photo.clipped, weights)
 
     def loss(self, state: State, seed: int) -> tuple[float, np.ndarray]:
         """Energy and its gradient (size,) by the parameters."""
         values = self.map.values(state)
         photo, derivative = self.scene.gradient(values, self.target, self.samples, seed)
-        others = other_terms(self.energy, state, Anchors(self.energy.landmarks.at(state), self.outline))
+        others = other_terms(
+            self.energy, state, Anchors(self.energy.landmarks.at(state), self.outline)
+        )
         return photo + others.total, self.map.gradient(state, values, derivative) + others.gradient
 
 
 @dataclass(frozen=True)
 class Anchors:
-    """Which points of the face an iteration compares with landmarks and outline: held while it differentiates."""
+    """Which points of the face an iteration compares with landmarks and outline: held while it
+    differentiates.
+    """
 
     landmarks: PlacedLandmarks
     outline: Silhouette | None
@@ -168,7 +195,9 @@ class OtherTerms:
 
 
 def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
-    """Priors, and the robust energies of landmarks and outline; exact derivatives while the anchors are held."""
+    """Priors, and the robust energies of landmarks and outline; exact derivatives while the anchors
+    are held.
+    """
     prior = energy.priors.quadratic(state, energy.light_parameters)
     found, gradient = dict(prior.energy), prior.gradient
     landmarks = anchors.landmarks
@@ -179,7 +208,9 @@ def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
     if anchors.outline is not None:
         residual = anchors.outline.residuals(state)
         weights = energy.weights.photo * anchors.outline.weights(residual)
-        gradient = gradient + anchors.outline.jacobian(state, energy.layout).T @ (weights * residual)
+        gradient = gradient + anchors.outline.jacobian(state, energy.layout).T @ (
+            weights * residual
+        )
         found["silhouette"] = energy.weights.photo * anchors.outline.robust_energy(residual)
     return OtherTerms(found, gradient)
 
@@ -187,7 +218,9 @@ def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
 def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: bool = True) -> Track:
     """Minimise the energy of ``problem`` with Adam until the budget is spent."""
     if problem.fit_focal:
-        raise InputError("The alternative does not fit the focal length; give the case a camera.json.")
+        raise InputError(
+            "The alternative does not fit the focal length; give the case a camera.json."
+        )
     forward = ForwardModel(problem.geometry, problem.lights)
     snapshots: list[Snapshot] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
@@ -223,7 +256,11 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
             state = layout.apply(state, np.clip(values + change, stage.low, stage.high) - values)
             seconds = time.monotonic() - began
             if seconds > SNAPSHOT_STEP * snapshots[-1].seconds or number == settings.iterations - 1:
-                snapshots.append(Snapshot(seconds, f"Adam, {number + 1}", _full_size(state, start.state), lit=True))
+                snapshots.append(
+                    Snapshot(
+                        seconds, f"Adam, {number + 1}", _full_size(state, start.state), lit=True
+                    )
+                )
         seconds = time.monotonic() - began
     state = _full_size(state, start.state)
     if seconds > snapshots[-1].seconds:

@@ -24,7 +24,9 @@ SYNTHETIC, SYNTHETIC_SIDE_PX = "synthetic", 192
 
 @dataclass(frozen=True)
 class Case:
-    """A folder with photo.png, landmarks.json, camera.json and truth.npz, and the model its truth belongs to."""
+    """A folder with photo.png, landmarks.json, camera.json and truth.npz, and the model its truth
+    belongs to.
+    """
 
     name: str
     folder: Path
@@ -35,12 +37,18 @@ class Case:
         for name in (PHOTO, LANDMARKS, CAMERA, TRUTH):
             if not is_file(self.folder / name):
                 raise InputError(
-                    f"The case '{self.folder}' has no {name}; a case holds {PHOTO}, {LANDMARKS}, {CAMERA} and {TRUTH}."
+                    f"The case '{self.folder}' has no {name}; a case holds {PHOTO}, "
+                    f"{LANDMARKS}, {CAMERA} and {TRUTH}."
                 )
         return Job(
-            (self.folder / PHOTO).absolute(), self.model, Landmarks.read(self.folder / LANDMARKS),
-            Camera.read(self.folder / CAMERA), seed=seed, device=device, truth=self.folder / TRUTH,
-        )  # fmt: skip
+            (self.folder / PHOTO).absolute(),
+            self.model,
+            Landmarks.read(self.folder / LANDMARKS),
+            Camera.read(self.folder / CAMERA),
+            seed=seed,
+            device=device,
+            truth=self.folder / TRUTH,
+        )
 
 
 def find_cases(
@@ -48,8 +56,8 @@ def find_cases(
 ) -> tuple[list[Case], str]:
     """The cases of a bench, and a sentence that says which they are.
 
-    The given ``folders``; without any, those beside ICT-FaceKit in the data folder; without that, a synthetic
-    photo of ``side_px`` pixels along a side that is written into ``scratch``.
+    The given ``folders``; without any, those beside ICT-FaceKit in the data folder; without that, a
+    synthetic photo of ``side_px`` pixels along a side that is written into ``scratch``.
     """
     if folders:
         cases = [Case(folder.resolve().name, folder, model or DEFAULT_MODEL) for folder in folders]
@@ -60,10 +68,14 @@ def find_cases(
     if shared and (model is not None or archive.exists()):
         chosen = model or f"ict:{archive}"
         words = "ICT-FaceKit" if model is None else f"the model {model}"
-        return [Case(path.name, path, chosen) for path in shared], f"Cases of the data folder, fitted with {words}."
+        return [
+            Case(path.name, path, chosen) for path in shared
+        ], f"Cases of the data folder, fitted with {words}."
     return [synthetic_case(scratch / SYNTHETIC, model, side_px)], (
-        "No cases were given or found, so the photo is synthetic, rendered by Facestage's own forward model: "
-        "it shows speed, not how well a fit stands what the model does not explain. Give real ones with --case."
+        "No cases were given or found, so the photo is synthetic, rendered by Facestage's own "
+        "forward model: "
+        "it shows speed, not how well a fit stands what the model does not explain. Give real "
+        "ones with --case."
     )
 
 
@@ -73,8 +85,12 @@ def data_folder() -> Path:
     return Path(override) if override else Path(__file__).resolve().parents[4] / "shared" / "data"
 
 
-def synthetic_case(folder: Path, model: str | None = None, side_px: int = SYNTHETIC_SIDE_PX) -> Case:
-    """A head with random identity and expression under twelve lights, rendered and written as a case."""
+def synthetic_case(
+    folder: Path, model: str | None = None, side_px: int = SYNTHETIC_SIDE_PX
+) -> Case:
+    """A head with random identity and expression under twelve lights, rendered and written as a
+    case.
+    """
     # The forward model loads the renderer.
     from facestage.models.registry import load_model
     from facestage.stress.scene import plain_scene, project_landmarks, render, write_png
@@ -84,6 +100,8 @@ def synthetic_case(folder: Path, model: str | None = None, side_px: int = SYNTHE
     write_png(folder / PHOTO, render(scene))
     write_json(folder / LANDMARKS, project_landmarks(scene, noise_px=0.7).to_json())
     write_json(folder / CAMERA, scene.camera.to_json())
-    vertices = scene.model.shape(scene.identity, scene.expression) @ scene.rotation.T + scene.translation
+    vertices = (
+        scene.model.shape(scene.identity, scene.expression) @ scene.rotation.T + scene.translation
+    )
     write_arrays(folder / TRUTH, {"vertices": vertices.astype(np.float32)}, compress=False)
     return Case(SYNTHETIC, folder, model or DEFAULT_MODEL)

@@ -43,11 +43,21 @@ def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str])
             detail = np.array([row.stage == DETAIL for row in run])[keep]
             if measure.column == "psnr" and detail.any():
                 axes.plot(
-                    seconds[detail], values[keep][detail], ls="", marker="o", ms=9, mfc="none", mec=color, mew=1.5,
-                    clip_on=False, zorder=4,
-                )  # fmt: skip
+                    seconds[detail],
+                    values[keep][detail],
+                    ls="",
+                    marker="o",
+                    ms=9,
+                    mfc="none",
+                    mec=color,
+                    mew=1.5,
+                    clip_on=False,
+                    zorder=4,
+                )
             ends.append((seconds[-1], values[keep][-1], f"{values[keep][-1]:.2f} {name}", color))
-        _leave_out_the_first_guess(axes, measure, [row for row in rows if row.case == case and row.contender in main])
+        _leave_out_the_first_guess(
+            axes, measure, [row for row in rows if row.case == case and row.contender in main]
+        )
         _log_seconds(
             axes,
             [
@@ -59,13 +69,17 @@ def draw_curves(path: Path, case: str, rows: Sequence[Row], main: Sequence[str])
         _label(axes, ends)
         if number == len(MEASURES) - 1:
             axes.set_xlabel(
-                "seconds of optimisation (logarithmic); ring: with the albedo detail", color=LIGHT.muted, fontsize=10
+                "seconds of optimisation (logarithmic); ring: with the albedo detail",
+                color=LIGHT.muted,
+                fontsize=10,
             )
     canvas.save(path)
 
 
 def draw_settings(path: Path, case: str, finals: Sequence[Final]) -> None:
-    """Where every contender of ``case`` ended: error against seconds, and the front that none is better than."""
+    """Where every contender of ``case`` ended: error against seconds, and the front that none is
+    better than.
+    """
     canvas = Canvas(WIDTH, TOP + 2 * PANEL_HEIGHT + GAP + BOTTOM, LIGHT)
     canvas.text(LEFT, 28, f"{case}: where each setting ends", 14, weight="bold")
     shown = [item for item in finals if item.case == case]
@@ -76,25 +90,36 @@ def draw_settings(path: Path, case: str, finals: Sequence[Final]) -> None:
         points = [point for point in points if point[1] is not None and np.isfinite(point[1])]
         for seconds, value, item in points:
             axes.plot(seconds, value, "o", ms=7, color=COLORS[item.family], zorder=3, clip_on=False)
-        front = pareto_front([(seconds, value) for seconds, value, _ in points], measure.lower_is_better)
+        front = pareto_front(
+            [(seconds, value) for seconds, value, _ in points], measure.lower_is_better
+        )
         axes.plot(*zip(*front, strict=True), color=LIGHT.muted, lw=1, ls="--", zorder=2)
         _log_seconds(axes, [seconds for seconds, _, _ in points])
         # Labels of points that lie close together are stacked upward: not into the title.
         low, high = axes.get_ylim()
         axes.set_ylim(low, high + HEADROOM * (high - low))
-        _label(axes, [(s, v, item.contender, COLORS[item.family]) for s, v, item in points], beside=True)
+        _label(
+            axes,
+            [(s, v, item.contender, COLORS[item.family]) for s, v, item in points],
+            beside=True,
+        )
         if number == len(MEASURES) - 1:
             axes.set_xlabel(
                 "seconds of optimisation (logarithmic); dashed: nobody is both faster and better",
-                color=LIGHT.muted, fontsize=10,
-            )  # fmt: skip
+                color=LIGHT.muted,
+                fontsize=10,
+            )
     canvas.save(path)
 
 
-def pareto_front(points: Sequence[tuple[float, float]], lower_is_better: bool) -> list[tuple[float, float]]:
+def pareto_front(
+    points: Sequence[tuple[float, float]], lower_is_better: bool
+) -> list[tuple[float, float]]:
     """The points (seconds, value) than which no other is at most as slow and better, by seconds."""
     best, front = np.inf, []
-    for seconds, value in sorted(points, key=lambda point: (point[0], point[1] if lower_is_better else -point[1])):
+    for seconds, value in sorted(
+        points, key=lambda point: (point[0], point[1] if lower_is_better else -point[1])
+    ):
         cost = value if lower_is_better else -value
         if cost < best:
             best = cost
@@ -104,7 +129,13 @@ def pareto_front(points: Sequence[tuple[float, float]], lower_is_better: bool) -
 
 def _axes(canvas: Canvas, top: float, measure: Measure) -> Any:
     direction = "lower" if measure.lower_is_better else "higher"
-    canvas.text(LEFT, top - 12, f"{measure.label}, {measure.unit} ({direction} is better)", 11, weight="bold")
+    canvas.text(
+        LEFT,
+        top - 12,
+        f"{measure.label}, {measure.unit} ({direction} is better)",
+        11,
+        weight="bold",
+    )
     axes = canvas.axes(LEFT, top, WIDTH - LEFT - RIGHT, PANEL_HEIGHT)
     axes.grid(axis="both", color=LIGHT.grid, lw=1, zorder=0)
     axes.set_axisbelow(True)
@@ -112,7 +143,9 @@ def _axes(canvas: Canvas, top: float, measure: Measure) -> Any:
 
 
 def _leave_out_the_first_guess(axes: Any, measure: Measure, rows: Sequence[Row]) -> None:
-    """The mean face is so far off that nothing else could be told apart: the axis begins where shape is fitted."""
+    """The mean face is so far off that nothing else could be told apart: the axis begins where
+    shape is fitted.
+    """
     values = measure.values([row for row in rows if row.stage not in FIRST_STAGES])
     values = values[np.isfinite(values)]
     if measure.lower_is_better and values.size:
@@ -140,7 +173,9 @@ def _log_seconds(axes: Any, seconds: Sequence[float]) -> None:
 
 
 def _label(axes: Any, ends: Sequence[tuple[float, float, str, str]], beside: bool = False) -> None:
-    """Texts at the right of points; kept apart from each other, all of them or only close ones (``beside``)."""
+    """Texts at the right of points; kept apart from each other, all of them or only close ones
+    (``beside``).
+    """
     placed: list[tuple[float, float]] = []
     for x, y, text, color in sorted(ends, key=lambda end: end[1]):
         across, height = (float(value) for value in axes.transData.transform((x, y)))
@@ -154,10 +189,18 @@ def _label(axes: Any, ends: Sequence[tuple[float, float, str, str]], beside: boo
                     wanted, moved = other + LABEL_STEP, True
         placed.append((across, wanted))
         axes.annotate(
-            text, (x, y), xytext=(10, 0.72 * (wanted - height)), textcoords="offset points", color=color,
-            fontsize=9.5, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6} if wanted > height + 1 else None,
-        )  # fmt: skip
+            text,
+            (x, y),
+            xytext=(10, 0.72 * (wanted - height)),
+            textcoords="offset points",
+            color=color,
+            fontsize=9.5,
+            va="center",
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6}
+            if wanted > height + 1
+            else None,
+        )
 
 
 def picture_name(kind: str, case: str) -> str:

@@ -1,7 +1,8 @@
 """The fit with low-frequency light: nine spherical harmonics, Lambert, no shadows, no highlights.
 
-The image formation of Garrido et al. 2016 and FML (Tewari et al. 2019), under the same solver, priors and
-noise model as the ray-traced fit: what is left to compare is what shadows and highlights do to geometry.
+The image formation of Garrido et al. 2016 and FML (Tewari et al. 2019), under the same solver,
+priors and noise model as the ray-traced fit: what is left to compare is what shadows and highlights
+do to geometry.
 """
 
 from __future__ import annotations
@@ -35,22 +36,35 @@ RIDGE = 1e-3  # of the largest eigenvalue
 def harmonic_basis(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nine spherical harmonics (P, 9) of unit ``normals`` (P, 3) and their gradients (P, 9, 3).
 
-    Scaled by the cosine lobe's share of each band (Ramamoorthi & Hanrahan 2001, eq. 7 over pi), so that
-    coefficients of one size weigh alike; the first is 1.
+    Scaled by the cosine lobe's share of each band (Ramamoorthi & Hanrahan 2001, eq. 7 over pi), so
+    that coefficients of one size weigh alike; the first is 1.
     """
     x, y, z = normals.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     first, second = 2.0 / 3.0 * np.sqrt(3.0), 0.25 * np.sqrt(15.0)
     polar = 0.125 * np.sqrt(5.0)
     values = [
-        one, first * y, first * z, first * x, second * x * y, second * y * z, polar * (3 * z * z - 1),
-        second * x * z, 0.5 * second * (x * x - y * y),
-    ]  # fmt: skip
+        one,
+        first * y,
+        first * z,
+        first * x,
+        second * x * y,
+        second * y * z,
+        polar * (3 * z * z - 1),
+        second * x * z,
+        0.5 * second * (x * x - y * y),
+    ]
     gradients = [
-        (zero, zero, zero), (zero, first * one, zero), (zero, zero, first * one), (first * one, zero, zero),
-        (second * y, second * x, zero), (zero, second * z, second * y), (zero, zero, 6 * polar * z),
-        (second * z, zero, second * x), (second * x, -second * y, zero),
-    ]  # fmt: skip
+        (zero, zero, zero),
+        (zero, first * one, zero),
+        (zero, zero, first * one),
+        (first * one, zero, zero),
+        (second * y, second * x, zero),
+        (zero, second * z, second * y),
+        (zero, zero, 6 * polar * z),
+        (second * z, zero, second * x),
+        (second * x, -second * y, zero),
+    ]
     return np.stack(values, axis=1), np.stack([np.stack(row, axis=1) for row in gradients], axis=1)
 
 
@@ -58,24 +72,39 @@ class HarmonicForward(ForwardModel):
     """Renders the face under nine "lights", one per harmonic; their radiance may be negative."""
 
     def light_terms(
-        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
-        traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        self,
+        state: State,
+        surface: Surface,
+        stage: LightStage,
+        samples: int,
+        seed: int,
+        asked: Asked = PLAIN,
+        traced: np.ndarray | None = None,
+        pairs: tuple[np.ndarray, np.ndarray] | None = None,
         roughness: np.ndarray | None = None,
-    ) -> LightTerms:  # fmt: skip
+    ) -> LightTerms:
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)
         by_normal = np.pi * np.einsum("pjx,jc->pcx", gradients, self.lights.radiance(state.lights))
         channels = np.zeros((len(values), CHANNELS))
         return LightTerms(
-            np.pi * values, np.zeros_like(values), by_normal, np.zeros_like(by_normal), channels, channels, channels
-        )  # fmt: skip
+            np.pi * values,
+            np.zeros_like(values),
+            by_normal,
+            np.zeros_like(by_normal),
+            channels,
+            channels,
+            channels,
+        )
 
 
 def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
     """The default schedule, without its specular phase and parameters, over the harmonic image."""
     problem = harmonic_problem(problem)
     forward = HarmonicForward(problem.geometry, problem.lights)
-    schedule = Schedule().scaled(settings.resolution, settings.samples).limited(problem.fineness.steps_max)
+    schedule = (
+        Schedule().scaled(settings.resolution, settings.samples).limited(problem.fineness.steps_max)
+    )
     snapshots: list[Snapshot] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
         run = FitRun(problem, forward, Path(folder), schedule=schedule.until(LIGHT_PHASE))
@@ -109,11 +138,17 @@ def harmonic_problem(problem: Problem) -> Problem:
     """The problem with nine lights that stand for the harmonics; their places mean nothing."""
     freeze = tuple(name for name in problem.job.freeze if name != "lights")
     stage = fibonacci_stage(COEFFICIENTS)
-    return replace(problem, job=replace(problem.job, stage=stage, light_color="multi", freeze=freeze), stage=stage)
+    return replace(
+        problem,
+        job=replace(problem.job, stage=stage, light_color="multi", freeze=freeze),
+        stage=stage,
+    )
 
 
 def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: float) -> State:
-    """Coefficients by linear least squares on the current geometry and albedo; sets the scale of E_light."""
+    """Coefficients by linear least squares on the current geometry and albedo; sets the scale of
+    E_light.
+    """
     assert stage is not None and stage.energy.photo is not None and stage.energy.stage is not None
     photo: PhotoTerm = stage.energy.photo
     scaled = replace(state, camera=state.camera.scaled(factor))

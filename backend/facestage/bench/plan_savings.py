@@ -1,4 +1,6 @@
-"""What the plan saves: three scenes fitted with and without it, and a step of each with one rule off at a time."""
+"""What the plan saves: three scenes fitted with and without it, and a step of each with one rule
+off at a time.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,15 @@ from facestage.fit.stages.phases import Schedule
 from facestage.fit.trust.fitted import Fitted
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
-from facestage.stress.scene import Scene, exposed, job_of, plain_scene, render, with_stage, write_png
+from facestage.stress.scene import (
+    Scene,
+    exposed,
+    job_of,
+    plain_scene,
+    render,
+    with_stage,
+    write_png,
+)
 
 EXIT_DONE = 0
 TABLE = "plan.txt"
@@ -39,7 +49,10 @@ ROUNDS = 3  # of timing each rule; the shortest counts
 
 @dataclass(frozen=True)
 class Saving:
-    """One scene under both plans. Seconds are the photo's steps alone; processor seconds do not count others' work."""
+    """One scene under both plans.
+
+    Seconds are the photo's steps alone; processor seconds do not count others' work.
+    """
 
     scene: str
     lean_step: float
@@ -76,11 +89,16 @@ class RuleSaving:
 def run_plan_savings(
     model: str | None, out: Path, quick: bool, stream: TextIO, device: str = "auto", seed: int = 0
 ) -> int:
-    """Measure, print to ``stream`` and write ``out``/plan.txt. Raises InputError for a folder that cannot be made."""
+    """Measure, print to ``stream`` and write ``out``/plan.txt.
+
+    Raises InputError for a folder that cannot be made.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"Cannot make the folder '{out}' ({error.strerror or error}); choose another.") from error
+        raise InputError(
+            f"Cannot make the folder '{out}' ({error.strerror or error}); choose another."
+        ) from error
     start_renderer(device)
     savings: list[Saving] = []
     rules: list[RuleSaving] = []
@@ -90,7 +108,11 @@ def run_plan_savings(
             saving, found = measure(name, job, Path(scratch))
             savings.append(saving)
             rules += found
-            print(f"{name}: a step takes {saving.ratio:.2f} times as long without the plan", file=stream, flush=True)
+            print(
+                f"{name}: a step takes {saving.ratio:.2f} times as long without the plan",
+                file=stream,
+                flush=True,
+            )
     lines = ["", *table_lines(savings), "", *rule_lines(rules)]
     print("\n".join(lines), file=stream, flush=True)
     with atomic_file(out / TABLE) as temporary:
@@ -99,10 +121,18 @@ def run_plan_savings(
 
 
 def scenes(
-    folder: Path, model: str, side_px: int, device: str = "cpu", seed: int = 0, specular_size: int = SPECULAR_SIZE
+    folder: Path,
+    model: str,
+    side_px: int,
+    device: str = "cpu",
+    seed: int = 0,
+    specular_size: int = SPECULAR_SIZE,
 ) -> Iterator[tuple[str, Job]]:
     """Synthetic photos and their jobs: little to fit, the default, and many lights."""
-    yield "one light, matte, known identity", _little(folder / "one", model, side_px, device, seed, specular_size)
+    yield (
+        "one light, matte, known identity",
+        _little(folder / "one", model, side_px, device, seed, specular_size),
+    )
     for name, lights in (("20 lights", 20), ("100 lights", 100)):
         scene = exposed(plain_scene(load_model(model), seed=5, lights=lights, side_px=side_px))
         job = _job(folder / f"lights-{lights}", scene, device, seed)
@@ -112,7 +142,9 @@ def scenes(
         yield name, replace(job, stage=stage, initial=initial)
 
 
-def _little(folder: Path, model: str, side_px: int, device: str, seed: int, specular_size: int) -> Job:
+def _little(
+    folder: Path, model: str, side_px: int, device: str, seed: int, specular_size: int
+) -> Job:
     """One light on of twenty, no highlights, an identity that is known."""
     scene = plain_scene(load_model(model), seed=5, lights=20, side_px=side_px)
     key = int(scene.stage.radiance.max(axis=1).argmax())
@@ -142,10 +174,17 @@ def measure(
     fitted = {plan: run.fit() for plan, run in runs.items()}
     lean, full = runs[LEAN], runs[FULL]
     saving = Saving(
-        name, lean.seconds / lean.steps, full.seconds / full.steps, lean.cpu / lean.steps, full.cpu / full.steps,
-        lean.seconds, full.seconds, lean.similarity_mm(fitted[LEAN]), full.similarity_mm(fitted[FULL]),
+        name,
+        lean.seconds / lean.steps,
+        full.seconds / full.steps,
+        lean.cpu / lean.steps,
+        full.cpu / full.steps,
+        lean.seconds,
+        full.seconds,
+        lean.similarity_mm(fitted[LEAN]),
+        full.similarity_mm(fitted[FULL]),
         largest_deviation(fitted[LEAN], fitted[FULL]),
-    )  # fmt: skip
+    )
     names = [rule.name for rule in fields(Rules)]
     variants = {"": Rules()} | {rule: replace(Rules(), **{rule: False}) for rule in names}
     best = dict.fromkeys(variants, np.inf)
@@ -169,11 +208,17 @@ class _Timed:
     def fit(self) -> Fitted:
         """The whole schedule, after one of a step each that compiles the kernels."""
         phases = Schedule().phases
-        short = Schedule(tuple(phase if phase.face_px is None else replace(phase, steps=1) for phase in phases))
+        short = Schedule(
+            tuple(phase if phase.face_px is None else replace(phase, steps=1) for phase in phases)
+        )
         FitRun(self.problem, self.forward, self.folder, schedule=short).run(float("inf"))
         cpu: list[float] = []
         run = FitRun(
-            self.problem, self.forward, self.folder, self.truth, lambda progress: cpu.append(time.process_time())
+            self.problem,
+            self.forward,
+            self.folder,
+            self.truth,
+            lambda progress: cpu.append(time.process_time()),
         )
         fitted = run.run(float("inf"))
         photo = [number for number, row in enumerate(fitted.trace) if "photo_rms" in row]
@@ -188,7 +233,9 @@ class _Timed:
         return float(self.truth.geometry_errors(fitted.state)["similarity_mm"])
 
     def step(self, rules: Rules, fitted: Fitted) -> float:
-        """Processor seconds that the photo takes in one step of the last phase under ``rules``, where a fit ended."""
+        """Processor seconds that the photo takes in one step of the last phase under ``rules``,
+        where a fit ended.
+        """
         run = FitRun(self.problem, self.forward, self.folder)
         run.view.plan, run.view.camera_to_stage = Plan(rules), fitted.camera_to_stage
         phase = run.phases[-1]
@@ -197,7 +244,9 @@ class _Timed:
         photo, lights, layout = stage.energy.photo, stage.energy.stage, stage.energy.layout
         assert photo is not None and lights is not None
         active = layout.mask(stage.blocks) & ~stage.freeze
-        state = replace(fitted.state, camera=fitted.state.camera.scaled(self.problem.scale(phase.face_px)))
+        state = replace(
+            fitted.state, camera=fitted.state.camera.scaled(self.problem.scale(phase.face_px))
+        )
 
         def once(everything: bool) -> np.ndarray:
             evaluation = photo.evaluate(state, lights, self.job.seed, everything)
@@ -212,20 +261,30 @@ class _Timed:
 
 
 def without_off_lights(fitted: Fitted) -> State:
-    """The state without the places of lights that are off, which only the full plan carries along."""
-    return replace(fitted.state, light_position=fitted.state.light_position[fitted.stage.state != OFF])
+    """The state without the places of lights that are off, which only the full plan carries
+    along.
+    """
+    return replace(
+        fitted.state, light_position=fitted.state.light_position[fitted.stage.state != OFF]
+    )
 
 
 def largest_deviation(first: Fitted, second: Fitted) -> float:
-    """The largest difference of a parameter between two fits, in the standard deviations that the second states."""
+    """The largest difference of a parameter between two fits, in the standard deviations that the
+    second states.
+    """
     one, other = without_off_lights(first), without_off_lights(second)
     layout = Layout(other)
     difference = np.abs(layout.values(one) - layout.values(other))
     turned = Rotation.from_matrix(first.state.rotation @ second.state.rotation.T).as_rotvec()
     pose = layout.slices["pose"]
-    difference[pose] = np.abs(np.concatenate([turned, first.state.translation - second.state.translation]))
+    difference[pose] = np.abs(
+        np.concatenate([turned, first.state.translation - second.state.translation])
+    )
     deviations = dict(second.certainty.deviations)
-    deviations["light_position"] = deviations["light_position"].reshape(-1, AXES)[second.stage.state != OFF].ravel()
+    deviations["light_position"] = (
+        deviations["light_position"].reshape(-1, AXES)[second.stage.state != OFF].ravel()
+    )
     deviation = np.concatenate([deviations[name] for name in layout.slices])
     known = np.isfinite(deviation) & (deviation > 0)
     return float((difference[known] / deviation[known]).max()) if known.any() else 0.0
@@ -233,25 +292,39 @@ def largest_deviation(first: Fitted, second: Fitted) -> float:
 
 def table_lines(savings: Sequence[Saving]) -> list[str]:
     """The table of both plans."""
-    heads = ("lean / full", "s a step", "cpu s a step", "photo steps s", "similarity mm", "differ by", "full/lean")
+    heads = (
+        "lean / full",
+        "s a step",
+        "cpu s a step",
+        "photo steps s",
+        "similarity mm",
+        "differ by",
+        "full/lean",
+    )
     lines = [f"{heads[0]:36s}" + "".join(f"{head:>18s}" for head in heads[1:])]
     for row in savings:
         cells = (
-            f"{row.lean_step:.2f} / {row.full_step:.2f}", f"{row.lean_step_cpu:.2f} / {row.full_step_cpu:.2f}",
-            f"{row.lean_total:.1f} / {row.full_total:.1f}", f"{row.lean_mm:.3f} / {row.full_mm:.3f}",
-            f"{row.deviation:.3f} sd", f"{row.ratio:.2f}",
-        )  # fmt: skip
+            f"{row.lean_step:.2f} / {row.full_step:.2f}",
+            f"{row.lean_step_cpu:.2f} / {row.full_step_cpu:.2f}",
+            f"{row.lean_total:.1f} / {row.full_total:.1f}",
+            f"{row.lean_mm:.3f} / {row.full_mm:.3f}",
+            f"{row.deviation:.3f} sd",
+            f"{row.ratio:.2f}",
+        )
         lines.append(f"{row.scene:36s}" + "".join(f"{cell:>18s}" for cell in cells))
     return lines
 
 
 def rule_lines(rules: Sequence[RuleSaving]) -> list[str]:
     """The table of each rule alone."""
-    head = f"{'last phase, one rule off':36s} {'rule':>8s} {'cpu s with / without':>21s} {'ratio':>6s}"
+    head = (
+        f"{'last phase, one rule off':36s} {'rule':>8s} {'cpu s with / without':>21s} {'ratio':>6s}"
+    )
     return [
         head,
         *(
-            f"{row.scene:36s} {row.rule:>8s} {row.with_rule:9.3f} / {row.without:9.3f} {row.ratio:6.2f}"
+            f"{row.scene:36s} {row.rule:>8s} {row.with_rule:9.3f} / {row.without:9.3f} "
+            f"{row.ratio:6.2f}"
             for row in rules
         ),
     ]

@@ -44,26 +44,38 @@ class Relighting:
     def sentence(self) -> str:
         """The row in words."""
         return (
-            f"Relit at {self.side_px} pixels with {self.lights} lights: {self.cached_ms:.2f} ms a picture from a cache "
-            f"of {self.megabytes:.0f} MB, {self.traced_ms:.0f} ms traced again: {self.ratio:.0f}x; they differ by at "
+            f"Relit at {self.side_px} pixels with {self.lights} lights: {self.cached_ms:.2f} "
+            "ms a picture from a cache "
+            f"of {self.megabytes:.0f} MB, {self.traced_ms:.0f} ms traced again: "
+            f"{self.ratio:.0f}x; they differ by at "
             f"most {100 * self.difference:.2f} % of the brightest."
         )
 
 
 def bench_relighting(out: Path, track: Track, sides_px: Sequence[int] = SIDES_PX) -> list[str]:
-    """Measure the fit of ``track``, write relighting.csv into ``out``, and return the rows in words."""
+    """Measure the fit of ``track``, write relighting.csv into ``out``, and return the rows in
+    words.
+    """
     rows = measure_relighting(track.forward, track.snapshots[-1].state, track.stage, sides_px)
-    with atomic_file(out / RELIGHTING_CSV) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+    with (
+        atomic_file(out / RELIGHTING_CSV) as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as stream,
+    ):
         writer = csv.writer(stream)
         writer.writerow([*(field.name for field in fields(Relighting)), "ratio"])
-        writer.writerows([*(f"{value:.6g}" for value in asdict(row).values()), f"{row.ratio:.6g}"] for row in rows)
+        writer.writerows(
+            [*(f"{value:.6g}" for value in asdict(row).values()), f"{row.ratio:.6g}"]
+            for row in rows
+        )
     return [row.sentence() for row in rows]
 
 
 def measure_relighting(
     forward: ForwardModel, state: State, stage: LightStage, sides_px: Sequence[int] = SIDES_PX
 ) -> list[Relighting]:
-    """A row for each size of the picture; both pictures have the samples that the fit's own picture has."""
+    """A row for each size of the picture; both pictures have the samples that the fit's own picture
+    has.
+    """
     atlas = Atlas.build(forward.geometry, TEXTURE_SIZE)
     textures = Textures(np.exp(atlas.bake(forward.log_albedo(state))), state.specular)
     random = np.random.default_rng(0)
@@ -85,8 +97,13 @@ def measure_relighting(
         brightest = max(float(traced.max()), 1e-12)
         rows.append(
             Relighting(
-                side, len(cache.pixels), len(cache), 2e-6 * cache.images.size, 1e3 * float(np.median(seconds)),
-                traced_ms, float(np.abs(relit - traced).max()) / brightest,
+                side,
+                len(cache.pixels),
+                len(cache),
+                2e-6 * cache.images.size,
+                1e3 * float(np.median(seconds)),
+                traced_ms,
+                float(np.abs(relit - traced).max()) / brightest,
             )
-        )  # fmt: skip
+        )
     return rows

@@ -41,12 +41,22 @@ WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every 
 
 
 def run_bench(
-    folders: Sequence[Path], model: str | None, out: Path, quick: bool, stream: TextIO, device: str = "auto",
-    seed: int = 0, alone: bool = False, lineup: Lineup | None = None, fineness: Fineness = USUAL,
-) -> int:  # fmt: skip
-    """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything is measured.
+    folders: Sequence[Path],
+    model: str | None,
+    out: Path,
+    quick: bool,
+    stream: TextIO,
+    device: str = "auto",
+    seed: int = 0,
+    alone: bool = False,
+    lineup: Lineup | None = None,
+    fineness: Fineness = USUAL,
+) -> int:
+    """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything
+    is measured.
 
-    ``alone``: the fit by itself, nothing to compare it with. ``lineup``: who runs, instead of what these two say.
+    ``alone``: the fit by itself, nothing to compare it with. ``lineup``: who runs, instead of what
+    these two say.
     """
     _make_folder(out)
     variant = start_renderer(device)
@@ -65,7 +75,10 @@ def run_bench(
             if number == 0:
                 if lineup.warm_up:
                     warm_up(problem, truth, contenders)
-                cold = f"Model, photo and kernels were ready after {time.monotonic() - read:.1f} s, not counted below."
+                cold = (
+                    "Model, photo and kernels were ready after "
+                    f"{time.monotonic() - read:.1f} s, not counted below."
+                )
             for contender in (*contenders, *qualities, *(sweep if number == 0 else ())):
                 if isinstance(contender, AdamSettings) and contender.name in main:
                     # On a slow machine, at least as long as the fit took.
@@ -77,10 +90,18 @@ def run_bench(
                 rows += new
                 finals.append(final(new, track.errors))
                 last = finals[-1]
-                _say(stream, f"{case.name}: {last.contender}: {last.similarity_mm:.2f} mm after {last.seconds:.1f} s")
+                _say(
+                    stream,
+                    f"{case.name}: {last.contender}: {last.similarity_mm:.2f} mm after "
+                    f"{last.seconds:.1f} s",
+                )
     machine = f"{platform.machine()}, {os.cpu_count()} CPU cores, Mitsuba variant {variant}."
     bench = Bench(
-        rows, finals, reach_table(rows, main), main, (*summary_lines(finals), sentence, machine, cold, *relighting)
+        rows,
+        finals,
+        reach_table(rows, main),
+        main,
+        (*summary_lines(finals), sentence, machine, cold, *relighting),
     )
     write_bench(out, bench)
     write_qualities(out, finals, machine)
@@ -118,7 +139,12 @@ def warm_up(problem: Problem, truth: Truth, contenders: Sequence[Contender]) -> 
             run_adam(problem, truth, replace(contender, iterations=1), detail=False)
         elif contender.family != HARMONICS:
             # The harmonics trace no other rays than the fit.
-            run_solver(problem, truth, SolverSettings("warm-up", resolution=WARM_UP, samples=WARM_UP), detail=False)
+            run_solver(
+                problem,
+                truth,
+                SolverSettings("warm-up", resolution=WARM_UP, samples=WARM_UP),
+                detail=False,
+            )
 
 
 def _make_folder(out: Path) -> None:
@@ -127,7 +153,9 @@ def _make_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"Cannot make the folder '{out}' ({error.strerror or error}); choose another.") from error
+        raise InputError(
+            f"Cannot make the folder '{out}' ({error.strerror or error}); choose another."
+        ) from error
 
 
 def _say(stream: TextIO, line: str) -> None:

@@ -24,7 +24,8 @@ class SolverSettings:
     samples: float = 1.0  # of the light samples
     budget: float | None = None  # seconds
     quality: str = GOOD
-    shadow_edges: bool | None = None  # whether the derivatives know how cast shadows move; None: as a fit does
+    # whether the derivatives know how cast shadows move; None: as a fit does
+    shadow_edges: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ class Rates:
 
 @dataclass(frozen=True)
 class AdamSettings:
-    """Mitsuba + Adam: paths per pixel, the face's size as a factor on the fit's finest, when it stops."""
+    """Mitsuba + Adam: paths per pixel, the face's size as a factor on the fit's finest, when it
+    stops.
+    """
 
     name: str
     samples: int = 4
@@ -57,7 +60,10 @@ class AdamSettings:
 Contender = SolverSettings | AdamSettings
 DEFAULT = SolverSettings("Facestage")
 # On every case: what the quality names of a budget buy.
-QUALITY: tuple[SolverSettings, ...] = (SolverSettings(DRAFT, quality=DRAFT), SolverSettings(BEST, quality=BEST))
+QUALITY: tuple[SolverSettings, ...] = (
+    SolverSettings(DRAFT, quality=DRAFT),
+    SolverSettings(BEST, quality=BEST),
+)
 BASELINE = AdamSettings("Adam", budget=90.0)
 HARMONIC = SolverSettings("Harmonics", HARMONICS)
 # What a default run compares on every case.
@@ -79,7 +85,9 @@ SWEEP: tuple[Contender, ...] = (
 
 @dataclass(frozen=True)
 class Lineup:
-    """What a bench runs: the main contenders and qualities on every case, the sweep on the first."""
+    """What a bench runs: the main contenders and qualities on every case, the sweep on the
+    first.
+    """
 
     main: tuple[Contender, ...] = MAIN
     qualities: tuple[Contender, ...] = QUALITY

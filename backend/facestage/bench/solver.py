@@ -20,7 +20,9 @@ from facestage.fit.trust.fitted import Fitted, Progress
 LIGHT_PHASE = "light and albedo"  # the first that has lights
 
 
-def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail: bool = True) -> Track:
+def run_solver(
+    problem: Problem, truth: Truth, settings: SolverSettings, detail: bool = True
+) -> Track:
     """Fit ``problem``; with ``detail`` up to the finished picture, as ``facestage fit`` does."""
     snapshots: list[Snapshot] = []
 
@@ -29,7 +31,9 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
     forward = ForwardModel(problem.geometry, problem.lights)
-    schedule = default_schedule(replace(problem.job, quality=settings.quality), problem.fineness.steps_max)
+    schedule = default_schedule(
+        replace(problem.job, quality=settings.quality), problem.fineness.steps_max
+    )
     schedule = schedule.scaled(settings.resolution, settings.samples)
     if settings.shadow_edges is not None:
         schedule = schedule.with_shadow_edges(settings.shadow_edges)
@@ -44,13 +48,18 @@ def run_solver(problem: Problem, truth: Truth, settings: SolverSettings, detail:
 def finished_track(track: Track, problem: Problem, truth: Truth, fitted: Fitted) -> Track:
     """The track with its textures and final picture; rendering the picture is off the clock."""
     finished = finish(problem, track.forward, replace(fitted, trace=[]), truth)
-    errors: dict[str, float] = {name: finished.errors[name] for name in ("albedo", "light") if name in finished.errors}
+    errors: dict[str, float] = {
+        name: finished.errors[name] for name in ("albedo", "light") if name in finished.errors
+    }
     seconds = fitted.seconds + finished.timings.get("albedo_detail", 0.0)
     return replace(track, errors=errors, picture=finished.picture.color, picture_seconds=seconds)
 
 
 def landmark_start(run: FitRun, snapshots: list[Snapshot]) -> Fitted:
-    """The landmark phases alone, where every contender starts. ``run`` has no photo phase in its schedule."""
+    """The landmark phases alone, where every contender starts.
+
+    ``run`` has no photo phase in its schedule.
+    """
     run.listen = lambda progress: snapshots.append(
         Snapshot(progress.seconds, progress.phase, progress.state, lit=False)
     )

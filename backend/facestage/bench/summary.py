@@ -1,4 +1,6 @@
-"""What a bench says of the fit as a whole: what each quality buys, and whether any case ended behind its start."""
+"""What a bench says of the fit as a whole: what each quality buys, and whether any case ended
+behind its start.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def measured_qualities(finals: Sequence[Final]) -> dict[str, dict[str, float]]:
     """Medians over the cases by quality: seconds up to the albedo detail, mm, dB."""
     result = {}
     for quality, contender in CONTENDERS.items():
-        runs = [item for item in finals if item.contender == contender and item.detail_psnr is not None]
+        runs = [
+            item for item in finals if item.contender == contender and item.detail_psnr is not None
+        ]
         if runs:
             result[quality] = {
                 "seconds": round(statistics.median(item.total_seconds for item in runs), 2),
@@ -34,7 +38,11 @@ def measured_qualities(finals: Sequence[Final]) -> dict[str, dict[str, float]]:
 def write_qualities(folder: Path, finals: Sequence[Final], machine: str) -> None:
     """Write what the quality names buy into ``folder``, in the form of contract/quality.json."""
     cases = list(dict.fromkeys(item.case for item in finals))
-    data: dict[str, Any] = {"cases": cases, "machine": machine, "qualities": measured_qualities(finals)}
+    data: dict[str, Any] = {
+        "cases": cases,
+        "machine": machine,
+        "qualities": measured_qualities(finals),
+    }
     with atomic_file(folder / QUALITY_JSON) as temporary:
         temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
@@ -48,14 +56,17 @@ def summary_lines(finals: Sequence[Final]) -> list[str]:
     behind = [item.case for item in runs if item.similarity_mm > (item.start_mm or 0.0)]
     ahead = "No case ended further from the truth than its own landmark stage."
     average = (
-        f"Facestage on {len(runs)} cases: landmarks alone {statistics.mean(starts):.2f} mm on average, "
-        f"the fit {statistics.mean(ends):.2f} mm (median {statistics.median(ends):.2f}, worst {max(ends):.2f})."
+        f"Facestage on {len(runs)} cases: landmarks alone {statistics.mean(starts):.2f} mm on "
+        "average, "
+        f"the fit {statistics.mean(ends):.2f} mm (median {statistics.median(ends):.2f}, worst "
+        f"{max(ends):.2f})."
     )
     worse = f"Further from the truth than their own landmark stage: {', '.join(behind)}."
     lines = [average, worse if behind else ahead]
     for quality, found in measured_qualities(finals).items():
         lines.append(
-            f"Quality {quality}: {found['seconds']:.1f} s, {found['similarity_mm']:.2f} mm, {found['psnr']:.1f} dB "
+            f"Quality {quality}: {found['seconds']:.1f} s, {found['similarity_mm']:.2f} mm, "
+            f"{found['psnr']:.1f} dB "
             "(medians over the cases)."
         )
     return lines

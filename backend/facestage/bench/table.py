@@ -11,9 +11,27 @@ from facestage.bench.settings import ADAM, HARMONICS, OURS
 from facestage.bench.trace import DETAIL, Row
 
 LANDMARKS = "landmarks"  # the stage where every contender starts
-# Errors people ask for: mm after similarity alignment (lower is better), dB in the photo (higher is better).
+# Errors people ask for: mm after similarity alignment (lower is better), dB in the photo (higher is
+# better).
 MILLIMETRES = (3.0, 2.5, 2.0, 1.75, 1.5, 1.3, 1.2, 1.1, 1.0)
-DECIBELS = (20.0, 22.0, 23.0, 24.0, 25.0, 26.0, 27.0, 28.0, 29.0, 30.0, 31.0, 32.0, 34.0, 36.0, 38.0, 40.0)
+DECIBELS = (
+    20.0,
+    22.0,
+    23.0,
+    24.0,
+    25.0,
+    26.0,
+    27.0,
+    28.0,
+    29.0,
+    30.0,
+    31.0,
+    32.0,
+    34.0,
+    36.0,
+    38.0,
+    40.0,
+)
 
 
 @dataclass(frozen=True)
@@ -32,7 +50,9 @@ class Measure:
         return np.array([np.nan if value is None else value for value in found], float)
 
 
-SIMILARITY = Measure("similarity_mm", "Shape error after similarity alignment", "mm", True, MILLIMETRES)
+SIMILARITY = Measure(
+    "similarity_mm", "Shape error after similarity alignment", "mm", True, MILLIMETRES
+)
 PSNR = Measure("psnr", "Peak signal-to-noise ratio on the face", "dB", False, DECIBELS)
 MEASURES = (SIMILARITY, PSNR)
 
@@ -64,7 +84,9 @@ class Reach:
 
 
 def seconds_to_reach(rows: Sequence[Row], measure: Measure, threshold: float) -> float | None:
-    """Seconds from which a run's error stays at ``threshold`` or better until its end; None: it does not."""
+    """Seconds from which a run's error stays at ``threshold`` or better until its end; None: it
+    does not.
+    """
     values = measure.values(rows)
     good = values <= threshold if measure.lower_is_better else values >= threshold
     if not len(rows) or not good[-1]:
@@ -76,16 +98,19 @@ def seconds_to_reach(rows: Sequence[Row], measure: Measure, threshold: float) ->
 def reach_table(rows: Sequence[Row], main: Sequence[str]) -> list[Reach]:
     """For each case and measure, the thresholds that someone reaches and the common start does not.
 
-    The start is the last row without lights: the landmark stage, which is the same for everyone; in dB, the
-    worst of the first renders. The albedo detail does not count: whoever stops can add it, in the same closed
-    form at the same cost. ``main`` names the contenders of our own fit and of the harmonics that count; of the
-    alternative, each threshold takes whichever of its variants was fastest.
+    The start is the last row without lights: the landmark stage, which is the same for everyone; in
+    dB, the worst of the first renders. The albedo detail does not count: whoever stops can add it,
+    in the same closed form at the same cost. ``main`` names the contenders of our own fit and of
+    the harmonics that count; of the alternative, each threshold takes whichever of its variants was
+    fastest.
     """
     result = []
     for case in dict.fromkeys(row.case for row in rows):
         of_case = [row for row in rows if row.case == case and row.stage != DETAIL]
         runs = {
-            (family, name): [row for row in of_case if (row.family, row.contender) == (family, name)]
+            (family, name): [
+                row for row in of_case if (row.family, row.contender) == (family, name)
+            ]
             for family, name in dict.fromkeys((row.family, row.contender) for row in of_case)
             if family == ADAM or name in main
         }
@@ -93,14 +118,19 @@ def reach_table(rows: Sequence[Row], main: Sequence[str]) -> list[Reach]:
         for (family, _), run in runs.items():
             ran[family] = max(ran.get(family, 0.0), run[-1].seconds)
         start = [row.similarity_mm for row in next(iter(runs.values())) if row.psnr is None]
-        first_lit = [next((row.psnr for row in run if row.psnr is not None), -np.inf) for run in runs.values()]
+        first_lit = [
+            next((row.psnr for row in run if row.psnr is not None), -np.inf)
+            for run in runs.values()
+        ]
         for measure in MEASURES:
             for threshold in measure.thresholds:
                 if measure is SIMILARITY and start and threshold >= start[-1]:
                     continue
                 if measure is PSNR and threshold <= min(first_lit):
                     continue
-                seconds: dict[str, float | None] = {family: None for family in (OURS, ADAM, HARMONICS) if family in ran}
+                seconds: dict[str, float | None] = {
+                    family: None for family in (OURS, ADAM, HARMONICS) if family in ran
+                }
                 for (family, _), run in runs.items():
                     found, best = seconds_to_reach(run, measure, threshold), seconds[family]
                     if found is not None:
@@ -112,7 +142,10 @@ def reach_table(rows: Sequence[Row], main: Sequence[str]) -> list[Reach]:
 
 @dataclass(frozen=True)
 class Final:
-    """Where a contender ended. ``psnr`` is of its parameters, ``detail_psnr`` with the albedo detail."""
+    """Where a contender ended.
+
+    ``psnr`` is of its parameters, ``detail_psnr`` with the albedo detail.
+    """
 
     case: str
     family: str
@@ -135,10 +168,19 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
     last = fitted[-1]
     start = [row for row in rows if row.stage == LANDMARKS]
     return Final(
-        last.case, last.family, last.contender, last.seconds, last.similarity_mm, last.rigid_mm, last.psnr,
-        detail[-1].psnr if detail else None, errors.get("albedo"), errors.get("light"),
-        start[-1].similarity_mm if start else None, (detail or fitted)[-1].seconds,
-    )  # fmt: skip
+        last.case,
+        last.family,
+        last.contender,
+        last.seconds,
+        last.similarity_mm,
+        last.rigid_mm,
+        last.psnr,
+        detail[-1].psnr if detail else None,
+        errors.get("albedo"),
+        errors.get("light"),
+        start[-1].similarity_mm if start else None,
+        (detail or fitted)[-1].seconds,
+    )
 
 
 def final_lines(finals: Sequence[Final]) -> list[str]:
@@ -151,8 +193,8 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
     lines = [head, "-" * len(head)]
     lines += [
         f"{item.case[:19]:20}{item.contender:{width}}{item.seconds:>8.1f}"
-        f"{_fixed(item.start_mm, 2):>10}{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}{_fixed(item.psnr, 1):>7}"
-        f"{_fixed(item.detail_psnr, 1):>11}{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
+        f"{_fixed(item.start_mm, 2):>10}{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}"
+        f"{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
         for item in finals
     ]
     return lines
@@ -160,7 +202,9 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
 
 def reach_lines(table: Sequence[Reach]) -> list[str]:
     """Seconds to reach each error, as text."""
-    head = f"{'case':12}{'error':>10}{'Facestage s':>13}{'Adam s':>9}{'ratio':>9}{'harmonics s':>13}"
+    head = (
+        f"{'case':12}{'error':>10}{'Facestage s':>13}{'Adam s':>9}{'ratio':>9}{'harmonics s':>13}"
+    )
     lines = [head, "-" * len(head)]
     for item in table:
         error = f"{item.threshold:g} {item.measure.unit}"

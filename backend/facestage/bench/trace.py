@@ -38,9 +38,12 @@ class Track:
     snapshots: list[Snapshot]
     forward: ForwardModel  # what its lights mean
     stage: LightStage  # camera frame
-    placed: Callable[[State], LightStage] | None = None  # where a state has its lights, if not all have them there
-    errors: dict[str, float] = field(default_factory=dict)  # of the finished result: "albedo", "light"
-    picture: np.ndarray | None = None  # (h, w, 3) the finished render at the photo's size, albedo detail included
+    # where a state has its lights, if not all have them there
+    placed: Callable[[State], LightStage] | None = None
+    # of the finished result: "albedo", "light"
+    errors: dict[str, float] = field(default_factory=dict)
+    # (h, w, 3) the finished render at the photo's size, albedo detail included
+    picture: np.ndarray | None = None
     picture_seconds: float = 0.0  # when its textures were done
 
 
@@ -77,7 +80,9 @@ class Judge:
         height, width = self._photo.usable.shape
         y, x = np.mgrid[:height, :width]
         pixels = np.stack([x.ravel(), y.ravel()], axis=1) + 0.5
-        hits = tracer.first_hits(-centre, pixel_rays(self.problem.camera.scaled(self._factor), pixels))
+        hits = tracer.first_hits(
+            -centre, pixel_rays(self.problem.camera.scaled(self._factor), pixels)
+        )
         seen = (hits.triangle >= 0) & geometry.fitted[hits.triangle]
         return np.asarray(binary_erosion(seen.reshape(height, width)))
 
@@ -86,21 +91,44 @@ class Judge:
         rows = []
         for item in track.snapshots:
             quality = self._psnr(item.state, track) if item.lit else None
-            rows.append(self._row(case, family, contender, item.seconds, item.stage, quality, item.state))
+            rows.append(
+                self._row(case, family, contender, item.seconds, item.stage, quality, item.state)
+            )
         if track.picture is not None:
             height, width = self.mask.shape
             picture = track.picture
             if picture.shape[:2] != (height, width):
                 picture = resize(picture, width, height)
-            quality, last = psnr(picture, self._photo.color, self.mask, self.problem.white), track.snapshots[-1].state
-            rows.append(self._row(case, family, contender, track.picture_seconds, DETAIL, quality, last))
+            quality, last = (
+                psnr(picture, self._photo.color, self.mask, self.problem.white),
+                track.snapshots[-1].state,
+            )
+            rows.append(
+                self._row(case, family, contender, track.picture_seconds, DETAIL, quality, last)
+            )
         return rows
 
     def _row(
-        self, case: str, family: str, contender: str, seconds: float, stage: str, quality: float | None, state: State
+        self,
+        case: str,
+        family: str,
+        contender: str,
+        seconds: float,
+        stage: str,
+        quality: float | None,
+        state: State,
     ) -> Row:
         errors = self.truth.geometry_errors(state)
-        return Row(case, family, contender, seconds, stage, quality, errors["similarity_mm"], errors["rigid_mm"])
+        return Row(
+            case,
+            family,
+            contender,
+            seconds,
+            stage,
+            quality,
+            errors["similarity_mm"],
+            errors["rigid_mm"],
+        )
 
     def _psnr(self, state: State, track: Track) -> float:
         """Where the face should be seen and is not, the render is black."""

@@ -1,6 +1,7 @@
 """The command line: parse, call one function, turn errors into one sentence and an exit code.
 
-Importing this package imports next to nothing, so that a signal while the rest is imported is already answered.
+Importing this package imports next to nothing, so that a signal while the rest is imported is
+already answered.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code: 0 done, 2 bad input, 3 cancelled, 4 no backend.
 
-    Without ``arguments`` it is the process's only task: then signals are answered until the process ends.
+    Without ``arguments`` it is the process's only task: then signals are answered until the process
+    ends.
     """
     from facestage.cli.signals import Cancellation
 

@@ -16,46 +16,82 @@ def add_command(commands: Any) -> None:
     bench = commands.add_parser(
         "bench",
         help="measure error against run time, beside Mitsuba + Adam and spherical harmonics",
-        description="Fit cases with known truth by Facestage, by the same energy with plain Mitsuba and Adam, and by "
-        "spherical harmonics without shadows or highlights; draw error against seconds and print how long each needs "
-        "to reach an error. About ten minutes with two CPU cores; leave the machine alone meanwhile.",
-        epilog="Example: facestage bench --quick --out bench, or facestage bench --case photos/anna photos/ben "
-        "--model ict:ict-facekit.tar.xz. Without --case: the cases in $FACESTAGE_DATA/cases, else a synthetic photo.",
+        description="Fit cases with known truth by Facestage, by the same energy with plain "
+        "Mitsuba and Adam, and by "
+        "spherical harmonics without shadows or highlights; draw error against seconds and "
+        "print how long each needs "
+        "to reach an error. About ten minutes with two CPU cores; leave the machine alone "
+        "meanwhile.",
+        epilog="Example: facestage bench --quick --out bench, or facestage bench --case "
+        "photos/anna photos/ben "
+        "--model ict:ict-facekit.tar.xz. Without --case: the cases in $FACESTAGE_DATA/cases, "
+        "else a synthetic photo.",
     )
     bench.add_argument(
-        "--case", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
-        help="folders with photo.png, landmarks.json, camera.json and truth.npz (vertices, in the camera frame)",
-    )  # fmt: skip
-    bench.add_argument("--model", metavar="MODEL", help=f"face model that the truth belongs to: {MODELS}")
+        "--case",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="DIR",
+        help="folders with photo.png, landmarks.json, camera.json and truth.npz (vertices, in "
+        "the camera frame)",
+    )
     bench.add_argument(
-        "--out", type=Path, default=Path("out/bench"), metavar="DIR",
+        "--model", metavar="MODEL", help=f"face model that the truth belongs to: {MODELS}"
+    )
+    bench.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/bench"),
+        metavar="DIR",
         help="where bench.html, the pictures and the CSV files go (default: out/bench)",
-    )  # fmt: skip
+    )
     bench.add_argument(
-        "--plan", action="store_true",
-        help="instead: fit three scenes with and without what the plan leaves out, and print what it saves",
-    )  # fmt: skip
-    bench.add_argument("--quick", action="store_true", help="one case, three contenders, one to two minutes")
+        "--plan",
+        action="store_true",
+        help="instead: fit three scenes with and without what the plan leaves out, and print "
+        "what it saves",
+    )
     bench.add_argument(
-        "--alone", action="store_true",
-        help="fit the cases by Facestage alone, and say whether one ended worse than its own landmark stage",
-    )  # fmt: skip
-    bench.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)")
-    bench.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays")
+        "--quick", action="store_true", help="one case, three contenders, one to two minutes"
+    )
+    bench.add_argument(
+        "--alone",
+        action="store_true",
+        help="fit the cases by Facestage alone, and say whether one ended worse than its own "
+        "landmark stage",
+    )
+    bench.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)"
+    )
+    bench.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays"
+    )
     bench.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure, and print the table."""
     if options.plan and options.case:
-        raise InputError("bench --plan renders its own scenes; leave out --case, or leave out --plan.")
+        raise InputError(
+            "bench --plan renders its own scenes; leave out --case, or leave out --plan."
+        )
     if options.plan:
         from facestage.bench.plan_savings import run_plan_savings
 
-        return run_plan_savings(options.model, options.out, options.quick, sys.stdout, options.device, options.seed)
+        return run_plan_savings(
+            options.model, options.out, options.quick, sys.stdout, options.device, options.seed
+        )
     from facestage.bench.run import run_bench
 
     return run_bench(
-        options.case, options.model, options.out, options.quick, sys.stdout, options.device, options.seed,
+        options.case,
+        options.model,
+        options.out,
+        options.quick,
+        sys.stdout,
+        options.device,
+        options.seed,
         options.alone,
-    )  # fmt: skip
+    )

@@ -9,7 +9,9 @@ from typing import Any
 
 def add_command(commands: Any) -> None:
     """Add ``doctor`` to the commands."""
-    doctor = commands.add_parser("doctor", help="say what works on this machine, and how to mend the rest")
+    doctor = commands.add_parser(
+        "doctor", help="say what works on this machine, and how to mend the rest"
+    )
     doctor.set_defaults(run=run)
 
 

@@ -19,33 +19,54 @@ def add_command(commands: Any) -> None:
     fit = commands.add_parser(
         "fit",
         help="fit a face to a photograph",
-        description="Fit shape, expression, pose, albedo, specular map and light to one photograph; or one shape and "
+        description="Fit shape, expression, pose, albedo, specular map and light to one "
+        "photograph; or one shape and "
         "one skin to several of the same person, with a result for each photo.",
         epilog="Example: facestage fit photo.png --out result --budget 60, or "
         "facestage fit a.png b.png --same-person --out result. "
-        "Progress comes as one JSON object per line on stdout; the result folder appears when all is done.",
+        "Progress comes as one JSON object per line on stdout; the result folder appears when "
+        "all is done.",
     )
     fit.add_argument(
-        "image", nargs="*", type=Path, metavar="IMAGE",
+        "image",
+        nargs="*",
+        type=Path,
+        metavar="IMAGE",
         help="PNG or JPEG (sRGB), or EXR (linear); alpha masks pixels; several with --same-person",
-    )  # fmt: skip
+    )
     fit.add_argument(
-        "--job", nargs="+", action="extend", type=Path, default=[], metavar="DIR",
-        help="a job folder (what the add-on writes) instead of IMAGE and its options; several with --same-person",
-    )  # fmt: skip
+        "--job",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="DIR",
+        help="a job folder (what the add-on writes) instead of IMAGE and its options; several "
+        "with --same-person",
+    )
     fit.add_argument(
-        "--same-person", action="store_true",
+        "--same-person",
+        action="store_true",
         help="the photos show one person: identity and skin are shared; --landmarks, --camera, "
-        "--focal-px and --truth are repeated for each photo in the same order (one camera does for all)",
-    )  # fmt: skip
+        "--focal-px and --truth are repeated for each photo in the same order (one camera "
+        "does for all)",
+    )
     fit.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="the result folder; replaced when the fit is done"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="the result folder; replaced when the fit is done",
     )
     fit.add_argument("--model", metavar="MODEL", help=f"face model: {MODELS}")
     fit.add_argument(
-        "--landmarks", action="append", type=Path, metavar="FILE",
-        help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a face is found in the photo',
-    )  # fmt: skip
+        "--landmarks",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help='{"scheme": "ibug68", "points": [[x, y], ...], "visible": [...]}; without it a '
+        "face is found in the photo",
+    )
     add_finding(fit)
     camera = fit.add_mutually_exclusive_group()
     camera.add_argument(
@@ -62,21 +83,33 @@ def add_command(commands: Any) -> None:
         metavar="F",
         help="focal length in pixels; fitted when neither is given",
     )
-    fit.add_argument("--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)")
     fit.add_argument(
-        "--light-color", choices=("multi", "uniform"), help="a color for each light (default), or one for all"
+        "--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)"
     )
     fit.add_argument(
-        "--freeze", nargs="+", action="extend", default=[], metavar="NAME",
-        help="do not fit: identity, expression, pose, albedo, ...",
-    )  # fmt: skip
+        "--light-color",
+        choices=("multi", "uniform"),
+        help="a color for each light (default), or one for all",
+    )
     fit.add_argument(
-        "--budget", metavar="SECONDS|NAME",
+        "--freeze",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="do not fit: identity, expression, pose, albedo, ...",
+    )
+    fit.add_argument(
+        "--budget",
+        metavar="SECONDS|NAME",
         help="seconds from the first step on, pictures included; or a quality: "
-        + "; ".join(f"{name} ({describe(name)})" for name in QUALITIES) + f" (default: {GOOD}, as long as it takes)",
-    )  # fmt: skip
+        + "; ".join(f"{name} ({describe(name)})" for name in QUALITIES)
+        + f" (default: {GOOD}, as long as it takes)",
+    )
     fit.add_argument("--seed", type=int, metavar="N", help="seed of the light samples (default 0)")
-    fit.add_argument("--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)")
+    fit.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), help="where to trace rays (default auto)"
+    )
     fit.add_argument(
         "--truth",
         action="append",
@@ -85,12 +118,16 @@ def add_command(commands: Any) -> None:
         help="known vertices (.npz): adds errors to trace and result, changes nothing",
     )
     fit.add_argument(
-        "--plan", choices=("lean", "full"),
-        help="lean (default) leaves out what the scene does not need; full works on everything, to check that the "
+        "--plan",
+        choices=("lean", "full"),
+        help="lean (default) leaves out what the scene does not need; full works on "
+        "everything, to check that the "
         "answer is the same",
-    )  # fmt: skip
+    )
     fit.add_argument(
-        "--resume", action="store_true", help="continue from the checkpoint of a stopped fit into the same --out"
+        "--resume",
+        action="store_true",
+        help="continue from the checkpoint of a stopped fit into the same --out",
     )
     fit.set_defaults(run=run, cancelled=cancelled)
 

@@ -18,7 +18,8 @@ def read_job(options: argparse.Namespace) -> Job:
     jobs = read_jobs(options)
     if len(jobs) > 1:
         raise InputError(
-            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of them, or fit them "
+            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to "
+            "all of them, or fit them "
             "one by one."
         )
     return jobs[0]
@@ -30,25 +31,45 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
 
     count = len(options.job) or len(options.image)
     if options.job:
-        own = ("image", "model", "landmarks", "camera", "focal_px", "lights", "light_color", "seed", "device", "face")
+        own = (
+            "image",
+            "model",
+            "landmarks",
+            "camera",
+            "focal_px",
+            "lights",
+            "light_color",
+            "seed",
+            "device",
+            "face",
+        )
         given = [name for name in own if getattr(options, name) not in (None, [])]
         if given or options.freeze:
             raise InputError(
-                f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or change it in the job."
+                f"--job already says what to fit; leave out {(given or ['freeze'])[0]}, or "
+                "change it in the job."
             )
         jobs = [Job.load(folder) for folder in options.job]
     elif not options.image:
-        raise InputError("facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job DIR --out DIR.")
+        raise InputError(
+            "facestage fit needs a photo or a job: facestage fit IMAGE --out DIR, or --job "
+            "DIR --out DIR."
+        )
     else:
         landmarks = _for_each(options.landmarks, count, "landmark files")
         cameras = _for_each(options.camera, count, "camera files", one_for_all=True)
         focals = _for_each(options.focal_px, count, "focal lengths", one_for_all=True)
-        jobs = [_image_job(options, *own) for own in zip(options.image, landmarks, cameras, focals, strict=True)]
+        jobs = [
+            _image_job(options, *own)
+            for own in zip(options.image, landmarks, cameras, focals, strict=True)
+        ]
     truths = _for_each(options.truth, count, "truth files")
     return [_override(job, options, truth) for job, truth in zip(jobs, truths, strict=True)]
 
 
-def _for_each(values: list[Any] | None, count: int, what: str, one_for_all: bool = False) -> list[Any]:
+def _for_each(
+    values: list[Any] | None, count: int, what: str, one_for_all: bool = False
+) -> list[Any]:
     """One value per photo; None for each when none was given."""
     if not values:
         return [None] * count
@@ -56,7 +77,8 @@ def _for_each(values: list[Any] | None, count: int, what: str, one_for_all: bool
         return values * count
     if len(values) != count:
         raise InputError(
-            f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; expected one for each, in "
+            f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; "
+            "expected one for each, in "
             "the order of the photos."
         )
     return values
@@ -76,7 +98,11 @@ def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
 
 
 def _image_job(
-    options: argparse.Namespace, image: Path, landmarks: Path | None, camera_file: Path | None, focal_px: float | None
+    options: argparse.Namespace,
+    image: Path,
+    landmarks: Path | None,
+    camera_file: Path | None,
+    focal_px: float | None,
 ) -> Job:
     from facestage.contract.camera import Camera
     from facestage.contract.job import Job

@@ -15,20 +15,35 @@ def add_command(commands: Any) -> None:
     render = commands.add_parser(
         "render",
         help="render a fitted face, relit or with another expression",
-        description="Other lights come from the result's relight cache (relight.npz), in milliseconds; the first "
+        description="Other lights come from the result's relight cache (relight.npz), in "
+        "milliseconds; the first "
         "picture under other lights makes it when the fit has not.",
-        epilog="Example: facestage render result --out relit.png --lights lights.json --weights smile.json",
-    )
-    render.add_argument("result", type=Path, metavar="RESULT", help="a result folder of facestage fit")
-    render.add_argument("--out", type=Path, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)")
-    render.add_argument(
-        "--lights", type=Path, metavar="FILE", help='{"radiance": [[r, g, b], ...]}, one row per light of the stage'
+        epilog="Example: facestage render result --out relit.png --lights lights.json "
+        "--weights smile.json",
     )
     render.add_argument(
-        "--weights", type=Path, metavar="FILE", help='{"expression": {name: weight}, "identity": {name: weight}}'
+        "result", type=Path, metavar="RESULT", help="a result folder of facestage fit"
     )
     render.add_argument(
-        "--spp", type=int, metavar="N", help="at least so many shadow samples per light (default: the cache's, else 16)"
+        "--out", type=Path, metavar="FILE", help="picture to write: .exr (linear) or .png (sRGB)"
+    )
+    render.add_argument(
+        "--lights",
+        type=Path,
+        metavar="FILE",
+        help='{"radiance": [[r, g, b], ...]}, one row per light of the stage',
+    )
+    render.add_argument(
+        "--weights",
+        type=Path,
+        metavar="FILE",
+        help='{"expression": {name: weight}, "identity": {name: weight}}',
+    )
+    render.add_argument(
+        "--spp",
+        type=int,
+        metavar="N",
+        help="at least so many shadow samples per light (default: the cache's, else 16)",
     )
     render.add_argument(
         "--cache",
@@ -43,7 +58,10 @@ def run(options: argparse.Namespace) -> int:
     from facestage.fit.result.relight import make_cache, render_result
 
     if options.out is None and not options.cache:
-        raise InputError("facestage render has nothing to write; give --out FILE, or --cache for the relight cache.")
+        raise InputError(
+            "facestage render has nothing to write; give --out FILE, or --cache for the "
+            "relight cache."
+        )
     lights = _read(options.lights, "light file")
     weights = _read(options.weights, "weight file")
     if options.cache:

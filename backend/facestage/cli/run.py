@@ -18,7 +18,9 @@ EXIT_BAD_INPUT, EXIT_CANCELLED = InputError.exit_code, CancelledError.exit_code
 
 
 def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> int:
-    """Parse ``arguments`` (the process's own when None), run the command, and return its exit code."""
+    """Parse ``arguments`` (the process's own when None), run the command, and return its exit
+    code.
+    """
     options: argparse.Namespace | None = None
     try:
         if arguments is None:
@@ -57,7 +59,10 @@ def _prepare_process() -> None:
 
 
 def _cancelled(options: argparse.Namespace | None) -> int:
-    """Say what is left of a command that was stopped. A library may have turned the signal into another exception."""
+    """Say what is left of a command that was stopped.
+
+    A library may have turned the signal into another exception.
+    """
     left = getattr(options, "cancelled", None)
     streams.say("cancelled; run it again to start over." if left is None else left(options))
     _flush_or_silence()
@@ -65,7 +70,9 @@ def _cancelled(options: argparse.Namespace | None) -> int:
 
 
 def _failed(error: BaseException) -> int:
-    """Say why a command ended with ``error``, and return the exit code; a fault of the program's own is raised."""
+    """Say why a command ended with ``error``, and return the exit code; a fault of the program's
+    own is raised.
+    """
     if isinstance(error, BrokenPipeError):
         # Whoever listened is gone.
         streams.silence(sys.stdout)

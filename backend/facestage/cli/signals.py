@@ -46,7 +46,8 @@ class Cancellation:
     def _unraisable(self, lost: sys.UnraisableHookArgs) -> None:
         """What was raised where Python cannot raise, as in a destructor."""
         if self._over:
-            # All is said; objects that cannot close their file on a full disk would say it again, in eight lines.
+            # All is said; objects that cannot close their file on a full disk would say it again,
+            # in eight lines.
             return
         if CAN_ASK_AGAIN and self.asked and lost.exc_type is KeyboardInterrupt:
             self._ask_again()
@@ -64,7 +65,8 @@ class Cancellation:
             return
         self.asked = True
         if CAN_ASK_AGAIN and in_foreign_import(frame):
-            # A library that is being imported may turn the exception into one of its own, swallow it, or abort.
+            # A library that is being imported may turn the exception into one of its own, swallow
+            # it, or abort.
             self._ask_again()
             return
         raise KeyboardInterrupt

@@ -8,7 +8,9 @@ from typing import TextIO
 
 
 def open_missing() -> None:
-    """Give closed standard streams a place: otherwise the next file that is opened becomes one of them."""
+    """Give closed standard streams a place: otherwise the next file that is opened becomes one of
+    them.
+    """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
@@ -23,7 +25,9 @@ def flush_output() -> None:
 
 
 def silence(stream: TextIO | None) -> None:
-    """Drop what ``stream`` still holds, since the interpreter would complain of it once more while closing."""
+    """Drop what ``stream`` still holds, since the interpreter would complain of it once more while
+    closing.
+    """
     try:
         if stream is not None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

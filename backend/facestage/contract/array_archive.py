@@ -1,7 +1,9 @@
-"""Named arrays in an .npz, read within limits that are checked against its directory before anything is allocated.
+"""Named arrays in an .npz, read within limits that are checked against its directory before
+anything is allocated.
 
-An .npz is a zip of .npy files. numpy's own reader believes the sizes in it, unpacks by any method, and reads objects
-when asked to; this one reads plain arrays of numbers and text, stored or deflated, and nothing else.
+An .npz is a zip of .npy files. numpy's own reader believes the sizes in it, unpacks by any method,
+and reads objects when asked to; this one reads plain arrays of numbers and text, stored or
+deflated, and nothing else.
 """
 
 from __future__ import annotations
@@ -31,10 +33,14 @@ _LONG = re.compile(r"(?<=\d)L")  # as Python 2 wrote whole numbers
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def read_archive(stream: BinaryIO, limit: int, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, or those of the given ``names`` that it has; together at most ``limit`` bytes.
+def read_archive(
+    stream: BinaryIO, limit: int, names: Collection[str] | None = None
+) -> dict[str, np.ndarray]:
+    """All arrays of an .npz, or those of the given ``names`` that it has; together at most
+    ``limit`` bytes.
 
-    Raises ValueError in a few words, or what :mod:`zipfile` and :mod:`zlib` raise, for anything else.
+    Raises ValueError in a few words, or what :mod:`zipfile` and :mod:`zlib` raise, for anything
+    else.
     """
     if stream.read(6) == b"\x93NUMPY":
         raise ValueError("a single array, expected an .npz of named arrays")
@@ -45,7 +51,9 @@ def read_archive(stream: BinaryIO, limit: int, names: Collection[str] | None = N
 
 
 class _Pieces:
-    """A file that hands out no more than a piece at once, however much a damaged directory makes its reader ask for."""
+    """A file that hands out no more than a piece at once, however much a damaged directory makes
+    its reader ask for.
+    """
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
@@ -58,7 +66,9 @@ class _Pieces:
         return data
 
 
-def _members(archive: zipfile.ZipFile, limit: int, names: Collection[str] | None) -> dict[str, zipfile.ZipInfo]:
+def _members(
+    archive: zipfile.ZipFile, limit: int, names: Collection[str] | None
+) -> dict[str, zipfile.ZipInfo]:
     """The members to read by the names of their arrays, all of them checked."""
     entries = archive.infolist()
     if len(entries) > MEMBERS_MAX:
@@ -73,13 +83,18 @@ def _members(archive: zipfile.ZipFile, limit: int, names: Collection[str] | None
         if entry.flag_bits & 0x1:
             raise ValueError(f"{quoted(name)} is encrypted")
         if entry.compress_type not in _METHODS:
-            raise ValueError(f"{quoted(name)} is packed by method {entry.compress_type}, expected stored or deflated")
+            raise ValueError(
+                f"{quoted(name)} is packed by method {entry.compress_type}, expected stored or "
+                "deflated"
+            )
         members[name] = entry
     if names is not None:
         members = {name: entry for name, entry in members.items() if name in names}
     total = sum(entry.file_size for entry in members.values())
     if total > limit:
-        raise ValueError(f"arrays of {whole_bytes(total)} unpacked, expected at most {whole_bytes(limit)}")
+        raise ValueError(
+            f"arrays of {whole_bytes(total)} unpacked, expected at most {whole_bytes(limit)}"
+        )
     return members
 
 
@@ -91,7 +106,8 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
         wanted = math.prod(shape) * dtype.itemsize
         if wanted != member.file_size - start:
             raise ValueError(
-                f"{what} has {whole_bytes(member.file_size - start)}, expected {whole_bytes(wanted)} for the shape "
+                f"{what} has {whole_bytes(member.file_size - start)}, expected "
+                f"{whole_bytes(wanted)} for the shape "
                 f"{shape} of {dtype}"
             )
         data = np.empty(wanted, np.uint8)
@@ -104,7 +120,11 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
             filled += len(piece)
     if dtype.kind == "b" and filled and data.max() > 1:
         raise ValueError(f"{what} holds values that are neither true nor false")
-    if dtype.kind == "U" and filled and data.view(">u4" if dtype.byteorder == ">" else "<u4").max() > CODE_MAX:
+    if (
+        dtype.kind == "U"
+        and filled
+        and data.view(">u4" if dtype.byteorder == ">" else "<u4").max() > CODE_MAX
+    ):
         # Python's text would be beyond repair.
         raise ValueError(f"{what} holds characters that no text has")
     array: np.ndarray = np.ndarray(shape, dtype, data.data, order="F" if fortran else "C")
@@ -120,7 +140,10 @@ def _header(stream: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dty
     size = stream.read(2 if version == (1, 0) else 4)
     length = int.from_bytes(size, "little")
     if length > HEADER_MAX:
-        raise ValueError(f"{what} has a header of {whole_bytes(length)}, expected at most {whole_bytes(HEADER_MAX)}")
+        raise ValueError(
+            f"{what} has a header of {whole_bytes(length)}, expected at most "
+            f"{whole_bytes(HEADER_MAX)}"
+        )
     try:
         words = stream.read(length).decode("latin-1")
         entries = ast.literal_eval(_LONG.sub("", words).strip())
@@ -128,15 +151,21 @@ def _header(stream: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dty
     except (ValueError, TypeError, KeyError, SyntaxError, MemoryError, RecursionError) as error:
         raise ValueError(f"{what} has a damaged header") from error
     if not isinstance(descr, str) or not _PLAIN.fullmatch(descr):
-        raise ValueError(f"{what} holds {shown(descr)} values, expected plain arrays of numbers or text")
-    if not isinstance(shape, tuple) or not all(type(side) is int and 0 <= side <= ARRAYS_MAX for side in shape):
+        raise ValueError(
+            f"{what} holds {shown(descr)} values, expected plain arrays of numbers or text"
+        )
+    if not isinstance(shape, tuple) or not all(
+        type(side) is int and 0 <= side <= ARRAYS_MAX for side in shape
+    ):
         raise ValueError(f"{what} has a damaged shape")
     if len(shape) > DIMENSIONS_MAX:
         raise ValueError(f"{what} has {len(shape)} dimensions, expected at most {DIMENSIONS_MAX}")
     try:
         dtype = np.dtype(descr)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{what} holds {shown(descr)} values, which this machine does not know") from error
+        raise ValueError(
+            f"{what} holds {shown(descr)} values, which this machine does not know"
+        ) from error
     if dtype.itemsize == 0 and math.prod(shape) > 1:
         raise ValueError(f"{what} holds {math.prod(shape)} values of no size")
     return shape, bool(fortran), dtype, len(begin) + len(size) + length

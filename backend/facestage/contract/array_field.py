@@ -21,17 +21,32 @@ _TYPES = {NUMBERS: np.float64, WHOLE: np.int64, FLAGS: np.bool_}
 class Array(Checked):
     """An array of a shape, a kind and a range.
 
-    ``shape``: numbers, and names of dimensions, which must be the same wherever the name stands in one schema; None:
-    any shape. What is read from lists is float64, int64 or bool; an array keeps its type.
+    ``shape``: numbers, and names of dimensions, which must be the same wherever the name stands in
+    one schema; None: any shape. What is read from lists is float64, int64 or bool; an array keeps
+    its type.
     """
 
     def __init__(
-        self, shape: Sequence[int | str] | None, kind: str = NUMBERS, minimum: float | None = None,
-        maximum: float | None = None, finite: bool = True, nulls: bool = False, words: str = "",
+        self,
+        shape: Sequence[int | str] | None,
+        kind: str = NUMBERS,
+        minimum: float | None = None,
+        maximum: float | None = None,
+        finite: bool = True,
+        nulls: bool = False,
+        words: str = "",
         **options: Any,
-    ) -> None:  # fmt: skip
-        """``finite``: neither NaN nor infinity; ``nulls``: null in a list is NaN; ``words``: what it is, for users."""
-        self.shape, self.kind, self.finite, self.nulls, self.words = shape, kind, finite, nulls, words
+    ) -> None:
+        """``finite``: neither NaN nor infinity; ``nulls``: null in a list is NaN; ``words``: what
+        it is, for users.
+        """
+        self.shape, self.kind, self.finite, self.nulls, self.words = (
+            shape,
+            kind,
+            finite,
+            nulls,
+            words,
+        )
         self.minimum, self.maximum = minimum, maximum
         place = "" if shape is None else f" in the shape {_shape_words(shape, {})}"
         super().__init__(words or f"{kind}{range_words(minimum, maximum)}{place}", **options)
@@ -51,7 +66,9 @@ class Array(Checked):
         sizes = getattr(self.root, "sizes", {})
         limits = getattr(self.root, "dimensions", {})
         meaning = f": {self.words}" if self.words else ""
-        bad = ValidationError(f"has shape {shape}, expected {_shape_words(self.shape, sizes)}{meaning}")
+        bad = ValidationError(
+            f"has shape {shape}, expected {_shape_words(self.shape, sizes)}{meaning}"
+        )
         if len(shape) != len(self.shape):
             raise bad
         for found, wanted in zip(shape, self.shape, strict=True):
@@ -62,7 +79,8 @@ class Array(Checked):
             low, high = limits.get(wanted, (0, None))
             if found < low or (high is not None and found > high):
                 raise ValidationError(
-                    f"has shape {shape}, expected {_shape_words(self.shape, sizes)} with {wanted} from {low} to {high}"
+                    f"has shape {shape}, expected {_shape_words(self.shape, sizes)} with "
+                    f"{wanted} from {low} to {high}"
                 )
             if sizes.setdefault(wanted, found) != found:
                 raise bad
@@ -75,9 +93,13 @@ class Array(Checked):
             known = array[np.isfinite(array)]
             low, high = known.min(initial=0), known.max(initial=0)
         if self.minimum is not None and low < self.minimum:
-            raise ValidationError(f"holds {low:g}, expected {self.kind}{range_words(self.minimum, self.maximum)}")
+            raise ValidationError(
+                f"holds {low:g}, expected {self.kind}{range_words(self.minimum, self.maximum)}"
+            )
         if self.maximum is not None and high > self.maximum:
-            raise ValidationError(f"holds {high:g}, expected {self.kind}{range_words(self.minimum, self.maximum)}")
+            raise ValidationError(
+                f"holds {high:g}, expected {self.kind}{range_words(self.minimum, self.maximum)}"
+            )
 
     def _of_lists(self, value: Any) -> np.ndarray:
         """An array of nested lists, all of whose entries are of this kind."""
@@ -89,7 +111,9 @@ class Array(Checked):
                 raise self.wrong(next(item for item in flat if not isinstance(item, list | tuple)))
             lengths = {len(item) for item in flat}
             if len(lengths) > 1:
-                raise ValidationError(f"has rows of {min(lengths)} and of {max(lengths)}, expected {self.expected}")
+                raise ValidationError(
+                    f"has rows of {min(lengths)} and of {max(lengths)}, expected {self.expected}"
+                )
             shape.append(lengths.pop() if lengths else 0)
             flat = [entry for item in flat for entry in item]
         kinds = _PYTHON[self.kind] + ((type(None),) if self.nulls else ())
@@ -98,7 +122,9 @@ class Array(Checked):
                 place = "".join(f"[{k}]" for k in np.unravel_index(index, shape))
                 raise ValidationError({place: [f"is {shown(entry)}, expected one of {self.kind}"]})
         try:
-            return np.array([np.nan if entry is None else entry for entry in flat], _TYPES[self.kind]).reshape(shape)
+            return np.array(
+                [np.nan if entry is None else entry for entry in flat], _TYPES[self.kind]
+            ).reshape(shape)
         except OverflowError as error:
             raise ValidationError("holds a number beyond all bounds") from error
 

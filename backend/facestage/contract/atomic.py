@@ -32,9 +32,10 @@ READ_TRIES, READ_PAUSE = 40, 0.02
 def atomic_folder(target: Path, ours: Ours = everything) -> Iterator[Path]:
     """Yield an empty folder beside ``target`` that replaces it when the block succeeds.
 
-    A reader sees the old folder or the new one, never half of one, and after a power cut the disk has one of them. On
-    an exception the new folder is removed and ``target`` stays as it was. Files of the old folder that are not
-    ``ours`` go over to the new one. What killed writers of ``target`` left behind is removed first.
+    A reader sees the old folder or the new one, never half of one, and after a power cut the disk
+    has one of them. On an exception the new folder is removed and ``target`` stays as it was. Files
+    of the old folder that are not ``ours`` go over to the new one. What killed writers of
+    ``target`` left behind is removed first.
     """
     target = Path(os.path.realpath(target))
     with _told(f"the folder '{target}'", "choose an output folder that you may write to"):
@@ -79,7 +80,9 @@ def atomic_file(target: Path) -> Iterator[Path]:
 
 
 def read_consistently(folder: Path, read: Callable[[Path], T]) -> T:
-    """``read(folder)``, again if the folder was replaced meanwhile, so that no answer mixes two of them."""
+    """``read(folder)``, again if the folder was replaced meanwhile, so that no answer mixes two of
+    them.
+    """
     for _ in range(READ_TRIES):
         before = _identity(folder)
         if before is None and being_replaced(folder):
@@ -96,7 +99,9 @@ def read_consistently(folder: Path, read: Callable[[Path], T]) -> T:
         time.sleep(READ_PAUSE)
     if _identity(folder) is None:
         return read(folder)
-    raise InputError(f"The folder '{folder}' is replaced again and again; read it when its writer has finished.")
+    raise InputError(
+        f"The folder '{folder}' is replaced again and again; read it when its writer has finished."
+    )
 
 
 def _put(content: Path, target: Path) -> None:
@@ -124,7 +129,9 @@ def _put_in_two_steps(content: Path, target: Path, retired: Path) -> None:
 
 
 def _identity(folder: Path) -> tuple[int, ...] | None:
-    """Differs between two folders of one path, and before and after a file came or went; None without a folder."""
+    """Differs between two folders of one path, and before and after a file came or went; None
+    without a folder.
+    """
     with suppress(OSError):
         status = folder.stat()
         return status.st_dev, status.st_ino, status.st_mtime_ns

@@ -8,9 +8,9 @@ Walter et al. 2007, Heitz 2014).
 
 F0 = 0.04  # reflectance at normal incidence of a dielectric of index 1.5
 
-# A smooth dielectric of index 1.5 reflects 9.2 % of uniform light (Egan & Hilgeman 1979); only what is
-# not reflected enters the skin. A constant keeps the sum reciprocal, and a white-lit face conserves
-# energy for every albedo <= 1 and c_spec <= 1.
+# A smooth dielectric of index 1.5 reflects 9.2 % of uniform light (Egan & Hilgeman 1979); only what
+# is not reflected enters the skin. A constant keeps the sum reciprocal, and a white-lit face
+# conserves energy for every albedo <= 1 and c_spec <= 1.
 K_DIFFUSE = 0.908
 K_SPECULAR = 1.0
 

@@ -44,17 +44,25 @@ class Camera:
     def __post_init__(self) -> None:
         if not (1 <= self.width <= SIDE_MAX and 1 <= self.height <= SIDE_MAX):
             raise InputError(
-                f"The camera's size is {self.width} x {self.height} pixels; expected 1 to {SIDE_MAX} each."
+                f"The camera's size is {self.width} x {self.height} pixels; expected 1 to "
+                f"{SIDE_MAX} each."
             )
         if self.width * self.height > PIXELS_MAX:
             raise InputError(
-                f"The camera's size is {self.width} x {self.height} = {self.width * self.height / 1e6:.0f} million "
+                f"The camera's size is {self.width} x {self.height} = "
+                f"{self.width * self.height / 1e6:.0f} million "
                 f"pixels; expected at most {PIXELS_MAX / 1e6:.0f} million."
             )
         if not (math.isfinite(self.focal_px) and self.focal_px > 0):
-            raise InputError(f"The camera's focal_px is {self.focal_px}; expected a positive number of pixels.")
-        if len(self.principal_px) != 2 or not all(math.isfinite(value) for value in self.principal_px):
-            raise InputError(f"The camera's principal_px is {self.principal_px}; expected two finite numbers.")
+            raise InputError(
+                f"The camera's focal_px is {self.focal_px}; expected a positive number of pixels."
+            )
+        if len(self.principal_px) != 2 or not all(
+            math.isfinite(value) for value in self.principal_px
+        ):
+            raise InputError(
+                f"The camera's principal_px is {self.principal_px}; expected two finite numbers."
+            )
 
     @classmethod
     def default(cls, width: int, height: int, focal_px: float | None = None) -> Camera:

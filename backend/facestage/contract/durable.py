@@ -20,7 +20,10 @@ _UNKNOWN = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.E
 
 
 def sync_file(path: Path) -> None:
-    """Wait until the file's content is on the disk. Raises OSError when it does not get there, as on a full disk."""
+    """Wait until the file's content is on the disk.
+
+    Raises OSError when it does not get there, as on a full disk.
+    """
     handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
     try:
         os.fsync(handle)
@@ -54,7 +57,9 @@ def sync_tree(folder: Path) -> None:
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Let two existing names trade places in one step; False where the system cannot, and nothing has changed."""
+    """Let two existing names trade places in one step; False where the system cannot, and nothing
+    has changed.
+    """
     call = _exchange_call()
     if call is None:
         return False
@@ -80,5 +85,13 @@ def _exchange_call() -> Callable[[bytes, bytes], int] | None:
         renameat2 = library.renameat2
     except AttributeError:
         return None
-    renameat2.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
-    return lambda one, other: int(renameat2(_CURRENT_FOLDER, one, _CURRENT_FOLDER, other, _EXCHANGE))
+    renameat2.argtypes = (
+        ctypes.c_int,
+        ctypes.c_char_p,
+        ctypes.c_int,
+        ctypes.c_char_p,
+        ctypes.c_uint,
+    )
+    return lambda one, other: int(
+        renameat2(_CURRENT_FOLDER, one, _CURRENT_FOLDER, other, _EXCHANGE)
+    )

@@ -21,8 +21,9 @@ ITERATION_MAX = 2**63
 class Event:
     """One line of progress.
 
-    ``kind``: started, progress, done or failed. ``error`` is the photometric error (RMS, linear) and
-    ``fraction`` the share of the work done, 0..1; ``preview`` is the path of the latest picture.
+    ``kind``: started, progress, done or failed. ``error`` is the photometric error (RMS, linear)
+    and ``fraction`` the share of the work done, 0..1; ``preview`` is the path of the latest
+    picture.
     """
 
     kind: str

@@ -1,4 +1,6 @@
-"""The header of an OpenEXR file (openexr.com, "OpenEXR File Layout"), read before a decoder believes it."""
+"""The header of an OpenEXR file (openexr.com, "OpenEXR File Layout"), read before a decoder
+believes it.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,10 @@ class ExrHeader:
 
 
 def read_header(content: bytes) -> ExrHeader:
-    """The header at the start of ``content``. Raises ValueError, in a clause, for what is no flat EXR picture."""
+    """The header at the start of ``content``.
+
+    Raises ValueError, in a clause, for what is no flat EXR picture.
+    """
     if content[:4] != MAGIC:
         raise ValueError("it is no OpenEXR file")
     attributes, flags, end = _attributes(content[:HEADER_LIMIT])
@@ -55,14 +60,23 @@ def read_header(content: bytes) -> ExrHeader:
     channels = _channels(_value(attributes, "channels", "chlist", None))
     display = _size(attributes, "displayWindow")
     return ExrHeader(
-        width, height, COMPRESSIONS[code], channels, bool(flags & TILED), chromaticities, display, _LINES[code], end
+        width,
+        height,
+        COMPRESSIONS[code],
+        channels,
+        bool(flags & TILED),
+        chromaticities,
+        display,
+        _LINES[code],
+        end,
     )
 
 
 def exr_size(path: Path, what: str, limit: int, side_max: int) -> tuple[int, int]:
     """Width and height of a whole picture of one part in a regular file of at most ``limit`` bytes.
 
-    Raises InputError for another file, or for a picture with a side of more than ``side_max`` pixels.
+    Raises InputError for another file, or for a picture with a side of more than ``side_max``
+    pixels.
     """
     with open_regular(path, what, limit) as stream:
         try:
@@ -70,7 +84,8 @@ def exr_size(path: Path, what: str, limit: int, side_max: int) -> tuple[int, int
             for width, height in ((header.width, header.height), header.display):
                 if not (1 <= width <= side_max and 1 <= height <= side_max):
                     raise InputError(
-                        f"The {what} '{path}' says that it has {width} x {height} pixels, expected 1 to {side_max}."
+                        f"The {what} '{path}' says that it has {width} x {height} pixels, "
+                        f"expected 1 to {side_max}."
                     )
             whole = header.tiled or _whole(stream, header)
         except (ValueError, struct.error, OSError) as error:
@@ -81,7 +96,9 @@ def exr_size(path: Path, what: str, limit: int, side_max: int) -> tuple[int, int
 
 
 def _whole(stream: BinaryIO, header: ExrHeader) -> bool:
-    """Whether all blocks of lines are in the file; their places stand in a table after the header."""
+    """Whether all blocks of lines are in the file; their places stand in a table after the
+    header.
+    """
     size = stream.seek(0, os.SEEK_END)
     count = -(-header.height // header.lines)
     stream.seek(header.end)
@@ -126,7 +143,9 @@ def _text(content: bytes, position: int) -> tuple[str, int]:
     return content[position:end].decode("latin-1"), end + 1
 
 
-def _value(attributes: dict[str, tuple[str, bytes]], name: str, kind: str, size: int | None) -> bytes:
+def _value(
+    attributes: dict[str, tuple[str, bytes]], name: str, kind: str, size: int | None
+) -> bytes:
     found, value = attributes.get(name, ("", b""))
     if found != kind or size not in (None, len(value)):
         raise ValueError(f"its header lacks {name}")

@@ -1,4 +1,6 @@
-"""A face model as plain arrays: the one form every loader produces and the add-on builds rigs from."""
+"""A face model as plain arrays: the one form every loader produces and the add-on builds rigs
+from.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ class FaceModel:
     """Vertices, blendshape bases, textures coordinates and landmarks of a face.
 
     Shapes: n vertices, p polygons, u UV points, k identity modes, e expressions, d albedo modes.
-    Frame: the model frame (metres, +Y up, looking along +Z), origin at the centre of the narrow face.
+    Frame: the model frame (metres, +Y up, looking along +Z), origin at the centre of the narrow
+    face.
     """
 
     name: str
@@ -48,8 +51,10 @@ class FaceModel:
     albedo_mean: np.ndarray  # (n, 3) float32, linear diffuse RGB in (0, 1)
     albedo_basis: np.ndarray  # (d, n, 3) float32, change of log albedo per standard deviation
     landmarks: Mapping[str, np.ndarray]  # scheme -> (m, 6): 3 vertex indices, 3 barycentric weights
-    regions: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (r,) int32 vertex indices
-    # "box": weights in 0..1, "gaussian": unit variance; one word for all expressions, or one for each.
+    # name -> (r,) int32 vertex indices
+    regions: Mapping[str, np.ndarray] = field(default_factory=dict)
+    # "box": weights in 0..1, "gaussian": unit variance; one word for all expressions, or one for
+    # each.
     expression_prior: str | tuple[str, ...] = "box"
     # Where the published UV tile of the face lies in this atlas: corner u, v and scale.
     face_tile: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -70,18 +75,28 @@ class FaceModel:
         for attribute, shape in expected.items():
             array = getattr(self, attribute)
             if array.shape != shape:
-                raise InputError(f"Face model '{self.name}': {attribute} has shape {array.shape}, expected {shape}.")
+                raise InputError(
+                    f"Face model '{self.name}': {attribute} has shape {array.shape}, expected "
+                    f"{shape}."
+                )
             if not np.issubdtype(array.dtype, np.number):
-                raise InputError(f"Face model '{self.name}': {attribute} holds {array.dtype} values, expected numbers.")
+                raise InputError(
+                    f"Face model '{self.name}': {attribute} holds {array.dtype} values, "
+                    "expected numbers."
+                )
             if not np.isfinite(array).all():
                 raise InputError(f"Face model '{self.name}': {attribute} holds NaN or infinity.")
         for attribute, limit in (("polygons", n), ("polygon_uvs", u)):
             array = getattr(self, attribute)
             if array.size and (array.max() >= limit or array[:, :3].min() < 0 or array.min() < -1):
-                raise InputError(f"Face model '{self.name}': {attribute} refers to a point outside 0..{limit - 1}.")
+                raise InputError(
+                    f"Face model '{self.name}': {attribute} refers to a point outside "
+                    f"0..{limit - 1}."
+                )
         if ((self.polygons[:, 3] < 0) != (self.polygon_uvs[:, 3] < 0)).any():
             raise InputError(
-                f"Face model '{self.name}': polygon_uvs has triangles where polygons has quads; expected the same."
+                f"Face model '{self.name}': polygon_uvs has triangles where polygons has "
+                "quads; expected the same."
             )
         # The fit works on the logarithm of the albedo.
         if n and not (self.albedo_mean.min() > 0 and self.albedo_mean.max() < 1):
@@ -91,27 +106,48 @@ class FaceModel:
             )
         for scheme, table in self.landmarks.items():
             if table.ndim != 2 or table.shape[1] != 6 or not _within(table[:, :3], n):
-                raise InputError(f"Face model '{self.name}': landmarks '{scheme}' refer to a point outside 0..{n - 1}.")
-            if not np.allclose(table[:, 3:].sum(axis=1), 1, atol=1e-2) or (np.abs(table[:, 3:]) > WEIGHT_MAX).any():
                 raise InputError(
-                    f"Face model '{self.name}': landmarks '{scheme}' have weights that do not add up to 1."
+                    f"Face model '{self.name}': landmarks '{scheme}' refer to a point outside "
+                    f"0..{n - 1}."
+                )
+            if (
+                not np.allclose(table[:, 3:].sum(axis=1), 1, atol=1e-2)
+                or (np.abs(table[:, 3:]) > WEIGHT_MAX).any()
+            ):
+                raise InputError(
+                    f"Face model '{self.name}': landmarks '{scheme}' have weights that do not "
+                    "add up to 1."
                 )
         for region, indices in self.regions.items():
             if not _within(indices, n):
-                raise InputError(f"Face model '{self.name}': region '{region}' refers to a point outside 0..{n - 1}.")
-        if isinstance(self.expression_prior, tuple) and len(self.expression_prior) != len(self.expression_names):
+                raise InputError(
+                    f"Face model '{self.name}': region '{region}' refers to a point outside "
+                    f"0..{n - 1}."
+                )
+        if isinstance(self.expression_prior, tuple) and len(self.expression_prior) != len(
+            self.expression_names
+        ):
             raise InputError(
-                f"Face model '{self.name}': expression_prior has {len(self.expression_prior)} words for "
+                f"Face model '{self.name}': expression_prior has {len(self.expression_prior)} "
+                "words for "
                 f"{len(self.expression_names)} expressions; expected one for each, or one for all."
             )
-        words = (self.expression_prior,) if isinstance(self.expression_prior, str) else self.expression_prior
+        words = (
+            (self.expression_prior,)
+            if isinstance(self.expression_prior, str)
+            else self.expression_prior
+        )
         for word in words:
             if word not in PRIORS:
-                raise InputError(f"Face model '{self.name}': expression_prior is '{word}', not box or gaussian.")
+                raise InputError(
+                    f"Face model '{self.name}': expression_prior is '{word}', not box or gaussian."
+                )
 
     @cached_property
     def expression_box(self) -> np.ndarray:
-        """(e,) bool, the expressions whose weights lie in 0..1; the others are Gaussian with unit variance."""
+        """(e,) bool, the expressions whose weights lie in 0..1; the others are Gaussian with unit
+        variance.
+        """
         words = self.expression_prior
         if isinstance(words, str):
             words = (words,) * len(self.expression_names)
@@ -119,7 +155,9 @@ class FaceModel:
 
     @cached_property
     def triangles(self) -> np.ndarray:
-        """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon order."""
+        """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon
+        order.
+        """
         return split_quads(self.polygons)
 
     @cached_property
@@ -136,33 +174,48 @@ class FaceModel:
         """Vertex indices (m, 3) int and barycentric weights (m, 3) of a landmark scheme."""
         if scheme not in self.landmarks:
             known = ", ".join(sorted(self.landmarks)) or "none"
-            raise InputError(f"Face model '{self.name}' has no landmarks of scheme '{scheme}'; it has: {known}.")
+            raise InputError(
+                f"Face model '{self.name}' has no landmarks of scheme '{scheme}'; it has: {known}."
+            )
         table = self.landmarks[scheme]
         return table[:, :3].astype(np.int64), table[:, 3:].astype(np.float32)
 
-    def shape(self, identity: np.ndarray | None = None, expression: np.ndarray | None = None) -> np.ndarray:
-        """(n, 3) float32 vertices in the model frame for identity (k,) and expression (e,) weights."""
+    def shape(
+        self, identity: np.ndarray | None = None, expression: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(n, 3) float32 vertices in the model frame for identity (k,) and expression (e,)
+        weights.
+        """
         result = self.vertices
         if identity is not None and len(self.identity_names):
             result = result + np.tensordot(np.asarray(identity, np.float32), self.identity_basis, 1)
         if expression is not None and len(self.expression_names):
-            result = result + np.tensordot(np.asarray(expression, np.float32), self.expression_basis, 1)
+            result = result + np.tensordot(
+                np.asarray(expression, np.float32), self.expression_basis, 1
+            )
         return result
 
     def albedo(self, delta: np.ndarray | None = None) -> np.ndarray:
         """(n, 3) float32 diffuse albedo in (0, 1) for coefficients delta (d,)."""
         log_albedo = np.log(self.albedo_mean)
         if delta is not None and len(self.albedo_basis):
-            log_albedo = log_albedo + np.tensordot(np.asarray(delta, np.float32), self.albedo_basis, 1)
+            log_albedo = log_albedo + np.tensordot(
+                np.asarray(delta, np.float32), self.albedo_basis, 1
+            )
         return np.minimum(np.exp(log_albedo), 0.999).astype(np.float32)
 
     def save(self, path: Path) -> None:
         """Write the model as one .npz."""
         meta = {
-            "schema": SCHEMA_VERSION, "name": self.name, "license": self.license, "source": self.source,
-            "identity_names": self.identity_names, "expression_names": self.expression_names,
-            "expression_prior": self.expression_prior, "face_tile": self.face_tile,
-        }  # fmt: skip
+            "schema": SCHEMA_VERSION,
+            "name": self.name,
+            "license": self.license,
+            "source": self.source,
+            "identity_names": self.identity_names,
+            "expression_names": self.expression_names,
+            "expression_prior": self.expression_prior,
+            "face_tile": self.face_tile,
+        }
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays |= {f"landmarks/{name}": table for name, table in self.landmarks.items()}
         arrays |= {f"regions/{name}": indices for name, indices in self.regions.items()}
@@ -182,9 +235,16 @@ class FaceModel:
 
 
 _ARRAYS = (
-    "vertices", "polygons", "polygon_uvs", "polygon_part", "uvs",
-    "identity_basis", "expression_basis", "albedo_mean", "albedo_basis",
-)  # fmt: skip
+    "vertices",
+    "polygons",
+    "polygon_uvs",
+    "polygon_part",
+    "uvs",
+    "identity_basis",
+    "expression_basis",
+    "albedo_mean",
+    "albedo_basis",
+)
 MODEL_ARRAYS_MAX = 2 * GIB
 VERTICES_MAX = 5_000_000
 COORDINATE_MAX = 1e9  # metres
@@ -198,7 +258,9 @@ class _Prior(Checked):
     def __init__(self) -> None:
         super().__init__(f"{' or '.join(PRIORS)}, or a list of them")
 
-    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> str | tuple[str, ...]:
+    def _deserialize(
+        self, value: Any, attr: str | None, data: Any, **kwargs: Any
+    ) -> str | tuple[str, ...]:
         field = Items(Choice(PRIORS)) if isinstance(value, list) else Choice(PRIORS)
         found: str | tuple[str, ...] = field.deserialize(value)
         return found
@@ -227,8 +289,12 @@ class FaceArrays(FileSchema):
     polygon_uvs = Array(("polygons", 4), WHOLE, minimum=-1)
     polygon_part = Array(("polygons",), WHOLE, minimum=0, maximum=len(PARTS) - 1)
     uvs = Array(("uvs", 2), minimum=UV_LOW, maximum=UV_HIGH)
-    identity_basis = Array(("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
-    expression_basis = Array(("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    identity_basis = Array(
+        ("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX
+    )
+    expression_basis = Array(
+        ("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX
+    )
     albedo_mean = Array(("vertices", 3), minimum=0, maximum=1)
     albedo_basis = Array(("colors", "vertices", 3), minimum=-LOG_ALBEDO_MAX, maximum=LOG_ALBEDO_MAX)
     landmarks = Table(Array(("points", 6)), load_default=dict)

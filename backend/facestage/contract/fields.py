@@ -1,7 +1,9 @@
-"""What a value in a file may be, as marshmallow fields that believe nothing: text is no number and 1 is not true.
+"""What a value in a file may be, as marshmallow fields that believe nothing: text is no number and
+1 is not true.
 
-Each says in words what it expects; an error is what was found and those words (:func:`.schema.checked` makes the
-sentence). Lists and objects stop at their first wrong entry, so that a file of a million errors costs as much as one.
+Each says in words what it expects; an error is what was found and those words
+(:func:`.schema.checked` makes the sentence). Lists and objects stop at their first wrong entry, so
+that a file of a million errors costs as much as one.
 """
 
 from __future__ import annotations
@@ -29,10 +31,11 @@ class Checked(fields.Field[Any]):
         super().__init__(
             required=required and "load_default" not in options,
             error_messages={
-                "required": f"{MISSING}, expected {expected}", "null": f"is null, expected {expected}",
+                "required": f"{MISSING}, expected {expected}",
+                "null": f"is null, expected {expected}",
             },
             **options,
-        )  # fmt: skip
+        )
         self.expected = expected
 
     def wrong(self, found: object) -> ValidationError:
@@ -43,7 +46,9 @@ class Checked(fields.Field[Any]):
 class Text(Checked):
     """Text that can be written anywhere: no lone surrogates, no null characters."""
 
-    def __init__(self, minimum: int = 0, maximum: int = TEXT_MAX, expected: str = "text", **options: Any) -> None:
+    def __init__(
+        self, minimum: int = 0, maximum: int = TEXT_MAX, expected: str = "text", **options: Any
+    ) -> None:
         """``minimum`` and ``maximum``: characters."""
         super().__init__(expected, **options)
         self.minimum, self.maximum = minimum, maximum
@@ -101,7 +106,9 @@ class Flag(Checked):
 class Number(Checked):
     """A finite number within a range, as a float."""
 
-    def __init__(self, minimum: float | None = None, maximum: float | None = None, **options: Any) -> None:
+    def __init__(
+        self, minimum: float | None = None, maximum: float | None = None, **options: Any
+    ) -> None:
         super().__init__(f"a number{range_words(minimum, maximum)}", **options)
         self.minimum, self.maximum = minimum, maximum
 
@@ -129,18 +136,27 @@ class Items(Checked):
     """A list, as a tuple, of entries of one kind."""
 
     def __init__(
-        self, entry: Checked, minimum: int = 0, maximum: int = ENTRIES_MAX, unique: bool = False, **options: Any
+        self,
+        entry: Checked,
+        minimum: int = 0,
+        maximum: int = ENTRIES_MAX,
+        unique: bool = False,
+        **options: Any,
     ) -> None:
         """``unique``: no two entries may be the same."""
         most = "" if maximum == ENTRIES_MAX else f", at most {maximum}"
         super().__init__(f"a list of {entry.expected} each{most}", **options)
         self.entry, self.minimum, self.maximum, self.unique = entry, minimum, maximum, unique
 
-    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> tuple[Any, ...]:
+    def _deserialize(
+        self, value: Any, attr: str | None, data: Any, **kwargs: Any
+    ) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple):
             raise self.wrong(value)
         if not self.minimum <= len(value) <= self.maximum:
-            raise ValidationError(f"has {len(value)} entries, expected {self.minimum} to {self.maximum}")
+            raise ValidationError(
+                f"has {len(value)} entries, expected {self.minimum} to {self.maximum}"
+            )
         result = tuple(_entry(index, self.entry, item) for index, item in enumerate(value))
         if self.unique and len(set(result)) < len(result):
             twice = next(item for index, item in enumerate(result) if item in result[:index])
@@ -155,24 +171,33 @@ class Table(Checked):
         super().__init__(f"an object of names with {entry.expected} each", **options)
         self.entry, self.maximum = entry, maximum
 
-    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> dict[str, Any]:
+    def _deserialize(
+        self, value: Any, attr: str | None, data: Any, **kwargs: Any
+    ) -> dict[str, Any]:
         if not isinstance(value, Mapping):
             raise self.wrong(value)
         if len(value) > self.maximum:
             raise ValidationError(f"has {len(value)} entries, expected at most {self.maximum}")
         for name in value:
             if not isinstance(name, str) or not writable(name) or len(name) > NAME_MAX:
-                raise ValidationError(f"has the name {shown(name)}, expected text of at most {NAME_MAX} characters")
+                raise ValidationError(
+                    f"has the name {shown(name)}, expected text of at most {NAME_MAX} characters"
+                )
         return {name: _entry(name, self.entry, item) for name, item in value.items()}
 
 
 class Figures(Table):
-    """An object of names with a number each. A null, which is how NaN is written, is as good as missing."""
+    """An object of names with a number each.
+
+    A null, which is how NaN is written, is as good as missing.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(Number(allow_none=True), **options)
 
-    def _deserialize(self, value: Any, attr: str | None, data: Any, **kwargs: Any) -> dict[str, Any]:
+    def _deserialize(
+        self, value: Any, attr: str | None, data: Any, **kwargs: Any
+    ) -> dict[str, Any]:
         found = super()._deserialize(value, attr, data, **kwargs)
         return {name: number for name, number in found.items() if number is not None}
 
@@ -190,13 +215,19 @@ class Plain(Checked):
             raise self.wrong(value)
         if isinstance(value, Mapping):
             return {name: _entry(name, self, item) for name, item in value.items()}
-        return [_entry(index, self, item) for index, item in enumerate(value)] if isinstance(value, list) else value
+        return (
+            [_entry(index, self, item) for index, item in enumerate(value)]
+            if isinstance(value, list)
+            else value
+        )
 
 
 class Part(Checked):
     """An object with a schema of its own."""
 
-    def __init__(self, schema: Callable[[], Schema], expected: str = "an object", **options: Any) -> None:
+    def __init__(
+        self, schema: Callable[[], Schema], expected: str = "an object", **options: Any
+    ) -> None:
         super().__init__(expected, **options)
         self.make = schema
 
@@ -217,7 +248,9 @@ def range_words(minimum: float | None, maximum: float | None) -> str:
 
 
 def within(value: int | float, limits: Any) -> bool:
-    """Whether a number is finite, also as a float, and between ``limits.minimum`` and ``limits.maximum``."""
+    """Whether a number is finite, also as a float, and between ``limits.minimum`` and
+    ``limits.maximum``.
+    """
     try:
         finite = math.isfinite(value)
     except OverflowError:  # an integer beyond all floats

@@ -14,7 +14,17 @@ from facestage.contract.array_field import Array, rigid
 from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Choice, Items, Name, Number, Part, PathText, Plain, Table, Whole
+from facestage.contract.fields import (
+    Choice,
+    Items,
+    Name,
+    Number,
+    Part,
+    PathText,
+    Plain,
+    Table,
+    Whole,
+)
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
 from facestage.contract.paths import is_folder, user_path
@@ -24,7 +34,17 @@ from facestage.contract.schema import FileSchema, HandWritten, check_version, ch
 from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
 
 SCHEMA_VERSION = 1
-PARAMETERS = ("identity", "expression", "pose", "albedo", "specular", "roughness", "lights", "light_position", "focal")
+PARAMETERS = (
+    "identity",
+    "expression",
+    "pose",
+    "albedo",
+    "specular",
+    "roughness",
+    "lights",
+    "light_position",
+    "focal",
+)
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9
@@ -57,7 +77,8 @@ class Job:
     ``stage`` is in the stage frame. ``camera_to_stage`` (4, 4) fixes the camera in the stage; None
     lets the backend centre the stage on the face, its axes parallel to the camera's.
     ``initial`` holds starting values by name ("identity", "expression", "albedo", ...), optional.
-    ``plan``: "lean" leaves out what cannot matter to this job, "full" works on everything; the answer is the same.
+    ``plan``: "lean" leaves out what cannot matter to this job, "full" works on everything; the
+    answer is the same.
     """
 
     image: Path
@@ -76,27 +97,43 @@ class Job:
     truth: Path | None = None
     plan: str = LEAN
     quality: str = GOOD
-    face: int | None = None  # which face to find where landmarks is None: 1 is the largest, as is None
+    # which face to find where landmarks is None: 1 is the largest, as is None
+    face: int | None = None
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
-            raise InputError(f"light_color is '{self.light_color}'; expected one of {', '.join(LIGHT_COLORS)}.")
+            raise InputError(
+                f"light_color is '{self.light_color}'; expected one of {', '.join(LIGHT_COLORS)}."
+            )
         if self.device not in DEVICES:
             raise InputError(f"device is '{self.device}'; expected one of {', '.join(DEVICES)}.")
         if self.plan not in PLANS:
             raise InputError(f"The plan is '{self.plan}'; expected one of {', '.join(PLANS)}.")
         if self.quality not in QUALITIES:
-            raise InputError(f"The quality is '{self.quality}'; expected one of {', '.join(QUALITIES)}.")
+            raise InputError(
+                f"The quality is '{self.quality}'; expected one of {', '.join(QUALITIES)}."
+            )
         unknown = sorted(set(self.freeze) - set(PARAMETERS))
         if unknown:
-            raise InputError(f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}.")
-        if self.budget_seconds is not None and not (math.isfinite(self.budget_seconds) and self.budget_seconds > 0):
-            raise InputError(f"The budget is {self.budget_seconds} seconds; expected a number greater than 0.")
+            raise InputError(
+                f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}."
+            )
+        if self.budget_seconds is not None and not (
+            math.isfinite(self.budget_seconds) and self.budget_seconds > 0
+        ):
+            raise InputError(
+                f"The budget is {self.budget_seconds} seconds; expected a number greater than 0."
+            )
 
         if self.face is not None and self.face < 1:
-            raise InputError(f"The face is {self.face}; expected a whole number, 1 for the largest face of the photo.")
+            raise InputError(
+                f"The face is {self.face}; expected a whole number, 1 for the largest face of "
+                "the photo."
+            )
         if not 0 <= self.seed <= SEED_MAX:
-            raise InputError(f"The seed is {self.seed}; expected a whole number of 0 to {SEED_MAX}.")
+            raise InputError(
+                f"The seed is {self.seed}; expected a whole number of 0 to {SEED_MAX}."
+            )
 
     def save(self, folder: Path) -> None:
         """Write job.json, job.npz and a copy of the image as a folder, whole or not at all."""
@@ -110,14 +147,22 @@ class Job:
             image = f"photo{self.image.suffix.lower()}"
             shutil.copyfile(self.image, folder / image)
         data: dict[str, Any] = {
-            "schema": SCHEMA_VERSION, "image": image, "model": self.model,
+            "schema": SCHEMA_VERSION,
+            "image": image,
+            "model": self.model,
             "landmarks": self.landmarks.to_json() if self.landmarks else None,
             "camera": self.camera.to_json() if self.camera else None,
-            "light_color": self.light_color, "freeze": list(self.freeze), "weights": vars(self.weights),
-            "budget_seconds": self.budget_seconds, "seed": self.seed, "device": self.device,
-            "truth": str(self.truth) if self.truth else None, "plan": self.plan, "quality": self.quality,
+            "light_color": self.light_color,
+            "freeze": list(self.freeze),
+            "weights": vars(self.weights),
+            "budget_seconds": self.budget_seconds,
+            "seed": self.seed,
+            "device": self.device,
+            "truth": str(self.truth) if self.truth else None,
+            "plan": self.plan,
+            "quality": self.quality,
             "face": self.face,
-        }  # fmt: skip
+        }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
             arrays["camera_to_stage"] = np.asarray(self.camera_to_stage, np.float64)
@@ -131,19 +176,28 @@ class Job:
         """Read a job folder. Raises InputError naming the file and the value that is wrong."""
         folder = Path(folder)
         if not is_folder(folder):
-            raise InputError(f"The job folder '{folder}' does not exist; expected a folder with job.json and job.npz.")
+            raise InputError(
+                f"The job folder '{folder}' does not exist; expected a folder with job.json "
+                "and job.npz."
+            )
         path = folder / "job.json"
         data = read_json(path, "job file")
         check_version(data, SCHEMA_VERSION, f"The job file '{path}'", "export it again")
         found = checked(JobSchema(), data, f"The job file '{path}'")
-        arrays = sections(read_arrays(folder / "job.npz", "job's arrays", JOB_ARRAYS_MAX), "stage", "initial")
-        given = checked(JobArrays(), arrays, f"The job's arrays '{folder / 'job.npz'}'", "export the job again")
+        arrays = sections(
+            read_arrays(folder / "job.npz", "job's arrays", JOB_ARRAYS_MAX), "stage", "initial"
+        )
+        given = checked(
+            JobArrays(), arrays, f"The job's arrays '{folder / 'job.npz'}'", "export the job again"
+        )
         landmarks, stage = found["landmarks"], given["stage"]
         user_path(found["model"].partition(":")[2] or ".", f"face model's path in '{path}'")
         return cls(
             image=user_path(folder / found["image"], f"photo's path in '{path}'"),
             model=found["model"],
-            landmarks=None if landmarks is None else Landmarks.from_json(landmarks, f"job file '{path}' (landmarks)"),
+            landmarks=None
+            if landmarks is None
+            else Landmarks.from_json(landmarks, f"job file '{path}' (landmarks)"),
             camera=None if found["camera"] is None else Camera(**found["camera"]),
             stage=None if stage is None else LightStage(**stage),
             camera_to_stage=given["camera_to_stage"],
@@ -154,7 +208,9 @@ class Job:
             budget_seconds=found["budget_seconds"],
             seed=found["seed"],
             device=found["device"],
-            truth=None if found["truth"] is None else user_path(found["truth"], f"truth file's path in '{path}'"),
+            truth=None
+            if found["truth"] is None
+            else user_path(found["truth"], f"truth file's path in '{path}'"),
             plan=found["plan"],
             quality=found["quality"],
             face=found["face"],

@@ -41,7 +41,11 @@ class LandmarkSchema(FileSchema):
     )
     visible = Array(("points",), FLAGS, words="true or false for each point", load_default=None)
     weights = Array(
-        ("points",), minimum=0, maximum=WEIGHT_MAX, words="a number of 0 or more for each point", load_default=None
+        ("points",),
+        minimum=0,
+        maximum=WEIGHT_MAX,
+        words="a number of 0 or more for each point",
+        load_default=None,
     )
 
 
@@ -49,8 +53,8 @@ class LandmarkSchema(FileSchema):
 class Landmarks:
     """Points (m, 2) in pixels of a named scheme, with a visibility flag (m,) each.
 
-    ``weights`` (m,) >= 0 say how much each point counts beside what its scheme says of it: 1 is as usual, 0 not at
-    all, 4 as a point of half the standard deviation; None is 1 for all.
+    ``weights`` (m,) >= 0 say how much each point counts beside what its scheme says of it: 1 is as
+    usual, 0 not at all, 4 as a point of half the standard deviation; None is 1 for all.
     """
 
     scheme: str
@@ -65,18 +69,27 @@ class Landmarks:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], what: str = "landmarks") -> Landmarks:
-        """The landmarks of a decoded landmarks.json. Raises InputError for a wrong count or value."""
+        """The landmarks of a decoded landmarks.json.
+
+        Raises InputError for a wrong count or value.
+        """
         subject = f"The {what}"
         scheme = checked(SchemeSchema(), data, subject)["scheme"]
         count = SCHEME_SIZES[scheme]
         found = checked(LandmarkSchema(points=count), data, subject)
         points, visible = found["points"].astype(np.float64), found["visible"]
-        result = cls(scheme, points, np.ones(count, bool) if visible is None else visible, found["weights"])
+        result = cls(
+            scheme, points, np.ones(count, bool) if visible is None else visible, found["weights"]
+        )
         if not np.isfinite(points[result.counted]).all():
-            raise InputError(f"The {what} holds NaN or infinity for a visible point; remove it or mark it hidden.")
+            raise InputError(
+                f"The {what} holds NaN or infinity for a visible point; remove it or mark it "
+                "hidden."
+            )
         if result.counted.sum() < 6:
             raise InputError(
-                f"The {what} marks {result.counted.sum()} points visible; at least 6 are needed to place a face."
+                f"The {what} marks {result.counted.sum()} points visible; at least 6 are "
+                "needed to place a face."
             )
         return result
 
@@ -87,7 +100,11 @@ class Landmarks:
 
     def to_json(self) -> dict[str, Any]:
         """The landmarks as landmarks.json holds them."""
-        result = {"scheme": self.scheme, "points": self.points.tolist(), "visible": self.visible.tolist()}
+        result = {
+            "scheme": self.scheme,
+            "points": self.points.tolist(),
+            "visible": self.visible.tolist(),
+        }
         return result if self.weights is None else result | {"weights": self.weights.tolist()}
 
     def check_inside(self, width: int, height: int) -> None:
@@ -96,19 +113,25 @@ class Landmarks:
         Half an image of slack: detectors extrapolate a face that the frame cuts.
         """
         points = self.points[self.counted]
-        inside = (points > [-0.5 * width, -0.5 * height]).all(1) & (points < [1.5 * width, 1.5 * height]).all(1)
+        inside = (points > [-0.5 * width, -0.5 * height]).all(1) & (
+            points < [1.5 * width, 1.5 * height]
+        ).all(1)
         centre = np.median(points, axis=0)
         if not inside.all() or not (0 <= centre[0] <= width and 0 <= centre[1] <= height):
             raise InputError(
-                f"{int((~inside).sum())} landmarks lie far outside the {width} x {height} photo (median at "
-                f"{centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and at this size?"
+                f"{int((~inside).sum())} landmarks lie far outside the {width} x {height} "
+                "photo (median at "
+                f"{centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and at this "
+                "size?"
             )
         if np.ptp(points, axis=0).max() < 4.0:
             raise InputError(
-                "The landmarks span less than 4 pixels; a face that small cannot be fitted, use a larger photo."
+                "The landmarks span less than 4 pixels; a face that small cannot be fitted, "
+                "use a larger photo."
             )
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[1] < LINE_SHARE * spread[0]:
             raise InputError(
-                "The landmarks lie on one line, as those of no face do; check that the file has both coordinates right."
+                "The landmarks lie on one line, as those of no face do; check that the file "
+                "has both coordinates right."
             )

@@ -20,7 +20,8 @@ DEFAULT_RADIUS = 1.0  # metres
 DEFAULT_SIDE = 0.2  # metres
 COUNT_MAX = 10_000
 FAR = 1e9  # metres: nothing in a file may lie further off
-SIDE_LEAST, SIDE_MOST, RADIANCE_MAX = 1e-6, 1e6, 1e15  # in files; their products stay within single floats
+# in files; their products stay within single floats
+SIDE_LEAST, SIDE_MOST, RADIANCE_MAX = 1e-6, 1e6, 1e15
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -52,15 +53,21 @@ class LightStage:
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape:
-                raise InputError(f"The light stage's {name} has shape {array.shape}, expected {shape}.")
+                raise InputError(
+                    f"The light stage's {name} has shape {array.shape}, expected {shape}."
+                )
             if not np.issubdtype(array.dtype, np.number):
-                raise InputError(f"The light stage's {name} holds {array.dtype} values, expected numbers.")
+                raise InputError(
+                    f"The light stage's {name} holds {array.dtype} values, expected numbers."
+                )
             if not np.isfinite(array).all():
                 raise InputError(f"The light stage's {name} holds NaN or infinity.")
         if n < 1:
             raise InputError("The light stage has no light; at least one is needed.")
         if (self.radiance < 0).any():
-            raise InputError("A light of the stage has negative radiance; radiance must be 0 or more.")
+            raise InputError(
+                "A light of the stage has negative radiance; radiance must be 0 or more."
+            )
         if (self.side <= 0).any():
             raise InputError("A light of the stage has no size; its side must be greater than 0.")
 
@@ -110,7 +117,9 @@ class StageSchema(FileSchema):
     @validates_schema
     def _square(self, data: dict[str, Any], **_: Any) -> None:
         if np.abs((data["direction"] * data["axis_x"]).sum(axis=1)).max() > 1e-3:
-            raise ValidationError({"axis_x": ["holds axes that are not at right angles to the lights' directions"]})
+            raise ValidationError(
+                {"axis_x": ["holds axes that are not at right angles to the lights' directions"]}
+            )
 
 
 def fibonacci_stage(
@@ -121,13 +130,19 @@ def fibonacci_stage(
 ) -> LightStage:
     """``count`` lights on the spherical Fibonacci lattice of the hemisphere whose pole is +Z.
 
-    Heights are evenly spaced, so that each light covers the same solid angle (Swinbank & Purser 2006);
-    each light faces the origin. The frame is the stage frame: +Z points from the face to the camera.
+    Heights are evenly spaced, so that each light covers the same solid angle (Swinbank & Purser
+    2006); each light faces the origin. The frame is the stage frame: +Z points from the face to the
+    camera.
     """
     if not 1 <= count <= COUNT_MAX:
-        raise InputError(f"The light stage was asked for {count} lights; expected 1 to {COUNT_MAX}.")
+        raise InputError(
+            f"The light stage was asked for {count} lights; expected 1 to {COUNT_MAX}."
+        )
     if not (radius > 0 and side > 0):
-        raise InputError(f"The light stage's radius {radius} and light side {side} must be greater than 0 metres.")
+        raise InputError(
+            f"The light stage's radius {radius} and light side {side} must be greater than 0 "
+            "metres."
+        )
     index = np.arange(count)
     height = 1.0 - (index + 0.5) / count
     ring = np.sqrt(1.0 - height**2)

@@ -1,4 +1,6 @@
-"""Whether the backend may fetch anything from the network: what the add-on tells it, or the user."""
+"""Whether the backend may fetch anything from the network: what the add-on tells it, or the
+user.
+"""
 
 from __future__ import annotations
 
@@ -15,5 +17,7 @@ def is_offline(environment: Mapping[str, str] | None = None) -> bool:
 
 
 def with_online_access(environment: Mapping[str, str], allowed: bool) -> dict[str, str]:
-    """``environment`` for a backend that may download when ``allowed``; a variable that the user set stays."""
+    """``environment`` for a backend that may download when ``allowed``; a variable that the user
+    set stays.
+    """
     return dict(environment) if allowed else {**environment, OFFLINE_VARIABLE: "1"}

@@ -1,4 +1,6 @@
-"""The folder beside an output in which an unfinished fit keeps what it needs to go on: its names, and whose it is."""
+"""The folder beside an output in which an unfinished fit keeps what it needs to go on: its names,
+and whose it is.
+"""
 
 from __future__ import annotations
 
@@ -22,21 +24,24 @@ def partial_folder(out: Path) -> Path:
 
 
 def make_partial(out: Path) -> Path:
-    """The partial folder of ``out``, made if there is none, for one that will lock and then mark it.
+    """The partial folder of ``out``, made if there is none, for one that will lock and then mark
+    it.
 
-    Raises InputError when a folder of that name holds something and is not marked: somebody else's is never touched.
-    Raises OSError when it cannot be made.
+    Raises InputError when a folder of that name holds something and is not marked: somebody else's
+    is never touched. Raises OSError when it cannot be made.
     """
     partial = partial_folder(out)
     if partial.is_file():
         raise InputError(
-            f"The fit keeps its checkpoint in '{partial}', which is a file; move it, or choose another --out."
+            f"The fit keeps its checkpoint in '{partial}', which is a file; move it, or choose "
+            "another --out."
         )
     partial.mkdir(parents=True, exist_ok=True)
     others = sorted(path.name for path in partial.iterdir() if not _is_temporary(path))
     if others and MARKER not in others:
         raise InputError(
-            f"The folder '{partial}' holds '{others[0]}' and was not made by this version of Facestage; the fit "
+            f"The folder '{partial}' holds '{others[0]}' and was not made by this version of "
+            "Facestage; the fit "
             "keeps its checkpoint there: move or delete it, or choose another --out."
         )
     return partial
@@ -61,7 +66,9 @@ def has_checkpoint(partial: Path) -> bool:
 
 
 def remove_partial(partial: Path) -> None:
-    """Remove a marked folder that the caller has locked; it stays, unmarked, if it holds what is not Facestage's."""
+    """Remove a marked folder that the caller has locked; it stays, unmarked, if it holds what is
+    not Facestage's.
+    """
     if not (partial / MARKER).is_file():
         return
     forget_checkpoint(partial)

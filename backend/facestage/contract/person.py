@@ -9,7 +9,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from facestage.contract.array_field import Array
-from facestage.contract.fields import Choice, Figures, Flag, Items, Name, Number, Part, PathText, Text, Whole
+from facestage.contract.fields import (
+    Choice,
+    Figures,
+    Flag,
+    Items,
+    Name,
+    Number,
+    Part,
+    PathText,
+    Text,
+    Whole,
+)
 from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
 from facestage.contract.schema import FileSchema, check_version, checked
 from facestage.contract.storage import read_json, write_json
@@ -34,7 +45,10 @@ class PersonPhoto:
 
 @dataclass(frozen=True)
 class Person:
-    """The shared parameters, and the photos that they were fitted to. ``folder`` holds albedo.exr and person.html."""
+    """The shared parameters, and the photos that they were fitted to.
+
+    ``folder`` holds albedo.exr and person.html.
+    """
 
     status: str  # converged, budget_spent or stopped, as in a result
     advice: str

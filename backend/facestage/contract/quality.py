@@ -35,7 +35,11 @@ def expectations(measured: Path = MEASURED) -> dict[str, Expectation]:
     if not measured.is_file():
         return {}
     data = json.loads(measured.read_text(encoding="utf-8"))
-    return {name: Expectation(**data["qualities"][name]) for name in QUALITIES if name in data["qualities"]}
+    return {
+        name: Expectation(**data["qualities"][name])
+        for name in QUALITIES
+        if name in data["qualities"]
+    }
 
 
 def describe(name: str) -> str:
@@ -50,7 +54,10 @@ def describe(name: str) -> str:
 
 
 def parse_budget(text: str) -> tuple[float | None, str]:
-    """Seconds (or None) and quality of ``text``: a number, or a quality's name. Raises InputError."""
+    """Seconds (or None) and quality of ``text``: a number, or a quality's name.
+
+    Raises InputError.
+    """
     if text in QUALITIES:
         return None, text
     try:
@@ -58,5 +65,7 @@ def parse_budget(text: str) -> tuple[float | None, str]:
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds > 0):
-        raise InputError(f"The budget is '{text}'; expected seconds greater than 0, or {', '.join(QUALITIES)}.")
+        raise InputError(
+            f"The budget is '{text}'; expected seconds greater than 0, or {', '.join(QUALITIES)}."
+        )
     return seconds, GOOD

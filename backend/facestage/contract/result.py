@@ -13,7 +13,18 @@ from facestage.contract.array_field import WHOLE, Array, rigid
 from facestage.contract.atomic import read_consistently
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Choice, Figures, Items, Name, Number, Part, Plain, Table, Text, Whole
+from facestage.contract.fields import (
+    Choice,
+    Figures,
+    Items,
+    Name,
+    Number,
+    Part,
+    Plain,
+    Table,
+    Text,
+    Whole,
+)
 from facestage.contract.job import SEED_MAX
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
 from facestage.contract.paths import is_folder
@@ -31,7 +42,8 @@ VERTICES_MAX, NAMES_MAX, SPECULAR_SIDE_MAX = 5_000_000, 10_000, 4096
 WEIGHT_MAX = 1e6  # of identity, expression and albedo: nothing that a fit can reach
 SPECULAR_FILE_MAX = 100.0
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
-# Maps that older results lack: they have one roughness, and say nothing of where their texels are from.
+# Maps that older results lack: they have one roughness, and say nothing of where their texels are
+# from.
 ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"
 # The red channel of COVERAGE; 0: the model's own.
 SEEN, BY_SYMMETRY = 255, 128
@@ -39,7 +51,10 @@ SEEN, BY_SYMMETRY = 255, 128
 
 @dataclass(frozen=True)
 class Result:
-    """The fitted face. ``folder`` holds the pictures named in PICTURES, ROUGHNESS and COVERAGE, and the report."""
+    """The fitted face.
+
+    ``folder`` holds the pictures named in PICTURES, ROUGHNESS and COVERAGE, and the report.
+    """
 
     status: str  # CONVERGED, BUDGET_SPENT or STOPPED
     advice: str  # one sentence: what it means and what to do
@@ -61,11 +76,14 @@ class Result:
     errors: dict[str, float] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
     left_out: list[dict[str, Any]] = field(default_factory=list)
-    # Block -> names of the parameters that rest on their prior alone: photo and landmarks say nothing of them.
+    # Block -> names of the parameters that rest on their prior alone: photo and landmarks say
+    # nothing of them.
     unobserved: dict[str, list[str]] = field(default_factory=dict)
-    # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences" that name them.
+    # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences"
+    # that name them.
     null_directions: dict[str, Any] = field(default_factory=dict)
-    # What the fit took from the photo's file, in words: its "size" and "color" space, and where "focal" comes from.
+    # What the fit took from the photo's file, in words: its "size" and "color" space, and where
+    # "focal" comes from.
     photo: dict[str, str] = field(default_factory=dict)
     # The face model's "name", "license" and "source"; none in results of an older version.
     model_origin: dict[str, str] = field(default_factory=dict)
@@ -82,39 +100,63 @@ class Result:
     def write_into(self, folder: Path) -> None:
         """Write result.json and result.npz into an existing folder."""
         data = {
-            "schema": SCHEMA_VERSION, "status": self.status, "advice": self.advice, "model": self.model,
-            "camera": self.camera.to_json(), "seed": self.seed, "roughness": self.roughness,
+            "schema": SCHEMA_VERSION,
+            "status": self.status,
+            "advice": self.advice,
+            "model": self.model,
+            "camera": self.camera.to_json(),
+            "seed": self.seed,
+            "roughness": self.roughness,
             "identity": dict(zip(self.identity_names, self.identity.tolist(), strict=True)),
             "expression": dict(zip(self.expression_names, self.expression.tolist(), strict=True)),
-            "pose": {"model_to_camera": self.model_to_camera, "camera_to_stage": self.camera_to_stage},
+            "pose": {
+                "model_to_camera": self.model_to_camera,
+                "camera_to_stage": self.camera_to_stage,
+            },
             "lights": [
                 {"position": p, "direction": d, "side": s, "radiance": r, "state": int(state)}
                 for p, d, s, r, state in zip(
-                    self.stage.position, self.stage.direction, self.stage.side,
-                    self.stage.radiance, self.stage.state, strict=True,
+                    self.stage.position,
+                    self.stage.direction,
+                    self.stage.side,
+                    self.stage.radiance,
+                    self.stage.state,
+                    strict=True,
                 )
             ],
-            "energy": self.energy, "errors": self.errors, "timings": self.timings,
-            "left_out": self.left_out, "unobserved": self.unobserved,
-            "null_directions": self.null_directions, "photo": self.photo, "model_origin": self.model_origin,
+            "energy": self.energy,
+            "errors": self.errors,
+            "timings": self.timings,
+            "left_out": self.left_out,
+            "unobserved": self.unobserved,
+            "null_directions": self.null_directions,
+            "photo": self.photo,
+            "model_origin": self.model_origin,
             "versions": self.versions,
-        }  # fmt: skip
+        }
         write_json(folder / "result.json", data)
         arrays: dict[str, np.ndarray] = {
-            "vertices": self.vertices.astype(np.float32), "triangles": self.triangles.astype(np.int32),
-            "identity": self.identity, "expression": self.expression, "albedo": self.albedo,
-            "specular": self.specular, "roughness": np.array(self.roughness),
-            "model_to_camera": self.model_to_camera, "camera_to_stage": self.camera_to_stage,
-        }  # fmt: skip
+            "vertices": self.vertices.astype(np.float32),
+            "triangles": self.triangles.astype(np.int32),
+            "identity": self.identity,
+            "expression": self.expression,
+            "albedo": self.albedo,
+            "specular": self.specular,
+            "roughness": np.array(self.roughness),
+            "model_to_camera": self.model_to_camera,
+            "camera_to_stage": self.camera_to_stage,
+        }
         arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
         arrays |= {f"extra/{name}": value for name, value in self.arrays.items()}
         write_arrays(folder / "result.npz", arrays)
 
     @classmethod
     def load(cls, folder: Path) -> Result:
-        """Read a result folder. Raises InputError when anything in it is missing, of another version, or not possible.
+        """Read a result folder. Raises InputError when anything in it is missing, of another
+        version, or not possible.
 
-        What comes back can be applied: shapes agree, numbers are finite and within bounds, transforms are rigid.
+        What comes back can be applied: shapes agree, numbers are finite and within bounds,
+        transforms are rigid.
         """
         return read_consistently(Path(folder), cls._read)
 
@@ -127,23 +169,39 @@ class Result:
         check_version(data, SCHEMA_VERSION, subject, again)
         found = checked(ResultSchema(), data, f"{subject} is damaged; its result.json", again)
         shapes = {"identity": len(found["identity"]), "expression": len(found["expression"])}
-        arrays = sections(read_arrays(folder / "result.npz", "result's arrays", RESULT_ARRAYS_MAX), "stage", "extra")
-        given = checked(ResultArrays(**shapes), arrays, f"{subject} is damaged; its result.npz", again)
+        arrays = sections(
+            read_arrays(folder / "result.npz", "result's arrays", RESULT_ARRAYS_MAX),
+            "stage",
+            "extra",
+        )
+        given = checked(
+            ResultArrays(**shapes), arrays, f"{subject} is damaged; its result.npz", again
+        )
         for name in shapes:
             said = np.array(list(found[name].values()), np.float64)
             if not np.allclose(said, given[name], rtol=1e-5, atol=1e-7):
                 raise InputError(
-                    f"{subject} is damaged; its result.json and its result.npz have another {name}; {again}."
+                    f"{subject} is damaged; its result.json and its result.npz have another "
+                    f"{name}; {again}."
                 )
-        identity_names, expression_names = tuple(found.pop("identity")), tuple(found.pop("expression"))
+        identity_names, expression_names = (
+            tuple(found.pop("identity")),
+            tuple(found.pop("expression")),
+        )
         del found["schema"]
         found["left_out"] = list(found["left_out"])
         found["unobserved"] = {block: list(names) for block, names in found["unobserved"].items()}
         return cls(
-            camera=Camera(**found.pop("camera")), stage=LightStage(**given.pop("stage")),
-            roughness=float(given.pop("roughness")), arrays=given.pop("extra"), identity_names=identity_names,
-            expression_names=expression_names, folder=folder, **given, **found,
-        )  # fmt: skip
+            camera=Camera(**found.pop("camera")),
+            stage=LightStage(**given.pop("stage")),
+            roughness=float(given.pop("roughness")),
+            arrays=given.pop("extra"),
+            identity_names=identity_names,
+            expression_names=expression_names,
+            folder=folder,
+            **given,
+            **found,
+        )
 
 
 class ResultSchema(FileSchema):
@@ -189,9 +247,15 @@ class ResultArrays(FileSchema):
     def _within(self, data: dict[str, Any], **_: Any) -> None:
         triangles, count = data["triangles"], len(data["vertices"])
         if triangles.size and triangles.max() >= count:
-            raise ValidationError({"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]})
+            raise ValidationError(
+                {"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]}
+            )
         certain = data["extra"].get("vertex_deviation_mm")
         if certain is not None and certain.shape != (count, 3):
             raise ValidationError(
-                {"extra": {"vertex_deviation_mm": [f"has shape {certain.shape}, expected {count, 3}"]}}
+                {
+                    "extra": {
+                        "vertex_deviation_mm": [f"has shape {certain.shape}, expected {count, 3}"]
+                    }
+                }
             )

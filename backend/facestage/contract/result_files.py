@@ -1,4 +1,6 @@
-"""The files of a result folder and of a person's folder: whatever else lies there is the user's, and stays."""
+"""The files of a result folder and of a person's folder: whatever else lies there is the user's,
+and stays.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +11,40 @@ from facestage.contract import person
 from facestage.contract.result import COVERAGE, PICTURES, ROUGHNESS
 
 RESULT = "result.json"
-FILES = frozenset({
-    RESULT, "result.npz", "job.json", "job.npz", "landmarks.json", "trace.jsonl", "relight.npz", "report.html",
-    *PICTURES, ROUGHNESS, COVERAGE, person.FILE, "person.html",
-})  # fmt: skip
-REPORT_PICTURES = frozenset({
-    "albedo", "certainty", "comparison", "face", "face_photo", "landmarks", "light_probe", "person", "roughness",
-    "specular", "texture_coverage", "trace", "weights",
-})  # fmt: skip
+FILES = frozenset(
+    {
+        RESULT,
+        "result.npz",
+        "job.json",
+        "job.npz",
+        "landmarks.json",
+        "trace.jsonl",
+        "relight.npz",
+        "report.html",
+        *PICTURES,
+        ROUGHNESS,
+        COVERAGE,
+        person.FILE,
+        "person.html",
+    }
+)
+REPORT_PICTURES = frozenset(
+    {
+        "albedo",
+        "certainty",
+        "comparison",
+        "face",
+        "face_photo",
+        "landmarks",
+        "light_probe",
+        "person",
+        "roughness",
+        "specular",
+        "texture_coverage",
+        "trace",
+        "weights",
+    }
+)
 RELIT = re.compile(r"relit_\w+\.png")
 PHOTO_FOLDER = re.compile(rf"[1-{person.PHOTOS_MAX}]-.+", re.DOTALL)
 
@@ -28,4 +56,8 @@ def is_result_file(path: PurePath) -> bool:
     if len(path.parts) != 1:
         return False
     name = path.name
-    return name in FILES or (path.suffix == ".png" and path.stem in REPORT_PICTURES) or bool(RELIT.fullmatch(name))
+    return (
+        name in FILES
+        or (path.suffix == ".png" and path.stem in REPORT_PICTURES)
+        or bool(RELIT.fullmatch(name))
+    )

@@ -1,4 +1,6 @@
-"""A user's own mesh with its shape keys, as the add-on writes it and the backend reads it: plain arrays, one .npz."""
+"""A user's own mesh with its shape keys, as the add-on writes it and the backend reads it: plain
+arrays, one .npz.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,11 @@ from facestage.contract.schema import FileSchema, check_version, checked, decode
 from facestage.contract.storage import read_arrays, write_arrays
 
 SCHEMA_VERSION = 1
-UNKNOWN_PART = 255  # the backend guesses: skin, unless a loose piece lies where the eyes or the teeth are
+# the backend guesses: skin, unless a loose piece lies where the eyes or the teeth are
+UNKNOWN_PART = 255
 
-# What a user may mark: name -> (words, index in the ibug68 scheme). Left and right are the subject's.
+# What a user may mark: name -> (words, index in the ibug68 scheme). Left and right are the
+# subject's.
 MARKS: Mapping[str, tuple[str, int]] = {
     "eye_right_outer": ("Outer corner of the right eye", 36),
     "eye_right_inner": ("Inner corner of the right eye", 39),
@@ -41,9 +45,11 @@ MARKS: Mapping[str, tuple[str, int]] = {
 
 @dataclass(frozen=True)
 class RigFile:
-    """A mesh of n vertices, p polygons, u UV points, k identity and e expression shapes, in its own axes and unit.
+    """A mesh of n vertices, p polygons, u UV points, k identity and e expression shapes, in its own
+    axes and unit.
 
-    An expression moves by its offsets at weight 1 (the end of its slider), an identity shape at one standard deviation.
+    An expression moves by its offsets at weight 1 (the end of its slider), an identity shape at one
+    standard deviation.
     """
 
     name: str
@@ -57,9 +63,11 @@ class RigFile:
     expression_offsets: np.ndarray  # (e, n, 3) float32
     identity_names: tuple[str, ...]
     identity_offsets: np.ndarray  # (k, n, 3) float32
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)  # metres per unit along each axis, as far as the scene says
+    # metres per unit along each axis, as far as the scene says
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     borrow_identity: bool = True  # without identity shapes of its own, take the default model's
-    marks: Mapping[str, np.ndarray] = field(default_factory=dict)  # name in MARKS -> vertex indices, at their middle
+    # name in MARKS -> vertex indices, at their middle
+    marks: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -75,12 +83,15 @@ class RigFile:
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape or not np.issubdtype(array.dtype, np.number):
-                raise self._wrong(f"{name} has shape {array.shape} of {array.dtype}, expected {shape} of numbers")
+                raise self._wrong(
+                    f"{name} has shape {array.shape} of {array.dtype}, expected {shape} of numbers"
+                )
             if not np.isfinite(array).all():
                 raise self._wrong(f"{name} holds NaN or infinity")
         if n < 100 or len(self.polygons) < 100:
             raise InputError(
-                f"The mesh '{self.name}' has {n} vertices and {len(self.polygons)} polygons; a face needs at least "
+                f"The mesh '{self.name}' has {n} vertices and {len(self.polygons)} polygons; a "
+                "face needs at least "
                 "100 of each: choose the mesh of a face."
             )
         for name, limit in (("polygons", n), ("polygon_uvs", len(self.uvs))):
@@ -89,42 +100,68 @@ class RigFile:
                 raise self._wrong(f"{name} refers to a point outside 0..{limit - 1}")
         part = self.polygon_part
         if not ((part >= 0) & (part < len(PARTS)) | (part == UNKNOWN_PART)).all():
-            raise self._wrong(f"polygon_part holds values other than 0..{len(PARTS) - 1} and {UNKNOWN_PART}")
+            raise self._wrong(
+                f"polygon_part holds values other than 0..{len(PARTS) - 1} and {UNKNOWN_PART}"
+            )
         names = (*self.expression_names, *self.identity_names)
-        if len(set(self.expression_names)) + len(set(self.identity_names)) < len(names) or not all(names):
+        if len(set(self.expression_names)) + len(set(self.identity_names)) < len(names) or not all(
+            names
+        ):
             raise self._wrong("two of its shapes have the same name, or one has none")
-        if not all(np.isfinite(value) and abs(value) > 1e-12 for value in self.scale) or len(self.scale) != 3:
+        if (
+            not all(np.isfinite(value) and abs(value) > 1e-12 for value in self.scale)
+            or len(self.scale) != 3
+        ):
             raise InputError(
-                f"The mesh '{self.name}' has the scale {self.scale}; expected three numbers that are not 0."
+                f"The mesh '{self.name}' has the scale {self.scale}; expected three numbers "
+                "that are not 0."
             )
         for mark, indices in self.marks.items():
             if mark not in MARKS:
-                raise self._wrong(f"the landmark '{mark}' is unknown; expected one of {', '.join(MARKS)}")
+                raise self._wrong(
+                    f"the landmark '{mark}' is unknown; expected one of {', '.join(MARKS)}"
+                )
             if not len(indices) or indices.min() < 0 or indices.max() >= n:
                 raise self._wrong(f"the landmark '{mark}' refers to a vertex outside 0..{n - 1}")
 
     def _wrong(self, what: str) -> InputError:
-        return InputError(f"The mesh file of '{self.name}': {what}; export the mesh again (Use My Mesh).")
+        return InputError(
+            f"The mesh file of '{self.name}': {what}; export the mesh again (Use My Mesh)."
+        )
 
     def known_points(self) -> dict[int, np.ndarray]:
-        """Index in the ibug68 scheme -> the place (3,) that the user has marked, in the mesh's own coordinates."""
-        return {MARKS[name][1]: self.vertices[indices].mean(axis=0) for name, indices in self.marks.items()}
+        """Index in the ibug68 scheme -> the place (3,) that the user has marked, in the mesh's own
+        coordinates.
+        """
+        return {
+            MARKS[name][1]: self.vertices[indices].mean(axis=0)
+            for name, indices in self.marks.items()
+        }
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all."""
         meta = {
-            "schema": SCHEMA_VERSION, "name": self.name, "license": self.license, "scale": self.scale,
-            "expression_names": self.expression_names, "identity_names": self.identity_names,
+            "schema": SCHEMA_VERSION,
+            "name": self.name,
+            "license": self.license,
+            "scale": self.scale,
+            "expression_names": self.expression_names,
+            "identity_names": self.identity_names,
             "borrow_identity": self.borrow_identity,
-        }  # fmt: skip
+        }
         arrays = {name: np.asarray(getattr(self, name), kind) for name, kind in _ARRAYS.items()}
-        arrays |= {f"marks/{name}": np.asarray(indices, np.int32) for name, indices in self.marks.items()}
+        arrays |= {
+            f"marks/{name}": np.asarray(indices, np.int32) for name, indices in self.marks.items()
+        }
         write_arrays(path, arrays | {"meta": np.array(json.dumps(meta))})
 
     @classmethod
     def load(cls, path: Path) -> RigFile:
         """Read a file that :meth:`save` wrote. Raises InputError for anything else."""
-        subject, again = f"The mesh file '{path}'", "export the mesh again with Use My Mesh in Blender"
+        subject, again = (
+            f"The mesh file '{path}'",
+            "export the mesh again with Use My Mesh in Blender",
+        )
         arrays = sections(read_arrays(path, "mesh file", RIG_ARRAYS_MAX), "marks")
         given = checked(RigArrays(), arrays, subject, again)
         meta = decoded_meta(given.pop("meta"), subject, again)
@@ -160,13 +197,22 @@ class RigArrays(FileSchema):
     polygon_uvs = Array(("polygons", 4), WHOLE, minimum=-1)
     polygon_part = Array(("polygons",), WHOLE, minimum=0)
     uvs = Array(("uvs", 2), minimum=UV_LOW, maximum=UV_HIGH)
-    expression_offsets = Array(("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
-    identity_offsets = Array(("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX)
+    expression_offsets = Array(
+        ("expressions", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX
+    )
+    identity_offsets = Array(
+        ("modes", "vertices", 3), minimum=-COORDINATE_MAX, maximum=COORDINATE_MAX
+    )
     marks = Table(Array(("marked",), WHOLE, minimum=0), load_default=dict)
     meta = Words()
 
 
 _ARRAYS = {
-    "vertices": np.float64, "polygons": np.int32, "polygon_uvs": np.int32, "polygon_part": np.uint8,
-    "uvs": np.float32, "expression_offsets": np.float32, "identity_offsets": np.float32,
-}  # fmt: skip
+    "vertices": np.float64,
+    "polygons": np.int32,
+    "polygon_uvs": np.int32,
+    "polygon_part": np.uint8,
+    "uvs": np.float32,
+    "expression_offsets": np.float32,
+    "identity_offsets": np.float32,
+}

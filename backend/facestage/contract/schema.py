@@ -1,4 +1,6 @@
-"""One schema says what a file holds; one function checks a file against it and says in a sentence what is wrong."""
+"""One schema says what a file holds; one function checks a file against it and says in a sentence
+what is wrong.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,10 @@ _OWN = "_schema"  # where marshmallow puts what is wrong with a whole
 
 
 class FileSchema(Schema):
-    """What an object in a file holds. Other keys are ignored: a newer version of the project may have written them."""
+    """What an object in a file holds.
+
+    Other keys are ignored: a newer version of the project may have written them.
+    """
 
     # The least and the largest number of entries along a named dimension of the arrays.
     dimensions: ClassVar[Mapping[str, tuple[int, int]]] = {}
@@ -34,7 +39,9 @@ class FileSchema(Schema):
 
 
 class HandWritten(FileSchema):
-    """What a file that people write holds: a key that is not known is a slip of theirs, and not ignored."""
+    """What a file that people write holds: a key that is not known is a slip of theirs, and not
+    ignored.
+    """
 
     class Meta:
         """Of marshmallow."""
@@ -42,8 +49,13 @@ class HandWritten(FileSchema):
         unknown = RAISE
 
 
-def checked(schema: FileSchema, data: Mapping[str, Any], subject: str, remedy: str = "") -> dict[str, Any]:
-    """What ``schema`` makes of ``data``. Raises InputError: ``subject``, the first value that is wrong, ``remedy``."""
+def checked(
+    schema: FileSchema, data: Mapping[str, Any], subject: str, remedy: str = ""
+) -> dict[str, Any]:
+    """What ``schema`` makes of ``data``.
+
+    Raises InputError: ``subject``, the first value that is wrong, ``remedy``.
+    """
     try:
         return dict(schema.load(data))
     except ValidationError as error:
@@ -59,18 +71,25 @@ def check_version(data: Mapping[str, Any], version: int, subject: str, remedy: s
 
 
 def decoded_meta(text: str, subject: str, remedy: str) -> dict[str, Any]:
-    """The object of JSON that an .npz keeps beside its arrays. Raises InputError where it is none."""
+    """The object of JSON that an .npz keeps beside its arrays.
+
+    Raises InputError where it is none.
+    """
     try:
         meta = decode_json(text.encode())
     except ValueError as error:
         raise InputError(f"{subject} has damaged meta data ({error}); {remedy}.") from error
     if not isinstance(meta, dict):
-        raise InputError(f"{subject} has damaged meta data ({shown(meta)}, expected an object); {remedy}.")
+        raise InputError(
+            f"{subject} has damaged meta data ({shown(meta)}, expected an object); {remedy}."
+        )
     return meta
 
 
 def sections(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, Any]:
-    """Arrays of an .npz with those called NAME/... as an object NAME of their own; without any, there is none."""
+    """Arrays of an .npz with those called NAME/... as an object NAME of their own; without any,
+    there is none.
+    """
     result: dict[str, Any] = {}
     plain: dict[str, Any] = {}
     for key, array in arrays.items():

@@ -48,13 +48,16 @@ def finite(value: Any) -> Any:
 def read_json(path: Path, what: str) -> dict[str, Any]:
     """The JSON object in ``path``; ``what`` names the file's role in error messages.
 
-    Raises InputError for anything but a regular file of at most JSON_MAX bytes of strict JSON (:mod:`.json_text`).
+    Raises InputError for anything but a regular file of at most JSON_MAX bytes of strict JSON
+    (:mod:`.json_text`).
     """
     content = read_bytes(path, what, JSON_MAX)
     try:
         data = decode_json(content)
     except ValueError as error:
-        raise InputError(f"The {what} '{path}' is not valid JSON ({error}); write it again.") from error
+        raise InputError(
+            f"The {what} '{path}' is not valid JSON ({error}); write it again."
+        ) from error
     if not isinstance(data, dict):
         raise InputError(f"The {what} '{path}' holds {shown(data)}, expected a JSON object.")
     return data
@@ -68,16 +71,31 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray], compress: bool = 
 
 
 def read_arrays(
-    path: Path, what: str, limit: int = ARRAYS_MAX, names: Collection[str] | None = None, file_limit: int | None = None
+    path: Path,
+    what: str,
+    limit: int = ARRAYS_MAX,
+    names: Collection[str] | None = None,
+    file_limit: int | None = None,
 ) -> dict[str, np.ndarray]:
-    """The arrays of an .npz: plain numbers and text, at most ``limit`` bytes of them; nothing in it can execute.
+    """The arrays of an .npz: plain numbers and text, at most ``limit`` bytes of them; nothing in it
+    can execute.
 
-    ``names``: only these, where it has them, out of a file of at most ``file_limit`` bytes. Raises InputError for
-    anything else (:mod:`.array_archive`).
+    ``names``: only these, where it has them, out of a file of at most ``file_limit`` bytes. Raises
+    InputError for anything else (:mod:`.array_archive`).
     """
     try:
         # What is packed is no larger than what it unpacks to, but for headers and the directory.
         with open_regular(path, what, file_limit or limit + PACKING_MAX) as stream:
             return read_archive(stream, limit, names)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"The {what} '{path}' is not a readable .npz of plain arrays ({error}).") from error
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        zipfile.BadZipFile,
+        zlib.error,
+        NotImplementedError,
+        RuntimeError,
+    ) as error:
+        raise InputError(
+            f"The {what} '{path}' is not a readable .npz of plain arrays ({error})."
+        ) from error

@@ -1,9 +1,10 @@
-"""Files and folders under construction: marked as Facestage's, held while somebody writes, else swept away.
+"""Files and folders under construction: marked as Facestage's, held while somebody writes, else
+swept away.
 
-Beside ``NAME`` a file under construction is ``.facestage-new-HASH-RANDOM.SUFFIX``, and a folder the subfolder
-``content`` of ``.facestage-new-HASH-RANDOM``, which holds the mark MARK; what it replaces becomes the subfolder
-``retired``. HASH is that of NAME. Whoever writes keeps a
-lock on the file, or on the mark, which the system takes back when the process ends, however it ends. What has such a
+Beside ``NAME`` a file under construction is ``.facestage-new-HASH-RANDOM.SUFFIX``, and a folder the
+subfolder ``content`` of ``.facestage-new-HASH-RANDOM``, which holds the mark MARK; what it replaces
+becomes the subfolder ``retired``. HASH is that of NAME. Whoever writes keeps a lock on the file, or
+on the mark, which the system takes back when the process ends, however it ends. What has such a
 name and no lock was left behind.
 """
 
@@ -21,7 +22,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-# On Windows others can neither rename nor remove a file that is open, which is all the lock that it takes.
+# On Windows others can neither rename nor remove a file that is open, which is all the lock that it
+# takes.
 if sys.platform != "win32":
     import fcntl
 
@@ -76,7 +78,9 @@ def new_file(target: Path) -> Temporary:
 
 
 def new_folder(target: Path) -> tuple[Path, Temporary]:
-    """An empty folder to fill, in a marked one beside ``target``, and the mark, held until it is let go."""
+    """An empty folder to fill, in a marked one beside ``target``, and the mark, held until it is
+    let go.
+    """
     for _ in range(TRIES):
         folder = _free_path(target)
         with suppress(FileExistsError, FileNotFoundError):
@@ -92,8 +96,8 @@ def new_folder(target: Path) -> tuple[Path, Temporary]:
 def sweep(target: Path, ours: Ours = everything) -> None:
     """Remove what killed writers of ``target`` left beside it.
 
-    A folder that had been moved aside and was not replaced goes back to its place; see :func:`dispose` for files that
-    are not ``ours``.
+    A folder that had been moved aside and was not replaced goes back to its place; see
+    :func:`dispose` for files that are not ``ours``.
     """
     pattern = f"{PREFIX}{_hash(target)}-"
     with suppress(OSError):
@@ -119,7 +123,8 @@ def being_replaced(target: Path) -> bool:
 
 
 def dispose(workshop: Path, target: Path, ours: Ours) -> None:
-    """Remove a marked folder; retired files that are not ``ours`` first go to the same place within ``target``.
+    """Remove a marked folder; retired files that are not ``ours`` first go to the same place within
+    ``target``.
 
     Where one cannot go there, everything stays for the next time.
     """
@@ -134,7 +139,10 @@ def dispose(workshop: Path, target: Path, ours: Ours) -> None:
 
 
 def _bring_back(old: Path, target: Path, ours: Ours) -> None:
-    """Move what is not ``ours`` from ``old`` to ``target``. Raises OSError when something there has its name."""
+    """Move what is not ``ours`` from ``old`` to ``target``.
+
+    Raises OSError when something there has its name.
+    """
     for parent, folders, files in os.walk(old):
         links = [name for name in folders if Path(parent, name).is_symlink()]
         for name in (*files, *links):
@@ -176,7 +184,9 @@ def _sweep_file(path: Path) -> None:
 
 
 def _abandoned(path: Path) -> int | None:
-    """An open handle of a file that nobody holds; None when somebody does, when none can tell, or when it is gone."""
+    """An open handle of a file that nobody holds; None when somebody does, when none can tell, or
+    when it is gone.
+    """
     with suppress(OSError):
         if sys.platform == "win32":
             aside = path.with_name(f"{path.name}.swept")

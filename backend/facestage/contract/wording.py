@@ -41,7 +41,9 @@ def escaped(text: str) -> str:
     """The text with line breaks, control characters and lone surrogates as escapes."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text
+    )
 
 
 def one_line(sentence: str) -> str:

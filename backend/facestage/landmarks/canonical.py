@@ -1,7 +1,9 @@
-"""The canonical face of the mesh network: its vertices, triangles and mirror pairs, from the model's bundle.
+"""The canonical face of the mesh network: its vertices, triangles and mirror pairs, from the
+model's bundle.
 
-The bundle's member is a protocol buffer (mediapipe/tasks/cc/vision/face_geometry/proto): its first field is the mesh,
-whose field 3 repeats the vertices' x, y, z, u, v and whose field 4 repeats the triangles' corners.
+The bundle's member is a protocol buffer (mediapipe/tasks/cc/vision/face_geometry/proto): its first
+field is the mesh, whose field 3 repeats the vertices' x, y, z, u, v and whose field 4 repeats the
+triangles' corners.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from scipy.spatial import cKDTree
 from facestage.contract.errors import InputError
 
 SURFACE_COUNT = 468  # the mesh's points; the two irises follow them
-# Centre, then outward, top, inward, bottom: each iris has its points in the same order in the picture.
+# Centre, then outward, top, inward, bottom: each iris has its points in the same order in the
+# picture.
 RIGHT_IRIS, LEFT_IRIS = (468, 469, 470, 471, 472), (473, 476, 475, 474, 477)
 MESH, VERTICES, TRIANGLES = 1, 3, 4
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
@@ -24,7 +27,8 @@ VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 
 @dataclass(frozen=True)
 class CanonicalFace:
-    """``vertices`` (468, 3) centimetres, x to the picture's right, y up, z to the camera; ``triangles`` (t, 3).
+    """``vertices`` (468, 3) centimetres, x to the picture's right, y up, z to the camera;
+    ``triangles`` (t, 3).
 
     Corners run counter-clockwise seen from outside.
     """
@@ -64,9 +68,13 @@ def read_canonical(data: bytes) -> CanonicalFace:
             f"The landmark model's face geometry cannot be read ({error}); fetch the model again."
         ) from error
     if len(vertices) != SURFACE_COUNT or not len(triangles) or triangles.max() >= SURFACE_COUNT:
-        raise InputError(f"The landmark model's face has {len(vertices)} points, expected {SURFACE_COUNT}.")
+        raise InputError(
+            f"The landmark model's face has {len(vertices)} points, expected {SURFACE_COUNT}."
+        )
     if not np.isfinite(vertices).all():
-        raise InputError("The landmark model's face has points that are no numbers; fetch the model again.")
+        raise InputError(
+            "The landmark model's face has points that are no numbers; fetch the model again."
+        )
     return CanonicalFace(vertices, triangles)
 
 

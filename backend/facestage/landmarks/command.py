@@ -16,13 +16,18 @@ DECIMALS = 3  # a thousandth of a pixel
 
 
 def run_detect(
-    image: Path, out: Path, face: int | None = None, model: Path | None = None, picture: Path | None = None,
+    image: Path,
+    out: Path,
+    face: int | None = None,
+    model: Path | None = None,
+    picture: Path | None = None,
     every: bool = False,
-) -> dict[str, Any]:  # fmt: skip
-    """Detect, write ``out`` (and ``picture``), and return the summary. Raises InputError before anything is written.
+) -> dict[str, Any]:
+    """Detect, write ``out`` (and ``picture``), and return the summary. Raises InputError before
+    anything is written.
 
-    ``out`` holds the chosen face's landmarks (scheme, points, visible), its confidence, and of all faces the number,
-    box and confidence; with ``every`` their points too.
+    ``out`` holds the chosen face's landmarks (scheme, points, visible), its confidence, and of all
+    faces the number, box and confidence; with ``every`` their points too.
     """
     if picture is not None and picture.suffix.lower() != ".png":
         raise InputError(f"The picture '{picture}' does not end in .png; it is written as PNG.")
@@ -34,9 +39,16 @@ def run_detect(
     if picture is not None:
         draw_faces(picture, photograph, faces, number, finder.canonical)
     data = _points(chosen) | _about(chosen, number)
-    data["faces"] = [_about(other, k) | (_points(other) if every else {}) for k, other in enumerate(faces)]
+    data["faces"] = [
+        _about(other, k) | (_points(other) if every else {}) for k, other in enumerate(faces)
+    ]
     write_json(out, data)
-    summary = {"out": out, **_about(chosen, number), "visible": int(chosen.visible.sum()), "faces": len(faces)}
+    summary = {
+        "out": out,
+        **_about(chosen, number),
+        "visible": int(chosen.visible.sum()),
+        "faces": len(faces),
+    }
     return dict(finite(summary))
 
 
@@ -47,6 +59,8 @@ def _points(face: Face) -> dict[str, Any]:
 
 def _about(face: Face, number: int) -> dict[str, Any]:
     return {
-        "face": number + 1, "confidence": round(face.confidence, 3), "box": [round(x, 1) for x in face.box],
+        "face": number + 1,
+        "confidence": round(face.confidence, 3),
+        "box": [round(x, 1) for x in face.box],
         "size_px": round(face.size, 1),
-    }  # fmt: skip
+    }

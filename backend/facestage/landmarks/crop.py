@@ -9,10 +9,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Crop:
-    """A square around ``center`` (2,) pixels, ``side`` pixels wide, its x axis turned by ``angle`` radians.
+    """A square around ``center`` (2,) pixels, ``side`` pixels wide, its x axis turned by ``angle``
+    radians.
 
-    Angles turn from x (right) to y (down). Coordinates inside run from 0 to 1 along both sides; in a mirrored crop
-    the first runs from right to left. Pixels have the contract's convention: the first one's centre is (0.5, 0.5).
+    Angles turn from x (right) to y (down). Coordinates inside run from 0 to 1 along both sides; in
+    a mirrored crop the first runs from right to left. Pixels have the contract's convention: the
+    first one's centre is (0.5, 0.5).
     """
 
     center: np.ndarray
@@ -42,7 +44,9 @@ class Crop:
 
 
 def crop_around(points: np.ndarray, angle: float, margin: float) -> Crop:
-    """The square turned by ``angle`` whose side is ``margin`` times the longer extent of ``points`` (m, 2)."""
+    """The square turned by ``angle`` whose side is ``margin`` times the longer extent of ``points``
+    (m, 2).
+    """
     upright = Crop(np.zeros(2), 1.0, angle)
     inside = upright.from_photo(points)
     low, high = inside.min(axis=0), inside.max(axis=0)

@@ -1,4 +1,6 @@
-"""BlazeFace, short range (Bazarevsky et al. 2019): boxes and six key points of the faces in a square."""
+"""BlazeFace, short range (Bazarevsky et al. 2019): boxes and six key points of the faces in a
+square.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,10 @@ OVERLAP_MAX = 0.3
 
 @dataclass(frozen=True)
 class Detections:
-    """Faces found. ``boxes`` (m, 3): centre x, y and side, pixels; ``keypoints`` (m, 6, 2) pixels; ``scores`` (m,)."""
+    """Faces found.
+
+    ``boxes`` (m, 3): centre x, y and side, pixels; ``keypoints`` (m, 6, 2) pixels; ``scores`` (m,).
+    """
 
     boxes: np.ndarray
     keypoints: np.ndarray
@@ -34,7 +39,9 @@ class Detections:
 
     @property
     def roll(self) -> np.ndarray:
-        """(m,) radians from the photo's x axis to the line from the person's right eye to the left."""
+        """(m,) radians from the photo's x axis to the line from the person's right eye to the
+        left.
+        """
         across = self.keypoints[:, LEFT_EYE] - self.keypoints[:, RIGHT_EYE]
         return np.arctan2(across[:, 1], across[:, 0])
 
@@ -86,13 +93,17 @@ def overlap(box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     """(m,) intersection over union of a square (centre x, y, side) with squares (m, 3)."""
     reach = (box[2] + boxes[:, 2]) / 2
     extent = reach[:, None] - np.abs(boxes[:, :2] - box[:2])
-    shared = np.clip(np.minimum(extent, np.minimum(box[2], boxes[:, 2])[:, None]), 0.0, None).prod(axis=1)
+    shared = np.clip(np.minimum(extent, np.minimum(box[2], boxes[:, 2])[:, None]), 0.0, None).prod(
+        axis=1
+    )
     union = box[2] ** 2 + boxes[:, 2] ** 2 - shared
     return np.divide(shared, union, out=np.zeros_like(shared), where=union > 0)
 
 
 def merge_overlapping(found: Detections) -> Detections:
-    """One detection per face: the mean, by score, of those that overlap the best one ("blending" of BlazeFace)."""
+    """One detection per face: the mean, by score, of those that overlap the best one ("blending" of
+    BlazeFace).
+    """
     rest = found.select(np.argsort(-found.scores, kind="stable"))
     merged = []
     while len(rest):

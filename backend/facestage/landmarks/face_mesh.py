@@ -1,4 +1,6 @@
-"""The face mesh network (Grishchenko et al. 2020, "Attention Mesh"): 478 points of the face in a square."""
+"""The face mesh network (Grishchenko et al. 2020, "Attention Mesh"): 478 points of the face in a
+square.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Points (478, 3) of a face: x, y in pixels of the photo, z in the same unit, growing away from the camera.
+    """Points (478, 3) of a face: x, y in pixels of the photo, z in the same unit, growing away from
+    the camera.
 
     ``presence`` in 0..1 is how sure the network is that it looked at a face.
     """
@@ -52,4 +55,6 @@ class FaceMesh:
         raw, logit = self._net.forward(["Identity", "Identity_1"])
         inside = raw.reshape(COUNT, 3).astype(np.float64) / SIZE
         points = np.column_stack([crop.to_photo(inside[:, :2]), inside[:, 2] * crop.side])
-        return Mesh(points, float(1.0 / (1.0 + np.exp(-np.clip(float(logit.ravel()[0]), -80.0, 80.0)))))
+        return Mesh(
+            points, float(1.0 / (1.0 + np.exp(-np.clip(float(logit.ravel()[0]), -80.0, 80.0))))
+        )

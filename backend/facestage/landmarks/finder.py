@@ -23,8 +23,8 @@ SCHEME = "mediapipe478"
 PRESENCE_MIN = 0.5
 # Passes of the mesh network, each on the square that the one before asks for.
 PASSES = 3
-# How far a face's points may still move in the last pass, and differ in a mirror, in widths of its square: on what
-# is no face the network goes on moving, and sees another one in the mirror.
+# How far a face's points may still move in the last pass, and differ in a mirror, in widths of its
+# square: on what is no face the network goes on moving, and sees another one in the mirror.
 SETTLED, MIRROR_MAX = 0.008, 0.025
 CANDIDATES_MAX = 24
 # The detector is as sure as this of a face in profile, which the mesh network does not know.
@@ -35,7 +35,9 @@ DUPLICATE = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A face in a photo: its mesh, which of its points the camera sees, and how sure the networks are (0..1)."""
+    """A face in a photo: its mesh, which of its points the camera sees, and how sure the networks
+    are (0..1).
+    """
 
     mesh: Mesh
     visible: np.ndarray  # (478,) bool
@@ -60,7 +62,9 @@ class Face:
 
 @dataclass(frozen=True)
 class Search:
-    """The faces of a photo, the largest first, and boxes (m, 3) (centre x, y, side; pixels) of what is hardly one."""
+    """The faces of a photo, the largest first, and boxes (m, 3) (centre x, y, side; pixels) of what
+    is hardly one.
+    """
 
     faces: list[Face]
     unclear: np.ndarray
@@ -74,7 +78,9 @@ class FaceFinder:
         self._detector, self._mesh = FaceDetector(bundle.detector), FaceMesh(bundle.mesh)
 
     def find(self, photograph: Photograph) -> Search:
-        """The faces of a photo; as it is first, then more closely, then exposed anew, until there is one."""
+        """The faces of a photo; as it is first, then more closely, then exposed anew, until there
+        is one.
+        """
         views = PhotoViews(photograph)
         unclear: list[np.ndarray] = []
         for gain in views.gains():
@@ -86,8 +92,12 @@ class FaceFinder:
                     return Search(sorted(faces, key=lambda face: -face.size), np.zeros((0, 3)))
         return Search([], np.array(unclear).reshape(-1, 3))
 
-    def _verified(self, views: PhotoViews, candidates: Detections, unclear: list[np.ndarray]) -> list[Face]:
-        """The candidates that are faces, each once; the detector's surest of the others go to ``unclear``."""
+    def _verified(
+        self, views: PhotoViews, candidates: Detections, unclear: list[np.ndarray]
+    ) -> list[Face]:
+        """The candidates that are faces, each once; the detector's surest of the others go to
+        ``unclear``.
+        """
         faces: list[Face] = []
         for number in range(min(len(candidates), CANDIDATES_MAX)):
             closer = look_closely(self._detector, views, candidates.select(np.array([number])))
@@ -99,7 +109,11 @@ class FaceFinder:
         faces.sort(key=lambda face: -face.confidence)
         kept: list[Face] = []
         for face in faces:
-            if not kept or overlap(_square(face), np.array([_square(other) for other in kept])).max() < DUPLICATE:
+            if (
+                not kept
+                or overlap(_square(face), np.array([_square(other) for other in kept])).max()
+                < DUPLICATE
+            ):
                 kept.append(face)
         return kept
 
@@ -118,10 +132,17 @@ class FaceFinder:
         return Face(mesh, visible, mesh.presence * float(detection.scores[0]))
 
     def _both_ways(self, views: PhotoViews, crop: Crop) -> tuple[Mesh, float]:
-        """The mean mesh of a square and of its mirror image, and how far these differ, in pixels."""
-        straight, reflected = self._mesh.predict(views, crop), self._mesh.predict(views, crop.mirror())
+        """The mean mesh of a square and of its mirror image, and how far these differ, in
+        pixels.
+        """
+        straight, reflected = (
+            self._mesh.predict(views, crop),
+            self._mesh.predict(views, crop.mirror()),
+        )
         mirrored = replace(reflected, points=reflected.points[self.canonical.mirror])
-        mean = Mesh((straight.points + mirrored.points) / 2, min(straight.presence, mirrored.presence))
+        mean = Mesh(
+            (straight.points + mirrored.points) / 2, min(straight.presence, mirrored.presence)
+        )
         return mean, _distance(straight, mirrored)
 
 
@@ -132,7 +153,9 @@ def _distance(first: Mesh, second: Mesh) -> float:
 
 def _inside(points: np.ndarray, views: PhotoViews) -> np.ndarray:
     """(m,) bool, the points that the photo's frame does not cut off."""
-    return np.asarray(((points[:, :2] > 0) & (points[:, :2] < [views.width, views.height])).all(axis=1))
+    return np.asarray(
+        ((points[:, :2] > 0) & (points[:, :2] < [views.width, views.height])).all(axis=1)
+    )
 
 
 def _square(face: Face) -> np.ndarray:
@@ -141,7 +164,10 @@ def _square(face: Face) -> np.ndarray:
 
 
 def detect_faces(photograph: Photograph, model: Path | None = None) -> list[Face]:
-    """The faces of a photo, the largest first. Raises InputError when there is none, or no model to find them."""
+    """The faces of a photo, the largest first.
+
+    Raises InputError when there is none, or no model to find them.
+    """
     return require_faces(FaceFinder(open_model(model)).find(photograph))
 
 
@@ -152,21 +178,30 @@ def require_faces(search: Search) -> list[Face]:
     if len(search.unclear):
         x, y, side = search.unclear[np.argmax(search.unclear[:, 2])]
         raise InputError(
-            f"No face was found in the photo for sure: what is at ({x:.0f}, {y:.0f}), {side:.0f} pixels wide, may be "
-            f"one that is turned away by more than about {TURN_MAX} degrees, covered or blurred; give its landmarks by "
+            f"No face was found in the photo for sure: what is at ({x:.0f}, {y:.0f}), "
+            f"{side:.0f} pixels wide, may be "
+            f"one that is turned away by more than about {TURN_MAX} degrees, covered or "
+            "blurred; give its landmarks by "
             "--landmarks FILE.json, or another photo."
         )
     raise InputError(
-        "No face was found in the photo; crop it to the face, turn it upright, or give the landmarks by "
+        "No face was found in the photo; crop it to the face, turn it upright, or give the "
+        "landmarks by "
         "--landmarks FILE.json."
     )
 
 
 def choose_face(faces: list[Face], number: int | None) -> Face:
-    """The ``number``-th largest face, counted from 1; the largest without one. Raises InputError."""
+    """The ``number``-th largest face, counted from 1; the largest without one.
+
+    Raises InputError.
+    """
     if number is None:
         return faces[0]
     if not 1 <= number <= len(faces):
         found = "one face was" if len(faces) == 1 else f"{len(faces)} faces were"
-        raise InputError(f"Face {number} was asked for but {found} found; give --face 1 to {len(faces)}, by size.")
+        raise InputError(
+            f"Face {number} was asked for but {found} found; give --face 1 to {len(faces)}, by "
+            "size."
+        )
     return faces[number - 1]

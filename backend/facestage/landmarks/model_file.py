@@ -1,4 +1,6 @@
-"""The landmark model on disk: MediaPipe's Face Landmarker bundle, looked up, checked, or fetched once."""
+"""The landmark model on disk: MediaPipe's Face Landmarker bundle, looked up, checked, or fetched
+once.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ def cached_path() -> Path:
 
 
 def find_model(chosen: Path | None = None) -> Path | None:
-    """The model's file on this machine, or None: ``chosen``, $FACESTAGE_LANDMARK_MODEL, the cache, the data folder.
+    """The model's file on this machine, or None: ``chosen``, $FACESTAGE_LANDMARK_MODEL, the cache,
+    the data folder.
 
     A file that the user names must be there and be the right one; InputError otherwise.
     """
@@ -53,7 +56,8 @@ def find_model(chosen: Path | None = None) -> Path | None:
 def open_model(chosen: Path | None = None) -> Bundle:
     """The landmark model, fetched from its public home when it is not on this machine.
 
-    Raises InputError for a file that is not the expected one, or when the model can neither be found nor fetched.
+    Raises InputError for a file that is not the expected one, or when the model can neither be
+    found nor fetched.
     """
     path, data = _found(chosen) or _fetch()
     # Its networks are read by C code that trusts them: only these very bytes are.
@@ -83,7 +87,8 @@ def _checked(path: Path, name: str) -> bytes:
     data = read_bytes(user_path(path, name), name, SIZE_LIMIT)
     if _digest(data) != SHA256:
         raise InputError(
-            f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 {SHA256[:16]}...): damaged, "
+            f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 "
+            f"{SHA256[:16]}...): damaged, "
             f"or another version; fetch it again from {URL}."
         )
     return data
@@ -97,8 +102,10 @@ def _fetch() -> tuple[Path, bytes]:
     """Download into the cache, checked and whole. Raises InputError."""
     if is_offline():
         raise InputError(
-            f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which is not on this machine, and "
-            f"downloads are off (${OFFLINE_VARIABLE}, or Blender's Preferences > System > Network); allow them, or "
+            f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which is not on "
+            "this machine, and "
+            f"downloads are off (${OFFLINE_VARIABLE}, or Blender's Preferences > System > "
+            "Network); allow them, or "
             f"{_by_hand(cached_path())}."
         )
     import pooch
@@ -108,9 +115,12 @@ def _fetch() -> tuple[Path, bytes]:
     target = cached_path()
     try:
         pooch.retrieve(
-            URL, f"sha256:{SHA256}", fname=target.name, path=target.parent,
+            URL,
+            f"sha256:{SHA256}",
+            fname=target.name,
+            path=target.parent,
             downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
-        )  # fmt: skip
+        )
         return target, _checked(target, "landmark model")
     except OSError as error:
         # requests' errors are of this kind too, with a page of text but no error number.
@@ -119,7 +129,8 @@ def _fetch() -> tuple[Path, bytes]:
         # pooch says so of a file with another digest, and leaves nothing behind.
         reason = "what came from there is another file"
     raise InputError(
-        f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be fetched ({reason}); "
+        f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be "
+        f"fetched ({reason}); "
         f"{_by_hand(target)}."
     )
 
@@ -127,6 +138,7 @@ def _fetch() -> tuple[Path, bytes]:
 def _by_hand(target: Path) -> str:
     """What to do where nothing can be fetched."""
     return (
-        f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or give the fit "
+        f"download {URL} elsewhere and put it at '{target}' (or name it with "
+        "--landmark-model), or give the fit "
         "--landmarks FILE.json"
     )

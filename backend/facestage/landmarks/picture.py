@@ -25,8 +25,11 @@ DOT_SHARE, DOT_RADII = 0.006, (1.0, 4.0)
 SUBPIXEL = 4  # fractional bits of OpenCV's coordinates
 
 
-def draw_faces(path: Path, photograph: Photograph, faces: list[Face], chosen: int, canonical: CanonicalFace) -> None:
-    """Write a picture of the photo with every face's box, and the mesh of ``faces[chosen]``; hidden parts differ.
+def draw_faces(
+    path: Path, photograph: Photograph, faces: list[Face], chosen: int, canonical: CanonicalFace
+) -> None:
+    """Write a picture of the photo with every face's box, and the mesh of ``faces[chosen]``; hidden
+    parts differ.
 
     Raises InputError when the file cannot be written.
     """
@@ -44,12 +47,16 @@ def draw_faces(path: Path, photograph: Photograph, faces: list[Face], chosen: in
                 color = HIDDEN_EDGE if hidden else EDGE
                 ends = [_fixed(mesh[corner], factor) for corner in (first, second)]
                 cv2.line(canvas, *ends, color, 1, cv2.LINE_AA, SUBPIXEL)
-    radius = round(float(np.clip(faces[chosen].size * factor * DOT_SHARE, *DOT_RADII)) * 2**SUBPIXEL)
+    radius = round(
+        float(np.clip(faces[chosen].size * factor * DOT_SHARE, *DOT_RADII)) * 2**SUBPIXEL
+    )
     for point, visible in zip(mesh, seen, strict=True):
         color = POINT if visible else HIDDEN_POINT
         cv2.circle(canvas, _fixed(point, factor), radius, color, cv2.FILLED, cv2.LINE_AA, SUBPIXEL)
     for number, face in enumerate(faces):
-        _draw_box(canvas, face, factor, f"{number + 1}", CHOSEN_BOX if number == chosen else OTHER_BOX)
+        _draw_box(
+            canvas, face, factor, f"{number + 1}", CHOSEN_BOX if number == chosen else OTHER_BOX
+        )
     with atomic_file(path) as temporary:
         if not cv2.imwrite(str(temporary), canvas[..., ::-1]):
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
@@ -61,7 +68,9 @@ def _display(photograph: Photograph, size: tuple[int, int]) -> np.ndarray:
 
     views = PhotoViews(photograph)
     side = max(photograph.size)
-    square = views.sample(Crop(np.array([side, side]) / 2, float(side)), max(size), repeat_border=False)
+    square = views.sample(
+        Crop(np.array([side, side]) / 2, float(side)), max(size), repeat_border=False
+    )
     picture = square[: size[1], : size[0]]
     return np.ascontiguousarray(cv2.convertScaleAbs(picture, alpha=255.0))
 
@@ -72,11 +81,15 @@ def _fixed(point: np.ndarray, factor: float) -> tuple[int, int]:
     return int(x), int(y)
 
 
-def _draw_box(canvas: np.ndarray, face: Face, factor: float, text: str, color: tuple[int, int, int]) -> None:
+def _draw_box(
+    canvas: np.ndarray, face: Face, factor: float, text: str, color: tuple[int, int, int]
+) -> None:
     import cv2
 
     crop = face.mesh.crop
-    corners = Crop(crop.center, face.size, crop.angle).to_photo(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]))
+    corners = Crop(crop.center, face.size, crop.angle).to_photo(
+        np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    )
     fixed = np.array([_fixed(corner, factor) for corner in corners], np.int32)
     cv2.polylines(canvas, [fixed], True, color, 2, cv2.LINE_AA, SUBPIXEL)
     left, top = corners.min(axis=0) * factor

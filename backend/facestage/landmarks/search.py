@@ -1,6 +1,7 @@
 """Where to look for faces: frames, tiles and turns of a photo in which the detector can see them.
 
-The detector finds faces a sixth to nine tenths as wide as its square, rolled up to about 45 degrees for sure.
+The detector finds faces a sixth to nine tenths as wide as its square, rolled up to about 45 degrees
+for sure.
 """
 
 from __future__ import annotations
@@ -10,13 +11,19 @@ from dataclasses import replace
 import numpy as np
 
 from facestage.landmarks.crop import Crop
-from facestage.landmarks.face_detector import Detections, FaceDetector, concatenate, merge_overlapping
+from facestage.landmarks.face_detector import (
+    Detections,
+    FaceDetector,
+    concatenate,
+    merge_overlapping,
+)
 from facestage.landmarks.views import PhotoViews
 
 QUARTER_TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 # A portrait that the frame cuts is seen whole in a square wider than the photo.
 FRAMES = (1.0, 2.0)
-# The smallest tiles are the longer side over this: a panorama eight times as long as high is still searched.
+# The smallest tiles are the longer side over this: a panorama eight times as long as high is still
+# searched.
 DIVISION_MAX = 16
 # Side of the square around a face, over its box, in which the detector is surest of it.
 CLOSE = 2.5
@@ -25,15 +32,25 @@ SAME_FACE = 0.5
 
 
 def coarse_windows(width: int, height: int) -> list[Crop]:
-    """The whole photo in all quarter turns, and tiles half its size: faces of a twelfth of its longer side up."""
-    whole = [Crop(center, side * factor, turn) for center, side in [_frame(width, height)] for factor in FRAMES
-             for turn in QUARTER_TURNS]  # fmt: skip
+    """The whole photo in all quarter turns, and tiles half its size: faces of a twelfth of its
+    longer side up.
+    """
+    whole = [
+        Crop(center, side * factor, turn)
+        for center, side in [_frame(width, height)]
+        for factor in FRAMES
+        for turn in QUARTER_TURNS
+    ]
     return whole + tiles(width, height, 2)
 
 
 def fine_windows(width: int, height: int) -> list[Crop]:
-    """Where to look when nothing was found: turned tiles, and smaller ones; in a long photo ever smaller ones."""
-    turned = [replace(tile, angle=turn) for turn in QUARTER_TURNS[1:] for tile in tiles(width, height, 2)]
+    """Where to look when nothing was found: turned tiles, and smaller ones; in a long photo ever
+    smaller ones.
+    """
+    turned = [
+        replace(tile, angle=turn) for turn in QUARTER_TURNS[1:] for tile in tiles(width, height, 2)
+    ]
     division = 4
     small = tiles(width, height, division)
     while division < DIVISION_MAX and max(width, height) / division > min(width, height):
@@ -67,7 +84,8 @@ def find_candidates(detector: FaceDetector, views: PhotoViews, windows: list[Cro
 
 
 def look_closely(detector: FaceDetector, views: PhotoViews, candidate: Detections) -> Detections:
-    """One candidate seen alone in all quarter turns: the surest of what is found at its place, or nothing.
+    """One candidate seen alone in all quarter turns: the surest of what is found at its place, or
+    nothing.
 
     The detector also takes a face that stands on its head for one, but is less sure of it.
     """

@@ -30,7 +30,9 @@ class PhotoViews:
         self.gain = 1.0 if self._levels[0].max(initial=0.0) <= 1.0 else self.exposure_gain
 
     def gains(self) -> list[float]:
-        """The exposures to try: the picture's own, and one that brightens it where that makes a difference."""
+        """The exposures to try: the picture's own, and one that brightens it where that makes a
+        difference.
+        """
         other = self.exposure_gain
         return [self.gain] if abs(np.log2(other / self.gain)) < STOPS_MIN else [self.gain, other]
 
@@ -50,7 +52,9 @@ class PhotoViews:
         return self._levels[number]
 
     def sample(self, crop: Crop, size: int, repeat_border: bool) -> np.ndarray:
-        """(size, size, 3) float32 sRGB in 0..1 of ``crop``; outside the photo black, or its border repeated."""
+        """(size, size, 3) float32 sRGB in 0..1 of ``crop``; outside the photo black, or its border
+        repeated.
+        """
         import cv2
 
         fine = size * SUPERSAMPLES
@@ -63,7 +67,9 @@ class PhotoViews:
         origin = crop.to_photo(np.zeros(2)) * scale + axes @ [0.5, 0.5] - 0.5
         border = cv2.BORDER_REPLICATE if repeat_border else cv2.BORDER_CONSTANT
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        warped = cv2.warpAffine(level, np.column_stack([axes, origin]), (fine, fine), flags=flags, borderMode=border)
+        warped = cv2.warpAffine(
+            level, np.column_stack([axes, origin]), (fine, fine), flags=flags, borderMode=border
+        )
         linear = resize(warped, size, size) * np.float32(self.gain)
         return _encode(linear)
 

@@ -8,7 +8,8 @@ from facestage.landmarks.canonical import LEFT_IRIS, RIGHT_IRIS, SURFACE_COUNT, 
 
 # A point whose surface is seen under less than about 6 degrees cannot be placed along it.
 GRAZING = 0.1
-# What lies in front by more than this share of the face's width hides a point: the depths are estimates.
+# What lies in front by more than this share of the face's width hides a point: the depths are
+# estimates.
 DEPTH_MARGIN = 0.05
 # Inner and outer corner, upper and lower lid of each eye.
 EYES = ((RIGHT_IRIS, (133, 33), (159, 145)), (LEFT_IRIS, (362, 263), (386, 374)))

@@ -1,4 +1,6 @@
-"""Where the face is on a mesh that only brings landmarks, and the colors of eyes, teeth and mouth."""
+"""Where the face is on a mesh that only brings landmarks, and the colors of eyes, teeth and
+mouth.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +9,31 @@ import numpy as np
 from facestage.contract.face_model import EYES, MOUTH, OTHER, TEETH
 
 IRIS_RADIUS, PUPIL_RADIUS = 0.0059, 0.0021  # m
-PART_ALBEDO = {MOUTH: (0.20, 0.06, 0.05), TEETH: (0.60, 0.55, 0.45), EYES: (0.62, 0.58, 0.54), OTHER: (0.3, 0.3, 0.3)}
+PART_ALBEDO = {
+    MOUTH: (0.20, 0.06, 0.05),
+    TEETH: (0.60, 0.55, 0.45),
+    EYES: (0.62, 0.58, 0.54),
+    OTHER: (0.3, 0.3, 0.3),
+}
 IRIS, PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
 _CHIN, _RIGHT_EAR, _LEFT_EAR, _BROWS, _RIGHT_CORNER, _LEFT_CORNER = 8, 0, 16, slice(17, 27), 36, 45
 
 
 def landmark_points(vertices: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """(m, 3) positions of a landmark table (m, 6): three vertex indices, three barycentric weights."""
+    """(m, 3) positions of a landmark table (m, 6): three vertex indices, three barycentric
+    weights.
+    """
     return np.einsum("mk,mkc->mc", table[:, 3:], vertices[table[:, :3].astype(int)])
 
 
-def face_regions(vertices: np.ndarray, skin: np.ndarray, table: np.ndarray) -> dict[str, np.ndarray]:
+def face_regions(
+    vertices: np.ndarray, skin: np.ndarray, table: np.ndarray
+) -> dict[str, np.ndarray]:
     """The regions narrow_face, face and skin as vertex indices, from the 68 ibug landmarks.
 
-    vertices (n, 3) in the model's axes (+Y up, +Z forward), any origin; skin (n,) bool; table (68, 6).
-    The narrow face runs from chin to brows and sideways to the outer corners of the eyes; the face to the
-    forehead and before the ears.
+    vertices (n, 3) in the model's axes (+Y up, +Z forward), any origin; skin (n,) bool; table (68,
+    6). The narrow face runs from chin to brows and sideways to the outer corners of the eyes; the
+    face to the forehead and before the ears.
     """
     points = landmark_points(vertices, table)
     x, y, z = vertices.T
@@ -30,25 +41,37 @@ def face_regions(vertices: np.ndarray, skin: np.ndarray, table: np.ndarray) -> d
     chin, brow = points[_CHIN, 1], points[_BROWS, 1].max()
     height = brow - chin
     low = chin - 0.03 * height
-    narrow = (x > points[_RIGHT_CORNER, 0] - 0.1 * width) & (x < points[_LEFT_CORNER, 0] + 0.1 * width)
+    narrow = (x > points[_RIGHT_CORNER, 0] - 0.1 * width) & (
+        x < points[_LEFT_CORNER, 0] + 0.1 * width
+    )
     narrow &= (
-        (y > low) & (y < brow + 0.05 * height) & (z > points[[_RIGHT_CORNER, _LEFT_CORNER], 2].min() - 0.4 * width)
+        (y > low)
+        & (y < brow + 0.05 * height)
+        & (z > points[[_RIGHT_CORNER, _LEFT_CORNER], 2].min() - 0.4 * width)
     )
     ear = points[[_RIGHT_EAR, _LEFT_EAR]]
-    face = (x > ear[:, 0].min()) & (x < ear[:, 0].max()) & (z > ear[:, 2].mean()) & (y < brow + 0.45 * height)
+    face = (
+        (x > ear[:, 0].min())
+        & (x < ear[:, 0].max())
+        & (z > ear[:, 2].mean())
+        & (y < brow + 0.45 * height)
+    )
     # Under the jaw the border rises from the chin to the ears.
     depth = np.clip((points[_CHIN, 2] - z) / max(points[_CHIN, 2] - ear[:, 2].mean(), 1e-6), 0, 1)
     face &= y > low + depth * (ear[:, 1].mean() - low) * 0.7
     narrow &= skin
     face = (face & skin) | narrow
     return {
-        "narrow_face": np.flatnonzero(narrow).astype(np.int32), "face": np.flatnonzero(face).astype(np.int32),
+        "narrow_face": np.flatnonzero(narrow).astype(np.int32),
+        "face": np.flatnonzero(face).astype(np.int32),
         "skin": np.flatnonzero(skin).astype(np.int32),
-    }  # fmt: skip
+    }
 
 
 def eyeball_colors(ball: np.ndarray) -> np.ndarray:
-    """(v, 3) linear colors of one eyeball's vertices (v, 3) m that looks along +Z: sclera, iris and pupil."""
+    """(v, 3) linear colors of one eyeball's vertices (v, 3) m that looks along +Z: sclera, iris and
+    pupil.
+    """
     colors = np.tile(np.array(PART_ALBEDO[EYES]), (len(ball), 1))
     centre = 0.5 * (ball.min(0) + ball.max(0))
     radius = np.hypot(*(ball[:, :2] - centre[:2]).T)

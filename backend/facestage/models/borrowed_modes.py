@@ -1,4 +1,6 @@
-"""The default model's identity modes on another mesh, so that a rig without any can still take a person's shape."""
+"""The default model's identity modes on another mesh, so that a rig without any can still take a
+person's shape.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,14 @@ _REACH = 6e-3  # metres on the default face
 _FADE = 40e-3  # metres beyond which a vertex belongs to no head
 
 
-def borrowed_modes(fit: Registration, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray) -> np.ndarray:
+def borrowed_modes(
+    fit: Registration, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray
+) -> np.ndarray:
     """(k, n, 3) float64 offsets at one standard deviation, in the mesh's coordinates.
 
-    vertices (n, 3), triangles (t, 3), part (t,) index into PARTS. A vertex moves as the default face below it does,
-    averaged over a few millimetres; loose pieces that are not skin (eyes, teeth) move as a whole: they are turned,
-    shifted and scaled, never bent.
+    vertices (n, 3), triangles (t, 3), part (t,) index into PARTS. A vertex moves as the default
+    face below it does, averaged over a few millimetres; loose pieces that are not skin (eyes,
+    teeth) move as a whole: they are turned, shifted and scaled, never bent.
     """
     model = fit.model
     back = fit.similarity.inverse().apply(vertices)
@@ -42,8 +46,12 @@ def borrowed_modes(fit: Registration, vertices: np.ndarray, triangles: np.ndarra
     return fit.similarity.scale * modes @ fit.similarity.rotation.T
 
 
-def _stiffen(modes: np.ndarray, points: np.ndarray, triangles: np.ndarray, part: np.ndarray) -> None:
-    """Replace the offsets of each loose piece that is not skin by the nearest ones that only turn, shift and scale."""
+def _stiffen(
+    modes: np.ndarray, points: np.ndarray, triangles: np.ndarray, part: np.ndarray
+) -> None:
+    """Replace the offsets of each loose piece that is not skin by the nearest ones that only turn,
+    shift and scale.
+    """
     skin = np.zeros(len(points), bool)
     skin[triangles[part == SKIN]] = True
     piece = pieces(points, triangles)
@@ -54,9 +62,14 @@ def _stiffen(modes: np.ndarray, points: np.ndarray, triangles: np.ndarray, part:
         x, y, z = (points[chosen] - points[chosen].mean(axis=0)).T
         zero, one = np.zeros_like(x), np.ones_like(x)
         fields = (
-            (one, zero, zero), (zero, one, zero), (zero, zero, one),
-            (zero, -z, y), (z, zero, -x), (-y, x, zero), (x, y, z),
-        )  # fmt: skip
+            (one, zero, zero),
+            (zero, one, zero),
+            (zero, zero, one),
+            (zero, -z, y),
+            (z, zero, -x),
+            (-y, x, zero),
+            (x, y, z),
+        )
         columns = np.stack([np.stack(field, axis=1).ravel() for field in fields], axis=1)
         flat = modes[:, chosen].reshape(len(modes), -1)
         moved = columns @ np.linalg.lstsq(columns, flat.T, rcond=None)[0]

@@ -1,4 +1,6 @@
-"""What an archive unpacks to, in pieces and never more than is allowed; an archive may promise anything."""
+"""What an archive unpacks to, in pieces and never more than is allowed; an archive may promise
+anything.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ _XZ = (b"\xfd7zXZ\x00", b"\x5d\x00\x00")
 
 
 class Pieces:
-    """A file that hands out no more than a piece at once, whatever a damaged directory makes its reader ask for."""
+    """A file that hands out no more than a piece at once, whatever a damaged directory makes its
+    reader ask for.
+    """
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
@@ -34,7 +38,8 @@ class Pieces:
 
 
 class Unpacked:
-    """The bytes of a packed stream (xz, gzip, bzip2) or of one that is not, up to a limit in all and to a next stop.
+    """The bytes of a packed stream (xz, gzip, bzip2) or of one that is not, up to a limit in all
+    and to a next stop.
 
     Raises ValueError beyond either.
     """
@@ -63,7 +68,9 @@ class Unpacked:
 
 
 class _Xz(io.RawIOBase):
-    """The bytes of an .xz or .lzma stream; Python's own file of them sets no limit to the memory."""
+    """The bytes of an .xz or .lzma stream; Python's own file of them sets no limit to the
+    memory.
+    """
 
     def __init__(self, stream: BinaryIO) -> None:
         super().__init__()

@@ -1,4 +1,6 @@
-"""Where the face of a mesh is, roughly: a similarity from the default face, whatever unit and axes the mesh has."""
+"""Where the face of a mesh is, roughly: a similarity from the default face, whatever unit and axes
+the mesh has.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ class Similarity:
         return Similarity(1.0 / self.scale, rotation, -(rotation @ self.translation) / self.scale)
 
 
-def procrustes(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> Similarity:
+def procrustes(
+    source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None
+) -> Similarity:
     """The least-squares similarity from points (m, 3) to points (m, 3), m >= 3 (Umeyama 1991)."""
     w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
     middle_s, middle_t = w @ source, w @ target
@@ -47,14 +51,21 @@ def procrustes(source: np.ndarray, target: np.ndarray, weights: np.ndarray | Non
 
 
 def coarse_alignments(
-    points: np.ndarray, normals: np.ndarray, nose: np.ndarray, height: float, surface: Surface, focus: np.ndarray
+    points: np.ndarray,
+    normals: np.ndarray,
+    nose: np.ndarray,
+    height: float,
+    surface: Surface,
+    focus: np.ndarray,
 ) -> list[tuple[float, Similarity]]:
     """The best similarities from the default face to a mesh, with their costs, best first.
 
-    points, normals (m, 3): the default face, metres; nose (3,) its tip; height: of the whole default head.
-    surface: the mesh; focus (n,) bool: its vertices that may be face. Every way of pointing up and forward is
-    tried at several sizes, nose on the foremost point; the cost is the mean distance in metres of the default
-    face, cut off at ``CUTOFF``. Ties go to the axes of Blender and of most files, which are tried first.
+    points, normals (m, 3): the default face, metres; nose (3,) its tip; height: of the whole
+    default head.
+    surface: the mesh; focus (n,) bool: its vertices that may be face. Every way of pointing up and
+    forward is tried at several sizes, nose on the foremost point; the cost is the mean distance in
+    metres of the default face, cut off at ``CUTOFF``. Ties go to the axes of Blender and of most
+    files, which are tried first.
     """
     rng = np.random.default_rng(0)
     few = rng.choice(len(points), min(_FEW, len(points)), replace=False)
@@ -72,7 +83,9 @@ def coarse_alignments(
             scale = ratio * max(extent, 1e-6 * size) / height
             starts.append(Similarity(scale, rotation, tip - scale * rotation @ nose))
     ranked = _improved(starts, points[few], normals[few], surface, steps=4)
-    ranked = _improved([start for _, start in ranked[:12]], points[many], normals[many], surface, steps=12)
+    ranked = _improved(
+        [start for _, start in ranked[:12]], points[many], normals[many], surface, steps=12
+    )
     return ranked[:2]
 
 
@@ -92,7 +105,9 @@ def _improved(
 def _matches(
     similarity: Similarity, points: np.ndarray, normals: np.ndarray, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Moved points, nearest samples, their normals towards the face's side, and distances in source units."""
+    """Moved points, nearest samples, their normals towards the face's side, and distances in source
+    units.
+    """
     moved = similarity.apply(points)
     distance, sample = surface.tree.query(moved)
     normal = surface.normal[surface.sample_triangle[sample]]
@@ -102,12 +117,18 @@ def _matches(
     return moved, surface.sample[sample], normal * np.sign(cosine)[:, None], distance
 
 
-def _cost(similarity: Similarity, points: np.ndarray, normals: np.ndarray, surface: Surface) -> float:
+def _cost(
+    similarity: Similarity, points: np.ndarray, normals: np.ndarray, surface: Surface
+) -> float:
     return float(np.minimum(_matches(similarity, points, normals, surface)[3], CUTOFF).mean())
 
 
-def _icp_step(similarity: Similarity, points: np.ndarray, normals: np.ndarray, surface: Surface) -> Similarity:
-    """One linearised point-to-plane step over rotation, translation and scale, robust in the distance."""
+def _icp_step(
+    similarity: Similarity, points: np.ndarray, normals: np.ndarray, surface: Surface
+) -> Similarity:
+    """One linearised point-to-plane step over rotation, translation and scale, robust in the
+    distance.
+    """
     moved, foot, normal, distance = _matches(similarity, points, normals, surface)
     near = distance < 3 * CUTOFF
     if near.sum() < 12:
@@ -117,7 +138,9 @@ def _icp_step(similarity: Similarity, points: np.ndarray, normals: np.ndarray, s
     unit = similarity.scale * 0.05
     middle = moved.mean(axis=0)
     arm = (moved - middle) / unit
-    columns = np.concatenate([np.cross(arm, normal), normal, np.einsum("mc,mc->m", arm, normal)[:, None]], axis=1)
+    columns = np.concatenate(
+        [np.cross(arm, normal), normal, np.einsum("mc,mc->m", arm, normal)[:, None]], axis=1
+    )
     residual = np.einsum("mc,mc->m", normal, foot - moved) / unit
     system = (columns * weight[:, None]).T @ columns + 1e-3 * weight.sum() * np.eye(7)
     step = np.linalg.solve(system, (columns * weight[:, None]).T @ residual)
@@ -139,14 +162,20 @@ def rotation_of(vector: np.ndarray) -> np.ndarray:
 
 
 def axis_rotation(up: int, front: int) -> np.ndarray:
-    """(3, 3) rotation from the model frame (+Y up, +Z front) to axes with these: 0..5 for +X, +Y, +Z, -X, -Y, -Z."""
+    """(3, 3) rotation from the model frame (+Y up, +Z front) to axes with these: 0..5 for +X, +Y,
+    +Z, -X, -Y, -Z.
+    """
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     y, z = axes[up], axes[front]
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 
 def axis_rotations() -> list[np.ndarray]:
-    """All 24 ways of pointing up and forward, the usual ones first: +Y up and +Z forward, Blender's +Z and -Y."""
+    """All 24 ways of pointing up and forward, the usual ones first: +Y up and +Z forward, Blender's
+    +Z and -Y.
+    """
     usual = [(1, 2), (2, 4), (2, 1), (1, 5), (2, 0), (2, 3)]
-    rest = [(u, f) for u, f in product(range(6), repeat=2) if u % 3 != f % 3 and (u, f) not in usual]
+    rest = [
+        (u, f) for u, f in product(range(6), repeat=2) if u % 3 != f % 3 and (u, f) not in usual
+    ]
     return [axis_rotation(up, front) for up, front in usual + rest]

@@ -1,4 +1,6 @@
-"""The default face model: an adult head modelled by code from published anthropometry and skin optics."""
+"""The default face model: an adult head modelled by code from published anthropometry and skin
+optics.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ _MM = 1e-3
 
 @cache
 def build_default_model() -> FaceModel:
-    """The default head: 80 identity modes, 90 expressions, 80 albedo modes, in the model frame (metres).
+    """The default head: 80 identity modes, 90 expressions, 80 albedo modes, in the model frame
+    (metres).
 
     Deterministic and cached; the arrays are read-only.
     """
@@ -55,10 +58,16 @@ def build_default_model() -> FaceModel:
     for array in (*arrays.values(), *landmarks.values(), *regions.values()):
         array.setflags(write=False)
     return FaceModel(
-        name=NAME, license="GPL-3.0-or-later", source="Facestage: modelled by code from published anthropometry",
-        identity_names=identity_names, expression_names=expression_names, expression_prior="box",
-        landmarks=landmarks, regions=regions, **arrays,
-    )  # fmt: skip
+        name=NAME,
+        license="GPL-3.0-or-later",
+        source="Facestage: modelled by code from published anthropometry",
+        identity_names=identity_names,
+        expression_names=expression_names,
+        expression_prior="box",
+        landmarks=landmarks,
+        regions=regions,
+        **arrays,
+    )
 
 
 def _regions(mesh: HeadMesh, masks: Masks) -> dict[str, np.ndarray]:
@@ -80,11 +89,18 @@ def _regions(mesh: HeadMesh, masks: Masks) -> dict[str, np.ndarray]:
     hair = coloring.hair_weight(masks) > 0.5
     neck = visible & (y < -112 + 0.5 * (84 - z).clip(0)) & ~face & ~hair & ~ears
     masked = {
-        "narrow_face": narrow, "face": face & ~ears, "skin": masks.skin, "scalp": hair, "neck": neck,
-        "ears": ears, "brows": coloring.brow_weight(masks) > 0.4,
-    }  # fmt: skip
+        "narrow_face": narrow,
+        "face": face & ~ears,
+        "skin": masks.skin,
+        "scalp": hair,
+        "neck": neck,
+        "ears": ears,
+        "brows": coloring.brow_weight(masks) > 0.4,
+    }
     regions = {name: np.flatnonzero(mask).astype(np.int32) for name, mask in masked.items()}
-    regions["lips"] = np.unique(mesh.loops["mouth"][lip_border : mouth.LIP_LOOPS + 1]).astype(np.int32)
+    regions["lips"] = np.unique(mesh.loops["mouth"][lip_border : mouth.LIP_LOOPS + 1]).astype(
+        np.int32
+    )
     for side in SIDES:
         regions[f"eye_{side}"] = np.sort(mesh.eyeballs[side]).astype(np.int32)
     return regions

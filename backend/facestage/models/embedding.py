@@ -1,4 +1,6 @@
-"""Landmark tables of face models: three vertices of a triangle and their weights for each landmark."""
+"""Landmark tables of face models: three vertices of a triangle and their weights for each
+landmark.
+"""
 
 from __future__ import annotations
 
@@ -22,31 +24,50 @@ def table_of_vertices(indices: np.ndarray) -> np.ndarray:
     return np.stack([indices, indices, indices, zeros + 1, zeros, zeros], axis=1)
 
 
-def table_of_triangles(triangles: np.ndarray, rows: np.ndarray, weights: np.ndarray, path: Path) -> np.ndarray:
-    """(m, 6) table of landmarks on triangles (m,) with barycentric weights (m, 3) that ``path`` held.
+def table_of_triangles(
+    triangles: np.ndarray, rows: np.ndarray, weights: np.ndarray, path: Path
+) -> np.ndarray:
+    """(m, 6) table of landmarks on triangles (m,) with barycentric weights (m, 3) that ``path``
+    held.
 
     Raises InputError when they are not points on triangles of this mesh.
     """
     if len(rows) != len(weights) or len(rows) not in (_IBUG, _INNER):
-        raise InputError(f"The landmark file '{path}' holds {len(rows)} landmarks; expected {_IBUG} or {_INNER}.")
+        raise InputError(
+            f"The landmark file '{path}' holds {len(rows)} landmarks; expected {_IBUG} or {_INNER}."
+        )
     if weights.shape != (len(rows), 3):
-        raise InputError(f"The landmark file '{path}' has weights of shape {weights.shape}; expected ({len(rows)}, 3).")
+        raise InputError(
+            f"The landmark file '{path}' has weights of shape {weights.shape}; expected "
+            f"({len(rows)}, 3)."
+        )
     if rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(triangles):
-        raise InputError(f"The landmark file '{path}' is of another mesh: it refers to triangles that are not there.")
+        raise InputError(
+            f"The landmark file '{path}' is of another mesh: it refers to triangles that are "
+            "not there."
+        )
     total = weights.sum(axis=1) if weights.dtype.kind == "f" else np.zeros(len(weights))
     if not np.allclose(total, 1.0, atol=1e-2) or np.abs(weights).max() > WEIGHT_MAX:
-        raise InputError(f"The landmark file '{path}' is damaged: its barycentric weights do not add up to 1.")
+        raise InputError(
+            f"The landmark file '{path}' is damaged: its barycentric weights do not add up to 1."
+        )
     return np.concatenate([triangles[rows], weights / total[:, None]], axis=1)
 
 
 def landmark_schemes(
-    table: np.ndarray, vertices: np.ndarray, triangles: np.ndarray, points: Mapping[int, np.ndarray] | None = None
+    table: np.ndarray,
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    points: Mapping[int, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Landmark tables for every scheme of the default model, from what a face model itself says of its landmarks.
+    """Landmark tables for every scheme of the default model, from what a face model itself says of
+    its landmarks.
 
-    table: (68, 6) of the ibug scheme, or (51, 6) of its last, or (0, 6). vertices (n, 3) m, triangles (t, 3): the skin.
-    points: index of an ibug landmark -> its place (3,), where only that is known. What the model does not say is
-    carried over from the default head by registration. Raises InputError when no face is found.
+    table: (68, 6) of the ibug scheme, or (51, 6) of its last, or (0, 6). vertices (n, 3) m,
+    triangles (t, 3): the skin.
+    points: index of an ibug landmark -> its place (3,), where only that is known. What the model
+    does not say is carried over from the default head by registration. Raises InputError when no
+    face is found.
     """
     from facestage.models.registry import load_model
     from facestage.models.transfer import transfer_landmarks

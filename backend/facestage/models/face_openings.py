@@ -1,7 +1,7 @@
 """Where the openings of the eyes and the line of the lips are on a face mesh, seen from the front.
 
-Surfaces alone say little about them: a face slides over another one by millimetres without leaving it. The corners of
-the eyes and of the mouth stop that.
+Surfaces alone say little about them: a face slides over another one by millimetres without leaving
+it. The corners of the eyes and of the mouth stop that.
 """
 
 from __future__ import annotations
@@ -20,18 +20,23 @@ _MOUTH = (48, 54)
 _CARUNCLE = 2.5e-3  # metres by which the pink corner of the eye fills the opening's inner end
 _MOUTH_WIDTH = (0.025, 0.075)
 _EYE_AREA, _EYE_WIDTH = (50e-6, 900e-6), (0.012, 0.045)
-_CREASE, _STEP = 0.8, 2  # change of the normals' height across a crease, and half the distance over which, pixels
+# change of the normals' height across a crease, and half the distance over which, pixels
+_CREASE, _STEP = 0.8, 2
 
 
 class FrontView:
-    """The foremost surface of a mesh (vertices (n, 3) metres in the model frame, triangles (t, 3)) on a grid."""
+    """The foremost surface of a mesh (vertices (n, 3) metres in the model frame, triangles (t, 3))
+    on a grid.
+    """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         normals = vertex_normals(vertices, triangles)
         low = np.array([_LEFT, _BOTTOM])
         high = low + PIXEL * np.array([_WIDTH, _HEIGHT])
         corners = vertices[triangles]
-        seen = (corners[..., :2] > low).all(axis=2).any(axis=1) & (corners[..., :2] < high).all(axis=2).any(axis=1)
+        seen = (corners[..., :2] > low).all(axis=2).any(axis=1) & (corners[..., :2] < high).all(
+            axis=2
+        ).any(axis=1)
         seen &= corners[..., 2].max(axis=1) > -0.08
         corners, normal_y = corners[seen], normals[triangles[seen]][..., 1]
         side = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1))
@@ -55,17 +60,22 @@ class FrontView:
         self.normal_y = self.normal_y.reshape(_HEIGHT, _WIDTH)
 
     def lifted(self, place: np.ndarray) -> np.ndarray:
-        """(3,) the surface's foremost point within a millimetre or so of a place (2,) seen from the front."""
+        """(3,) the surface's foremost point within a millimetre or so of a place (2,) seen from the
+        front.
+        """
         x, y = np.floor((place - [_LEFT, _BOTTOM]) / PIXEL).astype(int)
         near = self.depth[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3]
         return np.array([*place, near.max(initial=-np.inf)])
 
 
-def face_features(mesh: FrontView, whole: FrontView, landmarks: np.ndarray) -> dict[int, np.ndarray]:
+def face_features(
+    mesh: FrontView, whole: FrontView, landmarks: np.ndarray
+) -> dict[int, np.ndarray]:
     """Landmarks of a mesh that its openings show: those of the eyes, and the corners of the mouth.
 
-    mesh: the skin of the mesh; whole: the default face with its eyeballs, roughly fitted to it; landmarks (68, 3) of
-    the latter, metres, all in the model frame. Returns index in the ibug68 scheme -> (3,), only for what was found.
+    mesh: the skin of the mesh; whole: the default face with its eyeballs, roughly fitted to it;
+    landmarks (68, 3) of the latter, metres, all in the model frame. Returns index in the ibug68
+    scheme -> (3,), only for what was found.
     """
     found: dict[int, np.ndarray] = {}
     for corners, upper, lower in _EYES:
@@ -91,8 +101,12 @@ def face_features(mesh: FrontView, whole: FrontView, landmarks: np.ndarray) -> d
     return {index: mesh.lifted(place) for index, place in found.items()}
 
 
-def _eye_opening(view: FrontView, whole: FrontView, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """The two ends (2, 2) of an eye's opening, lower x first, and its lower edge, upper edge and x (3, columns)."""
+def _eye_opening(
+    view: FrontView, whole: FrontView, middle: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The two ends (2, 2) of an eye's opening, lower x first, and its lower edge, upper edge and x
+    (3, columns).
+    """
     rows, columns = _window(middle, 0.030, 0.018)
     opening = view.depth[rows, columns] < whole.depth[rows, columns] - _DEEP
     opening = ndimage.binary_opening(opening, iterations=1)
@@ -101,15 +115,24 @@ def _eye_opening(view: FrontView, whole: FrontView, middle: np.ndarray) -> tuple
         return None
     chosen = labels == int(np.bincount(labels.ravel())[1:].argmax()) + 1
     y, x = np.nonzero(chosen)
-    touches = y.min() == 0 or x.min() == 0 or y.max() == chosen.shape[0] - 1 or x.max() == chosen.shape[1] - 1
+    touches = (
+        y.min() == 0
+        or x.min() == 0
+        or y.max() == chosen.shape[0] - 1
+        or x.max() == chosen.shape[1] - 1
+    )
     area, width = len(x) * PIXEL**2, np.ptp(x) * PIXEL
-    if touches or not (_EYE_AREA[0] < area < _EYE_AREA[1] and _EYE_WIDTH[0] < width < _EYE_WIDTH[1]):
+    if touches or not (
+        _EYE_AREA[0] < area < _EYE_AREA[1] and _EYE_WIDTH[0] < width < _EYE_WIDTH[1]
+    ):
         return None
     span = np.arange(x.min(), x.max() + 1)
     low = chosen[:, span].argmax(axis=0)
     high = chosen.shape[0] - 1 - chosen[::-1, span].argmax(axis=0)
     ends = np.array([[span[k], 0.5 * (low[k] + high[k])] for k in (0, -1)])
-    lower, upper = (_places(np.stack([span, edge], axis=1).astype(float), rows, columns) for edge in (low, high))
+    lower, upper = (
+        _places(np.stack([span, edge], axis=1).astype(float), rows, columns) for edge in (low, high)
+    )
     return _places(ends, rows, columns), np.stack([lower[:, 1], upper[:, 1], lower[:, 0]])
 
 
@@ -117,7 +140,8 @@ def _lip_line(view: FrontView, middle: np.ndarray) -> np.ndarray | None:
     """(2, 2) the ends of the crease between closed lips, lower x first; None without one."""
     rows, columns = _window(middle, 0.042, 0.014)
     slope = ndimage.gaussian_filter(view.normal_y[rows, columns], 0.7)
-    crease = slope[: -2 * _STEP] - slope[2 * _STEP :]  # the lower lip's edge looks up, the upper one's down
+    # the lower lip's edge looks up, the upper one's down
+    crease = slope[: -2 * _STEP] - slope[2 * _STEP :]
     best = crease.argmax(axis=0)
     found = ndimage.binary_closing(crease.max(axis=0) > _CREASE, iterations=3)
     labels, _ = ndimage.label(found)
@@ -138,7 +162,9 @@ def _window(middle: np.ndarray, half_width: float, half_height: float) -> tuple[
 
 
 def _places(cells: np.ndarray, rows: slice, columns: slice) -> np.ndarray:
-    return (cells + np.array([columns.start + 0.5, rows.start + 0.5])) * PIXEL + np.array([_LEFT, _BOTTOM])
+    return (cells + np.array([columns.start + 0.5, rows.start + 0.5])) * PIXEL + np.array(
+        [_LEFT, _BOTTOM]
+    )
 
 
 def _grid(step: int) -> np.ndarray:

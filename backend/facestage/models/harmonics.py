@@ -1,7 +1,8 @@
 """Smooth functions on any triangle mesh: the lowest eigenvectors of its Laplace-Beltrami operator.
 
-Cotangent weights after Pinkall and Polthier 1993, "Computing Discrete Minimal Surfaces and Their Conjugates";
-eigenvectors as a spectral basis after Vallet and Levy 2008, "Spectral Geometry Processing with Manifold Harmonics".
+Cotangent weights after Pinkall and Polthier 1993, "Computing Discrete Minimal Surfaces and Their
+Conjugates"; eigenvectors as a spectral basis after Vallet and Levy 2008, "Spectral Geometry
+Processing with Manifold Harmonics".
 """
 
 from __future__ import annotations
@@ -18,21 +19,26 @@ from facestage.contract.errors import InputError
 def surface_harmonics(
     vertices: np.ndarray, triangles: np.ndarray, mask: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `count` smoothest functions on the masked part of a mesh, mass-orthogonal with unit area-weighted RMS.
+    """The `count` smoothest functions on the masked part of a mesh, mass-orthogonal with unit
+    area-weighted RMS.
 
-    vertices (n, 3) in any unit, triangles (t, 3) int, mask (n,) bool or vertex indices. Returns functions
-    (count, n) float64, zero outside the mask, and eigenvalues (count,) in 1 / unit^2, ascending; the first
-    function is the constant 1. Duplicate, unused and degenerate elements are fine, and so are loose pieces:
-    coinciding vertices are welded and pieces are joined by one weak link each, so that no function lives on
-    a single piece only because it is a separate piece. Deterministic, signs included.
+    vertices (n, 3) in any unit, triangles (t, 3) int, mask (n,) bool or vertex indices. Returns
+    functions (count, n) float64, zero outside the mask, and eigenvalues (count,) in 1 / unit^2,
+    ascending; the first function is the constant 1. Duplicate, unused and degenerate elements are
+    fine, and so are loose pieces: coinciding vertices are welded and pieces are joined by one weak
+    link each, so that no function lives on a single piece only because it is a separate piece.
+    Deterministic, signs included.
     """
     selected = np.zeros(len(vertices), bool)
     selected[mask] = True
     if count < 1 or selected.sum() < count + 2:
         raise InputError(
-            f"{count} surface harmonics need more than {count + 1} vertices; the mask has {selected.sum()}."
+            f"{count} surface harmonics need more than {count + 1} vertices; the mask has "
+            f"{selected.sum()}."
         )
-    points, faces, vertex_to_point = _welded(np.asarray(vertices, np.float64), np.asarray(triangles), selected)
+    points, faces, vertex_to_point = _welded(
+        np.asarray(vertices, np.float64), np.asarray(triangles), selected
+    )
     count_solved = min(count, len(points) - 2)
     laplacian, mass = laplacian_and_mass(points, faces)
     laplacian = laplacian + _links(points, laplacian)
@@ -40,7 +46,9 @@ def surface_harmonics(
     # A start vector with parts of every frequency, and no random numbers.
     start = np.cos(np.arange(len(points)) * 12.9898) + 0.1
     shift = -0.01 * scale / mass.sum()
-    values, functions = eigsh(laplacian.tocsc(), k=count_solved, M=diags(mass / scale).tocsc(), sigma=shift, v0=start)
+    values, functions = eigsh(
+        laplacian.tocsc(), k=count_solved, M=diags(mass / scale).tocsc(), sigma=shift, v0=start
+    )
     order = np.argsort(values)
     values, functions = values[order] / scale, functions[:, order].T
     functions = _canonical(functions, points, mass)
@@ -53,9 +61,11 @@ def surface_harmonics(
 
 
 def laplacian_and_mass(points: np.ndarray, faces: np.ndarray) -> tuple[csr_matrix, np.ndarray]:
-    """Positive semi-definite cotangent Laplacian (n, n) and lumped vertex areas (n,), in the square of the unit.
+    """Positive semi-definite cotangent Laplacian (n, n) and lumped vertex areas (n,), in the square
+    of the unit.
 
-    Cotangents are clamped to 0.01..10: obtuse and sliver triangles then cannot make a weight negative or huge.
+    Cotangents are clamped to 0.01..10: obtuse and sliver triangles then cannot make a weight
+    negative or huge.
     """
     n = len(points)
     rows, columns, weights = [], [], []
@@ -81,7 +91,9 @@ def laplacian_and_mass(points: np.ndarray, faces: np.ndarray) -> tuple[csr_matri
 def _welded(
     vertices: np.ndarray, triangles: np.ndarray, selected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distinct points of the selected vertices, their non-degenerate faces, and the point of each selected vertex."""
+    """Distinct points of the selected vertices, their non-degenerate faces, and the point of each
+    selected vertex.
+    """
     kept = vertices[selected]
     size = max(float(np.ptp(kept, axis=0).max()), 1e-30)
     keys = np.round((kept - kept.min(axis=0)) / size * 1e6).astype(np.int64)
@@ -96,7 +108,9 @@ def _welded(
 
 
 def _links(points: np.ndarray, laplacian: csr_matrix) -> csr_matrix:
-    """Laplacian of extra links that join every loose piece to the nearest point of the largest one."""
+    """Laplacian of extra links that join every loose piece to the nearest point of the largest
+    one.
+    """
     pieces, label = connected_components(laplacian, directed=False)
     n = len(points)
     if pieces == 1:
@@ -115,13 +129,16 @@ def _links(points: np.ndarray, laplacian: csr_matrix) -> csr_matrix:
 
 
 def _canonical(functions: np.ndarray, points: np.ndarray, mass: np.ndarray) -> np.ndarray:
-    """Unit RMS, the constant exactly 1, the others free of it, and a sign that follows the coordinates."""
+    """Unit RMS, the constant exactly 1, the others free of it, and a sign that follows the
+    coordinates.
+    """
     share = mass / mass.sum()
     functions = functions.copy()
     functions[0] = 1.0
     functions[1:] -= (functions[1:] @ share)[:, None]
     functions[1:] /= np.sqrt((functions[1:] ** 2) @ share)[:, None]
-    # Mixed, incommensurate moments: odd and even functions of a symmetric mesh both have a definite sign.
+    # Mixed, incommensurate moments: odd and even functions of a symmetric mesh both have a definite
+    # sign.
     span = np.maximum(np.ptp(points, axis=0), 1e-30)
     x, y, z = ((points - points.mean(axis=0)) / span).T
     probe = np.exp(1.3 * x + 0.7 * y + 0.41 * z) + 0.2 * np.sin(7 * x + 5 * y + 3 * z)

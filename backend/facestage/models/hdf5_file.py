@@ -1,7 +1,8 @@
 """Arrays of an HDF5 file that others published; only for a child process (facestage.in_child).
 
-An HDF5 file can name other files as parts of itself: links to their objects, raw files as a dataset's storage, and
-virtual datasets. It can also ask for filters that HDF5 loads as plugins. Each is refused before anything is read.
+An HDF5 file can name other files as parts of itself: links to their objects, raw files as a
+dataset's storage, and virtual datasets. It can also ask for filters that HDF5 loads as plugins.
+Each is refused before anything is read.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ _SOFT_LINKS = 8
 
 
 def read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """The datasets of ``names`` that the file has: numbers as they are, one text as its UTF-8 bytes, uint8.
+    """The datasets of ``names`` that the file has: numbers as they are, one text as its UTF-8
+    bytes, uint8.
 
-    Raises ValueError for anything that leads out of the file or is larger than is expected, and what h5py raises.
+    Raises ValueError for anything that leads out of the file or is larger than is expected, and
+    what h5py raises.
     """
     arrays: dict[str, np.ndarray] = {}
     total = 0
@@ -39,14 +42,17 @@ def read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
             total += dataset.size * dataset.dtype.itemsize
             if total > TOTAL_LIMIT:
                 raise ValueError(
-                    f"with {name} its arrays have {total / MIB:.0f} MiB, expected at most {TOTAL_LIMIT // MIB} MiB"
+                    f"with {name} its arrays have {total / MIB:.0f} MiB, expected at most "
+                    f"{TOTAL_LIMIT // MIB} MiB"
                 )
             arrays[name] = _numbers(name, dataset)
     return arrays
 
 
 def _dataset(file: Any, name: str, links: int = _SOFT_LINKS) -> Any:
-    """The dataset called ``name``, None where there is none; every link of its path is looked at before it is taken."""
+    """The dataset called ``name``, None where there is none; every link of its path is looked at
+    before it is taken.
+    """
     parts = [part for part in name.split("/") if part]
     group, place = file, "/"
     for index, part in enumerate(parts):
@@ -72,10 +78,15 @@ def _check_storage(name: str, dataset: Any) -> None:
         code, _, _, label = properties.get_filter(index)
         if code not in _FILTERS:
             said = label.decode("ascii", "replace")[:20] or "?"
-            raise ValueError(f"{name} is packed by the filter {said} ({code}), expected none or gzip")
+            raise ValueError(
+                f"{name} is packed by the filter {said} ({code}), expected none or gzip"
+            )
     if dataset.shape is None:
         raise ValueError(f"{name} holds nothing")
-    if dataset.chunks is not None and math.prod(dataset.chunks) * dataset.dtype.itemsize > CHUNK_LIMIT:
+    if (
+        dataset.chunks is not None
+        and math.prod(dataset.chunks) * dataset.dtype.itemsize > CHUNK_LIMIT
+    ):
         raise ValueError(f"{name} has chunks of more than {CHUNK_LIMIT // MIB} MiB")
 
 
@@ -84,7 +95,9 @@ def _numbers(name: str, dataset: Any) -> np.ndarray:
         text = np.asarray(dataset[()]).reshape(-1)[0]
         content = text.encode() if isinstance(text, str) else bytes(text)
         if len(content) > TEXT_LIMIT:
-            raise ValueError(f"{name} has a text of {len(content)} bytes, expected at most {TEXT_LIMIT}")
+            raise ValueError(
+                f"{name} has a text of {len(content)} bytes, expected at most {TEXT_LIMIT}"
+            )
         return np.frombuffer(content, np.uint8)
     if dataset.dtype.kind not in "iuf" or dataset.dtype.itemsize > 8:
         raise ValueError(f"{name} is of type {dataset.dtype}, expected plain numbers")

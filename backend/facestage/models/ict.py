@@ -1,4 +1,5 @@
-"""ICT-FaceKit (Li et al. 2020, "Learning Formation of Physically-Based Face Attributes"), MIT licence.
+"""ICT-FaceKit (Li et al. 2020, "Learning Formation of Physically-Based Face Attributes"), MIT
+licence.
 
 Reads the published folder of .obj files, or an archive of it, and gives the one face model form.
 """
@@ -25,7 +26,8 @@ from facestage.models.skinning import gaze_rotations
 LICENSE = "MIT (USC Institute for Creative Technologies)"
 SOURCE = "https://github.com/ICT-VGL/ICT-FaceKit"
 VERTEX_COUNT, POLYGON_COUNT = 26719, 26384
-NARROW_FACE, FACE, SKIN_END = 6706, 9409, 11248  # ends of the nested vertex ranges in the published order
+# ends of the nested vertex ranges in the published order
+NARROW_FACE, FACE, SKIN_END = 6706, 9409, 11248
 
 # (first polygon, part, atlas corner u, v, scale): the published UV tiles, packed into one square.
 _TILES = (
@@ -35,7 +37,8 @@ _TILES = (
     (13226, SKIN, (0.75, 0.75), 0.25),  # eye sockets
     (14034, MOUTH, (0.75, 0.5), 0.25),  # gums and tongue
     (17006, TEETH, (0.75, 0.25), 0.25),
-    (21496, EYES, (0.0, 0.0), 0.2),  # left eye: outer shell (sclera and cornea), then the inner ball with the iris
+    # left eye: outer shell (sclera and cornea), then the inner ball with the iris
+    (21496, EYES, (0.0, 0.0), 0.2),
     (22296, EYES, (0.2, 0.0), 0.2),
     (23094, EYES, (0.4, 0.0), 0.2),  # right eye
     (23894, EYES, (0.6, 0.0), 0.2),
@@ -51,15 +54,18 @@ LANDMARK_COUNT = 68
 def load_ict(path: Path) -> FaceModel:
     """The full model: 100 identity modes and every published expression shape, in metres.
 
-    ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz/.bz2) of either.
-    Raises InputError when it is none of these or a file is missing, damaged or larger than any published one.
+    ``path`` is the repository's folder, its FaceXModel folder, or a .zip/.tar(.xz/.gz/.bz2) of
+    either. Raises InputError when it is none of these or a file is missing, damaged or larger than
+    any published one.
     """
     path = Path(path)
     try:
         return _assemble(_read(path))
     except (ValueError, LookupError, TypeError, ArithmeticError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise InputError(f"ICT-FaceKit in '{path}' is damaged ({reason}); fetch it again from {SOURCE}.") from error
+        raise InputError(
+            f"ICT-FaceKit in '{path}' is damaged ({reason}); fetch it again from {SOURCE}."
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -83,11 +89,14 @@ def _read(path: Path) -> _Published:
             shapes[name] = _vertices(parse_vertices(content, name), name)
     for needed, found in ((NEUTRAL, neutral), (LANDMARKS, landmarks)):
         if found is None:
-            raise InputError(f"'{path}' has no {FOLDER}/{needed}; expected ICT-FaceKit as published at {SOURCE}.")
+            raise InputError(
+                f"'{path}' has no {FOLDER}/{needed}; expected ICT-FaceKit as published at {SOURCE}."
+            )
     assert neutral is not None and landmarks is not None
     if (len(neutral.vertices), len(neutral.polygons)) != (VERTEX_COUNT, POLYGON_COUNT):
         raise InputError(
-            f"'{path}': {NEUTRAL} has {len(neutral.vertices)} vertices and {len(neutral.polygons)} polygons, expected "
+            f"'{path}': {NEUTRAL} has {len(neutral.vertices)} vertices and "
+            f"{len(neutral.polygons)} polygons, expected "
             f"{VERTEX_COUNT} and {POLYGON_COUNT}; fetch ICT-FaceKit again from {SOURCE}."
         )
     return _Published(neutral, _landmarks(landmarks), shapes)
@@ -100,7 +109,8 @@ def _is_wanted(name: str) -> bool:
 def _vertices(vertices: np.ndarray, name: str) -> np.ndarray:
     if len(vertices) != VERTEX_COUNT:
         raise InputError(
-            f"ICT-FaceKit's {name} has {len(vertices)} vertices, expected {VERTEX_COUNT}; it is truncated."
+            f"ICT-FaceKit's {name} has {len(vertices)} vertices, expected {VERTEX_COUNT}; it "
+            "is truncated."
         )
     return vertices
 
@@ -109,10 +119,13 @@ def _landmarks(content: bytes) -> np.ndarray:
     data = decode_json(content)
     indices = data.get("idx_to_landmark_verts") if isinstance(data, dict) else None
     if (
-        not isinstance(indices, list) or len(indices) != LANDMARK_COUNT
+        not isinstance(indices, list)
+        or len(indices) != LANDMARK_COUNT
         or not all(type(index) is int and 0 <= index < VERTEX_COUNT for index in indices)
-    ):  # fmt: skip
-        raise ValueError(f"{LANDMARKS} has no list idx_to_landmark_verts of {LANDMARK_COUNT} vertices")
+    ):
+        raise ValueError(
+            f"{LANDMARKS} has no list idx_to_landmark_verts of {LANDMARK_COUNT} vertices"
+        )
     return np.array(indices)
 
 
@@ -128,7 +141,9 @@ def _assemble(published: _Published) -> FaceModel:
     centre = neutral[:NARROW_FACE].mean(0)
 
     def basis(files: Iterable[str]) -> np.ndarray:
-        return np.stack([(published.shapes[name] - neutral) * centimetre for name in files]).astype(np.float32)
+        return np.stack([(published.shapes[name] - neutral) * centimetre for name in files]).astype(
+            np.float32
+        )
 
     vertices = ((neutral - centre) * centimetre).astype(np.float32)
     expression_names = tuple(Path(name).stem for name in expression_files)
@@ -138,11 +153,21 @@ def _assemble(published: _Published) -> FaceModel:
     mean, albedo = _albedo(vertices, polygons, part)
     landmarks = published.landmarks
     return FaceModel(
-        name="ICT-FaceKit", license=LICENSE, source=SOURCE,
-        vertices=vertices, polygons=polygons, polygon_uvs=polygon_uvs, polygon_part=part, uvs=uvs,
-        identity_names=tuple(Path(name).stem for name in identity_files), identity_basis=basis(identity_files),
-        expression_names=expression_names, expression_basis=expressions,
-        albedo_mean=mean, albedo_basis=albedo, face_tile=(*_TILES[0][2], _TILES[0][3]),
+        name="ICT-FaceKit",
+        license=LICENSE,
+        source=SOURCE,
+        vertices=vertices,
+        polygons=polygons,
+        polygon_uvs=polygon_uvs,
+        polygon_part=part,
+        uvs=uvs,
+        identity_names=tuple(Path(name).stem for name in identity_files),
+        identity_basis=basis(identity_files),
+        expression_names=expression_names,
+        expression_basis=expressions,
+        albedo_mean=mean,
+        albedo_basis=albedo,
+        face_tile=(*_TILES[0][2], _TILES[0][3]),
         landmarks={
             "ibug68": np.stack([landmarks] * 3 + [np.ones(68), np.zeros(68), np.zeros(68)], axis=1),
             SCHEME: read_table("ict")[0],
@@ -154,11 +179,13 @@ def _assemble(published: _Published) -> FaceModel:
             "eye_left": np.arange(_EYES[0][0], _EYES[0][1], dtype=np.int32),
             "eye_right": np.arange(_EYES[1][0], _EYES[1][1], dtype=np.int32),
         },
-    )  # fmt: skip
+    )
 
 
 def _turn_eyeballs(vertices: np.ndarray, names: tuple[str, ...], basis: np.ndarray) -> None:
-    """Let the eyeballs look where the lids of the eyeLook shapes do; as published, turning them is left to a rig."""
+    """Let the eyeballs look where the lids of the eyeLook shapes do; as published, turning them is
+    left to a rig.
+    """
     for name, rotation in gaze_rotations().items():
         if name not in names:
             continue
@@ -186,8 +213,12 @@ def _parts_and_atlas(texture: np.ndarray, polygon_uvs: np.ndarray) -> tuple[np.n
     return part, uvs
 
 
-def _albedo(vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Skin from melanin and haemoglobin harmonics (the model brings none); fixed colors elsewhere."""
+def _albedo(
+    vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Skin from melanin and haemoglobin harmonics (the model brings none); fixed colors
+    elsewhere.
+    """
     quads = polygons[part == SKIN]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     skin = np.zeros(len(vertices), bool)

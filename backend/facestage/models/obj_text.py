@@ -22,24 +22,36 @@ class Mesh:
 
 
 def parse_vertices(text: bytes, name: str) -> np.ndarray:
-    """(n, 3) float64 positions in their own unit. Raises ValueError, which names the file, for anything else."""
+    """(n, 3) float64 positions in their own unit.
+
+    Raises ValueError, which names the file, for anything else.
+    """
     return _numbers([line[2:] for line in text.split(b"\n") if line.startswith(b"v ")], 3, name)
 
 
 def parse_mesh(text: bytes, name: str) -> Mesh:
-    """The whole mesh. Raises ValueError, which names the file, for a polygon of points that are not there."""
+    """The whole mesh.
+
+    Raises ValueError, which names the file, for a polygon of points that are not there.
+    """
     lines = text.split(b"\n")
     vertices = parse_vertices(text, name)
     texture = _numbers([line[3:] for line in lines if line.startswith(b"vt ")], 2, name)
-    corners = [[corner.split(b"/") for corner in line.split()[1:]] for line in lines if line.startswith(b"f ")]
+    corners = [
+        [corner.split(b"/") for corner in line.split()[1:]]
+        for line in lines
+        if line.startswith(b"f ")
+    ]
     if not all(3 <= len(polygon) <= 4 for polygon in corners):
         raise ValueError(f"{name} has a polygon that is no quad and no triangle")
     if any(len(corner) < 2 for polygon in corners for corner in polygon):
         raise ValueError(f"{name} has a polygon without texture points")
     return Mesh(
-        vertices, texture, _indices([[corner[0] for corner in polygon] for polygon in corners], len(vertices), name),
+        vertices,
+        texture,
+        _indices([[corner[0] for corner in polygon] for polygon in corners], len(vertices), name),
         _indices([[corner[1] for corner in polygon] for polygon in corners], len(texture), name),
-    )  # fmt: skip
+    )
 
 
 def _numbers(lines: list[bytes], columns: int, name: str) -> np.ndarray:

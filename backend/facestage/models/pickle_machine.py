@@ -1,10 +1,12 @@
-"""What a pickle says, kept as data: a machine for the stream's opcodes that looks up no name and calls nothing.
+"""What a pickle says, kept as data: a machine for the stream's opcodes that looks up no name and
+calls nothing.
 
-A pickle is a program: every name in it is looked up and called, and its plain data can be a bomb too (an index of the
-memo that asks for gigabytes, tuples as keys whose hash takes for ever or overflows the stack). Here names and calls
-become records, and every opcode costs what its bytes do.
+A pickle is a program: every name in it is looked up and called, and its plain data can be a bomb
+too (an index of the memo that asks for gigabytes, tuples as keys whose hash takes for ever or
+overflows the stack). Here names and calls become records, and every opcode costs what its bytes do.
 
-Formats: pickle protocols 0 to 5 (PEP 307, PEP 574); the opcodes' arguments are read by Python's own pickletools.
+Formats: pickle protocols 0 to 5 (PEP 307, PEP 574); the opcodes' arguments are read by Python's own
+pickletools.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ class Record:
 def run(content: bytes, is_allowed: Callable[[str], bool]) -> Any:
     """The value that the pickle ``content`` describes, of Python's plain types, Name and Record.
 
-    ``is_allowed`` says whether a full name may occur. Raises ValueError and what damaged bytes make decoders raise.
+    ``is_allowed`` says whether a full name may occur. Raises ValueError and what damaged bytes make
+    decoders raise.
     """
     return _Machine(is_allowed).run(io.BytesIO(content))
 
@@ -154,7 +157,9 @@ class _Machine:
         self._fill(self._since_mark())
 
     def _fill(self, items: list[Any]) -> None:
-        """Put keys and values into the dictionary on the stack; what is set on a record is of no use here."""
+        """Put keys and values into the dictionary on the stack; what is set on a record is of no
+        use here.
+        """
         target = self.stack[-1]
         if isinstance(target, Record):
             return
@@ -235,12 +240,34 @@ def _text_of_python_2(stream: io.BytesIO) -> str:
 
 _OPCODES = {opcode.code.encode("latin-1"): opcode for opcode in pickletools.opcodes}
 _PUSHED = {
-    "INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "STRING", "BINSTRING", "SHORT_BINSTRING",
-    "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "BYTEARRAY8", "UNICODE", "SHORT_BINUNICODE", "BINUNICODE",
-    "BINUNICODE8", "FLOAT", "BINFLOAT",
-}  # fmt: skip
+    "INT",
+    "BININT",
+    "BININT1",
+    "BININT2",
+    "LONG",
+    "LONG1",
+    "LONG4",
+    "STRING",
+    "BINSTRING",
+    "SHORT_BINSTRING",
+    "BINBYTES",
+    "SHORT_BINBYTES",
+    "BINBYTES8",
+    "BYTEARRAY8",
+    "UNICODE",
+    "SHORT_BINUNICODE",
+    "BINUNICODE",
+    "BINUNICODE8",
+    "FLOAT",
+    "BINFLOAT",
+}
 _CONSTANTS: dict[str, Callable[[], Any]] = {
-    "NONE": lambda: None, "NEWTRUE": lambda: True, "NEWFALSE": lambda: False, "EMPTY_LIST": list, "EMPTY_DICT": dict,
-    "EMPTY_TUPLE": tuple, "EMPTY_SET": set,
-}  # fmt: skip
+    "NONE": lambda: None,
+    "NEWTRUE": lambda: True,
+    "NEWFALSE": lambda: False,
+    "EMPTY_LIST": list,
+    "EMPTY_DICT": dict,
+    "EMPTY_TUPLE": tuple,
+    "EMPTY_SET": set,
+}
 _IGNORED = {"PROTO", "FRAME", "READONLY_BUFFER"}

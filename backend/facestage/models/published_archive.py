@@ -1,4 +1,6 @@
-"""The files of a model that is published as a folder or as an archive of one, one after the other."""
+"""The files of a model that is published as a folder or as an archive of one, one after the
+other.
+"""
 
 from __future__ import annotations
 
@@ -14,37 +16,59 @@ from facestage.contract.errors import InputError
 from facestage.contract.reading import MIB, open_regular, read_bytes
 from facestage.models.bounded_stream import PIECE, Pieces, Unpacked
 
-# ICT-FaceKit as published: 27 MB packed, 387 MB unpacked, 157 files of at most 2.7 MB, one of its vertices 0.1 MB.
+# ICT-FaceKit as published: 27 MB packed, 387 MB unpacked, 157 files of at most 2.7 MB, one of its
+# vertices 0.1 MB.
 ARCHIVE_LIMIT, UNPACKED_LIMIT, FILE_LIMIT, COUNT_LIMIT = 1024 * MIB, 1024 * MIB, 8 * MIB, 1000
 _ENTRY_LIMIT = 100_000
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 _DAMAGED = (
-    tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, EOFError, OSError, ValueError, OverflowError,
-    NotImplementedError, RuntimeError,
-)  # fmt: skip
+    tarfile.TarError,
+    zipfile.BadZipFile,
+    lzma.LZMAError,
+    zlib.error,
+    EOFError,
+    OSError,
+    ValueError,
+    OverflowError,
+    NotImplementedError,
+    RuntimeError,
+)
 
 Wanted = Callable[[str], bool]
 
 
-def published_files(path: Path, folder: str, wanted: Wanted, what: str, source: str) -> Iterator[tuple[str, bytes]]:
-    """Names and contents of the wanted files in ``folder`` of an archive or folder ``path``, in its own order.
+def published_files(
+    path: Path, folder: str, wanted: Wanted, what: str, source: str
+) -> Iterator[tuple[str, bytes]]:
+    """Names and contents of the wanted files in ``folder`` of an archive or folder ``path``, in its
+    own order.
 
-    A folder may also be ``folder`` itself. Links are not followed in an archive. ``what`` names the model in messages,
-    ``source`` is where it is from. Raises InputError for what cannot be read, and for more than such a model has.
+    A folder may also be ``folder`` itself. Links are not followed in an archive. ``what`` names the
+    model in messages, ``source`` is where it is from. Raises InputError for what cannot be read,
+    and for more than such a model has.
     """
     count = total = 0
     try:
-        found = _in_folder(path, folder, wanted) if path.is_dir() else _in_archive(path, folder, wanted, what)
+        found = (
+            _in_folder(path, folder, wanted)
+            if path.is_dir()
+            else _in_archive(path, folder, wanted, what)
+        )
         for name, content in found:
             count, total = count + 1, total + len(content)
             if count > COUNT_LIMIT or total > UNPACKED_LIMIT:
-                raise ValueError(f"it has more than {COUNT_LIMIT} files or {UNPACKED_LIMIT // MIB} MiB in {folder}")
+                raise ValueError(
+                    f"it has more than {COUNT_LIMIT} files or {UNPACKED_LIMIT // MIB} MiB in "
+                    f"{folder}"
+                )
             yield name, content
     except InputError:
         raise
     except _DAMAGED as error:
         reason = " ".join(str(error).split()).rstrip(".")[:200] or type(error).__name__
-        raise InputError(f"The {what} '{path}' cannot be read ({reason}); fetch it again from {source}.") from error
+        raise InputError(
+            f"The {what} '{path}' cannot be read ({reason}); fetch it again from {source}."
+        ) from error
 
 
 def _in_folder(path: Path, folder: str, wanted: Wanted) -> Iterator[tuple[str, bytes]]:
@@ -75,10 +99,16 @@ def _in_zip(archive: zipfile.ZipFile, is_wanted: Wanted) -> Iterator[tuple[str, 
         if member.flag_bits & 1:
             raise ValueError("it is encrypted")
         if member.compress_type not in _METHODS:
-            raise ValueError(f"its files are packed by method {member.compress_type}, expected stored or deflated")
+            raise ValueError(
+                f"its files are packed by method {member.compress_type}, expected stored or "
+                "deflated"
+            )
         _check_size(member.filename, member.file_size)
         with archive.open(member) as stream:
-            yield PurePosixPath(member.filename).name, _whole(stream, member.filename, member.file_size)
+            yield (
+                PurePosixPath(member.filename).name,
+                _whole(stream, member.filename, member.file_size),
+            )
 
 
 def _in_tar(stream: Unpacked, is_wanted: Wanted) -> Iterator[tuple[str, bytes]]:
@@ -89,7 +119,9 @@ def _in_tar(stream: Unpacked, is_wanted: Wanted) -> Iterator[tuple[str, bytes]]:
                 return
             # What is skipped may be of any size; a header that follows may not.
             stream.stop = member.offset_data + member.size + PIECE
-            content = archive.extractfile(member) if member.isreg() and is_wanted(member.name) else None
+            content = (
+                archive.extractfile(member) if member.isreg() and is_wanted(member.name) else None
+            )
             if content is not None:
                 _check_size(member.name, member.size)
                 yield PurePosixPath(member.name).name, _whole(content, member.name, member.size)
@@ -100,7 +132,9 @@ def _in_tar(stream: Unpacked, is_wanted: Wanted) -> Iterator[tuple[str, bytes]]:
 
 def _check_size(name: str, size: int) -> None:
     if size > FILE_LIMIT:
-        raise ValueError(f"{name[-100:]} has {size / MIB:.1f} MiB, expected at most {FILE_LIMIT // MIB}")
+        raise ValueError(
+            f"{name[-100:]} has {size / MIB:.1f} MiB, expected at most {FILE_LIMIT // MIB}"
+        )
 
 
 def _whole(stream: IO[bytes], name: str, size: int) -> bytes:

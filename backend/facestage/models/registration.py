@@ -1,8 +1,9 @@
 """The default face laid onto any face mesh: a similarity, shape coefficients, and a smooth rest.
 
-Non-rigid iterative closest points over a morphable model (Amberg, Knothe and Vetter 2008, "Expression Invariant 3D
-Face Recognition with a Morphable Model"): point-to-plane residuals (Chen and Medioni 1992) on neighbours whose normals
-agree, robust weights, more modes as the distances shrink. What the model cannot follow is left to a smooth warp.
+Non-rigid iterative closest points over a morphable model (Amberg, Knothe and Vetter 2008,
+"Expression Invariant 3D Face Recognition with a Morphable Model"): point-to-plane residuals (Chen
+and Medioni 1992) on neighbours whose normals agree, robust weights, more modes as the distances
+shrink. What the model cannot follow is left to a smooth warp.
 """
 
 from __future__ import annotations
@@ -67,12 +68,16 @@ class Registration:
 
     @cached_property
     def median_distance(self) -> float:
-        """Metres on the default face's scale: median distance of its narrow face from the target's surface."""
+        """Metres on the default face's scale: median distance of its narrow face from the target's
+        surface.
+        """
         return self._narrow_distances[0]
 
     @cached_property
     def covered(self) -> float:
-        """Share of the default's narrow face that lies on the target, not over a hole or beyond its edge."""
+        """Share of the default's narrow face that lies on the target, not over a hole or beyond its
+        edge.
+        """
         return self._narrow_distances[1]
 
     @cached_property
@@ -99,15 +104,20 @@ def register(
 ) -> Registration:
     """Lay the default face onto a face mesh.
 
-    model: the default model. vertices (n, 3), triangles (t, 3): the mesh, any unit, any axes, closed or a mask, with
-    or without loose parts. known_points: index of an ibug68 landmark -> its place (3,) on the mesh, as many as are
-    known. focus (n,) bool: the vertices among which the face is, where that is known (those that expressions move).
-    warp: let the face leave its model smoothly for what the coefficients cannot follow. Deterministic.
-    Raises InputError when no face is found.
+    model: the default model. vertices (n, 3), triangles (t, 3): the mesh, any unit, any axes,
+    closed or a mask, with or without loose parts. known_points: index of an ibug68 landmark -> its
+    place (3,) on the mesh, as many as are known. focus (n,) bool: the vertices among which the face
+    is, where that is known (those that expressions move).
+    warp: let the face leave its model smoothly for what the coefficients cannot follow.
+    Deterministic. Raises InputError when no face is found.
     """
-    known = {int(index): np.asarray(point, np.float64) for index, point in (known_points or {}).items()}
+    known = {
+        int(index): np.asarray(point, np.float64) for index, point in (known_points or {}).items()
+    }
     if not np.isfinite(vertices).all():
-        raise InputError("The mesh has vertices at NaN or infinity; repair it, or choose the mesh of a face.")
+        raise InputError(
+            "The mesh has vertices at NaN or infinity; repair it, or choose the mesh of a face."
+        )
     surface = Surface(vertices, main_piece(vertices, triangles, focus))
     wanted = np.ones(len(surface.vertices), bool) if focus is None else np.asarray(focus, bool)
     if not wanted.any():
@@ -118,7 +128,10 @@ def register(
         fit = _fit(source, surface, start, known, _SCHEDULE[:2])
         fits.append((_score(fit), fit))
     if not fits:
-        raise InputError("No face was found on the mesh: it has no vertices on a surface; choose the mesh of a face.")
+        raise InputError(
+            "No face was found on the mesh: it has no vertices on a surface; choose the mesh "
+            "of a face."
+        )
     best = min(fits, key=lambda item: item[0])[1]
     best = _fit(source, best.target, best.similarity, known, _SCHEDULE[2:3], best)
     anchors = _anchors(source, best) | known
@@ -127,28 +140,44 @@ def register(
         # What was taken for the openings of eyes and mouth was something else.
         anchors = known
         best = _fit(source, plain.target, plain.similarity, known, _SCHEDULE[2:], plain)
-    # A head is about a seventh of a body: something much smaller is not a face, however well it fits.
-    tiny = best.similarity.scale * source.height < SMALLEST * np.ptp(surface.vertices[wanted], axis=0).max()
+    # A head is about a seventh of a body: something much smaller is not a face, however well it
+    # fits.
+    tiny = (
+        best.similarity.scale * source.height
+        < SMALLEST * np.ptp(surface.vertices[wanted], axis=0).max()
+    )
     if not known and (tiny or not _found(best)):
         raise InputError(
-            f"No face was found on the mesh: the nearest fit of a face is {best.median_distance * 1e3:.1f} mm off and "
-            f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth corners, chin), or choose "
+            "No face was found on the mesh: the nearest fit of a face is "
+            f"{best.median_distance * 1e3:.1f} mm off and "
+            f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth "
+            "corners, chin), or choose "
             "the mesh of a face."
         )
     return _warped(source, best, anchors) if warp else best
 
 
 def _anchors(source: _Source, fit: Registration) -> dict[int, np.ndarray]:
-    """Landmarks that the openings of the mesh's eyes and mouth show, index -> place (3,) in the target's frame."""
+    """Landmarks that the openings of the mesh's eyes and mouth show, index -> place (3,) in the
+    target's frame.
+    """
     target = fit.target
     mesh = FrontView(fit.similarity.inverse().apply(target.vertices), target.triangles)
     whole = FrontView(fit.shape, fit.model.triangles)
     found = face_features(mesh, whole, source.landmark_points(fit.shape))
-    return {index: fit.similarity.apply(place) for index, place in found.items() if np.isfinite(place).all()}
+    return {
+        index: fit.similarity.apply(place)
+        for index, place in found.items()
+        if np.isfinite(place).all()
+    }
 
 
-def main_piece(vertices: np.ndarray, triangles: np.ndarray, focus: np.ndarray | None = None) -> np.ndarray:
-    """The triangles of the connected piece with the largest area (in focus): the skin, without eyes, teeth, lashes."""
+def main_piece(
+    vertices: np.ndarray, triangles: np.ndarray, focus: np.ndarray | None = None
+) -> np.ndarray:
+    """The triangles of the connected piece with the largest area (in focus): the skin, without
+    eyes, teeth, lashes.
+    """
     triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
     vertices = np.asarray(vertices, np.float64)
     if not len(triangles):
@@ -184,18 +213,28 @@ class _Source:
         area = np.bincount(model.triangles.ravel(), np.repeat(third, 3), len(model.vertices))
         self.share = area[chosen] / area[chosen].mean()
         landmarks = model.landmarks[SCHEME]
-        self._corners, self._corner_weights = landmarks[:, :3].astype(int), landmarks[:, 3:].astype(np.float64)
+        self._corners, self._corner_weights = (
+            landmarks[:, :3].astype(int),
+            landmarks[:, 3:].astype(np.float64),
+        )
 
     def landmark_points(self, shape: np.ndarray) -> np.ndarray:
         """(68, ...) values at the landmarks of vertex values (n, ...)."""
         return np.einsum("mk,mk...->m...", self._corner_weights, shape[self._corners])
 
     def jacobian(self, points: np.ndarray, modes: int, moving: int) -> np.ndarray:
-        """(m, 3, 7 + modes + moving) derivative of points (m, 3) by rotation, translation, log size, coefficients."""
+        """(m, 3, 7 + modes + moving) derivative of points (m, 3) by rotation, translation, log
+        size, coefficients.
+        """
         return _columns(points, self.identity[:modes], self.expression[:moving])
 
     def known_rows(
-        self, shape: np.ndarray, known: Mapping[int, np.ndarray], back: Similarity, modes: int, moving: int
+        self,
+        shape: np.ndarray,
+        known: Mapping[int, np.ndarray],
+        back: Similarity,
+        modes: int,
+        moving: int,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rows (3 m, p) and residuals (3 m,) that pull landmarks to their known places."""
         order = sorted(known)
@@ -213,7 +252,9 @@ class _Source:
 def _columns(points: np.ndarray, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
     x, y, z = points.T
     zero = np.zeros_like(x)
-    turn = np.stack([np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1)
+    turn = np.stack(
+        [np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1
+    )
     shift = np.broadcast_to(np.eye(3), (len(points), 3, 3))
     bases = [basis.transpose(1, 2, 0) for basis in (identity, expression)]
     return np.concatenate([turn, shift, points[:, :, None], *bases], axis=2)
@@ -222,7 +263,9 @@ def _columns(points: np.ndarray, identity: np.ndarray, expression: np.ndarray) -
 def _starts(
     source: _Source, surface: Surface, known: Mapping[int, np.ndarray], focus: np.ndarray
 ) -> list[tuple[float, Similarity]]:
-    """Similarities to start from: that of the known points when they fix one, else the best guesses."""
+    """Similarities to start from: that of the known points when they fix one, else the best
+    guesses.
+    """
     if len(known) >= 3:
         order = sorted(known)
         ours = source.landmark_points(source.model.vertices.astype(np.float64))[order]
@@ -251,19 +294,30 @@ def _fit(
     alpha = np.zeros(len(model.identity_names)) if previous is None else previous.identity.copy()
     beta = np.zeros(len(model.expression_names)) if previous is None else previous.expression.copy()
     turned = previous is not None and not previous.right_side_out
-    if previous is None and _inside_out(surface, similarity, source.mean, source.normals[source.index]):
+    if previous is None and _inside_out(
+        surface, similarity, source.mean, source.normals[source.index]
+    ):
         surface, turned = surface.flipped(), True
     for modes, with_expression, spread, steps in schedule:
         modes, moving = min(modes, len(alpha)), len(beta) if with_expression else 0
-        prior = np.concatenate([np.full(7, 1e-6), np.ones(modes), np.full(moving, _EXPRESSION_SPREAD**-2)])
+        prior = np.concatenate(
+            [np.full(7, 1e-6), np.ones(modes), np.full(moving, _EXPRESSION_SPREAD**-2)]
+        )
         for _ in range(steps):
             full = model.shape(alpha, beta).astype(np.float64)
             points = full[source.index]
             normals = vertex_normals(full, model.triangles)[source.index]
-            nearest = surface.nearest(similarity.apply(points), normals @ similarity.rotation.T, _COSINE)
+            nearest = surface.nearest(
+                similarity.apply(points), normals @ similarity.rotation.T, _COSINE
+            )
             back = similarity.inverse()
             gap = np.where(np.isfinite(nearest.distance), nearest.distance, 0.0) / similarity.scale
-            trust = source.share * np.isfinite(nearest.distance) * (gap < 6 * spread) * ~nearest.boundary
+            trust = (
+                source.share
+                * np.isfinite(nearest.distance)
+                * (gap < 6 * spread)
+                * ~nearest.boundary
+            )
             trust = trust / (1 + (gap / spread) ** 2) ** 2 / (_NOISE**2 * _CORRELATED)
             toward = back.apply(nearest.point) - points
             J = source.jacobian(points, modes, moving)
@@ -271,7 +325,8 @@ def _fit(
             offset = np.einsum("mc,mc->m", nearest.normal @ similarity.rotation, toward)
             matrix = (planes * trust[:, None]).T @ planes
             right = (planes * trust[:, None]).T @ offset
-            # Every fourth point also holds on to where it is, weakly, so that nothing slides along a flat cheek.
+            # Every fourth point also holds on to where it is, weakly, so that nothing slides along
+            # a flat cheek.
             some = slice(None, None, 4)
             weak = np.repeat(4 * _TANGENTIAL**2 * trust[some], 3)
             rows = J[some].reshape(-1, J.shape[2])
@@ -292,14 +347,21 @@ def _fit(
 
 
 def _moved(similarity: Similarity, step: np.ndarray) -> Similarity:
-    """The similarity after turning by step[:3], shifting by step[3:6] and growing by step[6] in the source frame."""
-    turn, grow = rotation_of(np.clip(step[:3], -0.3, 0.3)), float(np.exp(np.clip(step[6], -0.15, 0.15)))
+    """The similarity after turning by step[:3], shifting by step[3:6] and growing by step[6] in the
+    source frame.
+    """
+    turn, grow = (
+        rotation_of(np.clip(step[:3], -0.3, 0.3)),
+        float(np.exp(np.clip(step[6], -0.15, 0.15))),
+    )
     rotation = similarity.rotation @ turn
     shift = similarity.scale * similarity.rotation @ step[3:6]
     return Similarity(similarity.scale * grow, rotation, similarity.translation + shift)
 
 
-def _inside_out(surface: Surface, similarity: Similarity, points: np.ndarray, normals: np.ndarray) -> bool:
+def _inside_out(
+    surface: Surface, similarity: Similarity, points: np.ndarray, normals: np.ndarray
+) -> bool:
     """Whether the surface's triangles face away from the face that lies on it."""
     nearest = surface.nearest(similarity.apply(points))
     cosine = np.einsum("mc,mc->m", nearest.normal, normals @ similarity.rotation.T)
@@ -307,13 +369,17 @@ def _inside_out(surface: Surface, similarity: Similarity, points: np.ndarray, no
 
 
 def _warped(source: _Source, fit: Registration, known: Mapping[int, np.ndarray]) -> Registration:
-    """The registration with offsets that bring its known landmarks to their places, and its surface onto the mesh."""
+    """The registration with offsets that bring its known landmarks to their places, and its surface
+    onto the mesh.
+    """
     back = fit.similarity.inverse()
     for _ in range(_WARP_STEPS):
         shape = fit.shape
         chosen = source.index[:: max(1, len(source.index) // _WARP_POINTS)]
         normals = vertex_normals(shape, fit.model.triangles)[chosen]
-        nearest = fit.target.nearest(fit.similarity.apply(shape[chosen]), normals @ fit.similarity.rotation.T, _COSINE)
+        nearest = fit.target.nearest(
+            fit.similarity.apply(shape[chosen]), normals @ fit.similarity.rotation.T, _COSINE
+        )
         held = ~nearest.boundary & (nearest.distance < _WARP_REACH * fit.similarity.scale)
         points, noise = shape[chosen[held]], np.full(held.sum(), 0.5)
         toward = back.apply(nearest.point[held]) - points
@@ -321,7 +387,9 @@ def _warped(source: _Source, fit: Registration, known: Mapping[int, np.ndarray])
             order = sorted(known)
             marks = source.landmark_points(shape)[order]
             points = np.concatenate([points, marks])
-            toward = np.concatenate([toward, back.apply(np.stack([known[index] for index in order])) - marks])
+            toward = np.concatenate(
+                [toward, back.apply(np.stack([known[index] for index in order])) - marks]
+            )
             noise = np.concatenate([noise, np.full(len(order), 0.05)])
         offsets = smooth_displacement(points, toward, noise, shape, _WARP_REACH)
         fit = replace(fit, offsets=fit.offsets + offsets)

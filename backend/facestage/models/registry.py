@@ -19,9 +19,14 @@ from facestage.folders import cache_folder
 CACHE_VERSION = 1
 # What loaders look for beside a model, and what a model's own file is called in a folder.
 _BESIDE = (
-    "landmark_embedding.npy", "flame_static_embedding.pkl", "FLAME_texture.npz", "flame_texture.npz",
-    "albedoModel2020_FLAME_albedoPart.npz", "head_sparse_68.txt", "../../landmarks/head_sparse_68.txt",
-)  # fmt: skip
+    "landmark_embedding.npy",
+    "flame_static_embedding.pkl",
+    "FLAME_texture.npz",
+    "flame_texture.npz",
+    "albedoModel2020_FLAME_albedoPart.npz",
+    "head_sparse_68.txt",
+    "../../landmarks/head_sparse_68.txt",
+)
 _MODEL_SUFFIXES = (".pkl", ".npz", ".mat", ".h5")
 KINDS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 
@@ -33,7 +38,13 @@ def load_model(specification: str) -> FaceModel:
         return _cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
         return FaceModel.load(_path(argument))
-    loaders = {"ict": _load_ict, "flame": _load_flame, "bfm": _load_bfm, "gnm": _load_gnm, "rig": _load_rig}
+    loaders = {
+        "ict": _load_ict,
+        "flame": _load_flame,
+        "bfm": _load_bfm,
+        "gnm": _load_gnm,
+        "rig": _load_rig,
+    }
     if kind in loaders and argument:
         path = _path(argument)
         key = f"{path}|{_fingerprint(path)}|{_source_fingerprint()}"
@@ -48,16 +59,22 @@ def _path(text: str) -> Path:
         return path.resolve()
     # A loop of links.
     except (RuntimeError, OSError) as error:
-        raise InputError(f"The path {quoted(text)} of the face model cannot be used: {error}.") from error
+        raise InputError(
+            f"The path {quoted(text)} of the face model cannot be used: {error}."
+        ) from error
 
 
 def _converted(load: Callable[[Path], FaceModel], path: Path) -> FaceModel:
-    """The model of a foreign file. Its parts may be as published and its numbers still be no face's."""
+    """The model of a foreign file.
+
+    Its parts may be as published and its numbers still be no face's.
+    """
     try:
         return load(path)
     except (ValueError, ArithmeticError, LookupError, TypeError) as error:
         raise InputError(
-            f"The face model '{path}' is damaged, its numbers are no face's ({_short(error)}); fetch it again."
+            f"The face model '{path}' is damaged, its numbers are no face's ({_short(error)}); "
+            "fetch it again."
         ) from error
 
 
@@ -102,7 +119,9 @@ def _load_gnm(path: Path) -> FaceModel:
 
 
 def _fingerprint(path: Path) -> str:
-    """Changes when the file, or a file that its loader looks for beside it, or the folder's first level changes."""
+    """Changes when the file, or a file that its loader looks for beside it, or the folder's first
+    level changes.
+    """
     # What cannot be looked at is the loader's to name.
     try:
         items = sorted(path.iterdir()) if path.is_dir() else None

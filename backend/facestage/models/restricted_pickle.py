@@ -1,11 +1,13 @@
 """Arrays out of pickles that others published, without letting the pickle call anything.
 
-The machine of facestage.models.pickle_machine keeps what the pickle says as records; the few names that containers of
-arrays need may occur in them. Nothing of numpy, scipy, chumpy or torch runs while the pickle is read; the arrays are
-put together afterwards from their checked type, shape and bytes.
+The machine of facestage.models.pickle_machine keeps what the pickle says as records; the few names
+that containers of arrays need may occur in them. Nothing of numpy, scipy, chumpy or torch runs
+while the pickle is read; the arrays are put together afterwards from their checked type, shape and
+bytes.
 
-Formats: pickle protocols 0 to 5 (PEP 307, PEP 574); numpy's ``ndarray.__reduce__`` and .npy version 1 to 3
-(numpy.lib.format); scipy.sparse matrices by their ``__dict__``; chumpy's Ch keeps its array under "x".
+Formats: pickle protocols 0 to 5 (PEP 307, PEP 574); numpy's ``ndarray.__reduce__`` and .npy version
+1 to 3 (numpy.lib.format); scipy.sparse matrices by their ``__dict__``; chumpy's Ch keeps its array
+under "x".
 """
 
 from __future__ import annotations
@@ -24,32 +26,58 @@ from facestage.contract.reading import MIB, read_bytes
 from facestage.models.pickle_machine import ENCODE, Name, Record, run
 from facestage.models.published_file import PICKLE_LIMIT
 
-# A record can be used many times, so that what is made of it is limited too: bytes of all arrays, and numbers and
-# objects of all that the dictionary holds when what is shared is counted each time. FLAME has 60 MB and 7 million.
+# A record can be used many times, so that what is made of it is limited too: bytes of all arrays,
+# and numbers and objects of all that the dictionary holds when what is shared is counted each time.
+# FLAME has 60 MB and 7 million.
 ARRAY_BYTES, ITEM_LIMIT = 512 * MIB, 64_000_000
 _DEPTH = 100
-_NUMPY = ("numpy.core.multiarray", "numpy._core.multiarray", "numpy.core.numeric", "numpy._core.numeric")
+_NUMPY = (
+    "numpy.core.multiarray",
+    "numpy._core.multiarray",
+    "numpy.core.numeric",
+    "numpy._core.numeric",
+)
 _SPARSE = re.compile(r"scipy\.sparse(\._?(csc|csr|coo))?\.(csc|csr|coo)_(matrix|array)")
-# Python 2 wrote copy_reg and __builtin__; torch's tensors lie in some landmark files and are never looked into.
+# Python 2 wrote copy_reg and __builtin__; torch's tensors lie in some landmark files and are never
+# looked into.
 _ALLOWED = {
-    *(f"{module}.{name}" for module in _NUMPY for name in ("_reconstruct", "scalar", "_frombuffer")),
-    "numpy.ndarray", "numpy.dtype", "chumpy.ch.Ch", "chumpy.Ch", ENCODE, "collections.OrderedDict",
-    "copy_reg._reconstructor", "copyreg._reconstructor", "__builtin__.object", "builtins.object",
-    "__builtin__.bytes", "builtins.bytes", "__builtin__.set", "builtins.set",
-    "torch._utils._rebuild_tensor_v2", "torch.storage._load_from_bytes",
-}  # fmt: skip
+    *(
+        f"{module}.{name}"
+        for module in _NUMPY
+        for name in ("_reconstruct", "scalar", "_frombuffer")
+    ),
+    "numpy.ndarray",
+    "numpy.dtype",
+    "chumpy.ch.Ch",
+    "chumpy.Ch",
+    ENCODE,
+    "collections.OrderedDict",
+    "copy_reg._reconstructor",
+    "copyreg._reconstructor",
+    "__builtin__.object",
+    "builtins.object",
+    "__builtin__.bytes",
+    "builtins.bytes",
+    "__builtin__.set",
+    "builtins.set",
+    "torch._utils._rebuild_tensor_v2",
+    "torch.storage._load_from_bytes",
+}
 _PLAIN_TYPE = re.compile(r"[iufb][1248]")
 
 
 def read_pickle(path: Path, what: str) -> dict[str, Any]:
-    """The dictionary in a pickle or in an .npy of one object: arrays, sparse matrices, numbers, text, lists.
+    """The dictionary in a pickle or in an .npy of one object: arrays, sparse matrices, numbers,
+    text, lists.
 
-    Raises InputError, having executed nothing, when the file is no pickle, asks for anything but arrays, or does not
-    hold a dictionary. ``what`` names the file in messages.
+    Raises InputError, having executed nothing, when the file is no pickle, asks for anything but
+    arrays, or does not hold a dictionary. ``what`` names the file in messages.
     """
     content = read_bytes(Path(path), what, PICKLE_LIMIT)
     if content[:200].lstrip().lower().startswith((b"<!doctype", b"<html", b"<?xml")):
-        raise InputError(f"The {what} '{path}' is a web page, not the file; log in there and download it again.")
+        raise InputError(
+            f"The {what} '{path}' is a web page, not the file; log in there and download it again."
+        )
     try:
         data = _Resolver().resolve(run(_pickled(content), _is_allowed))
     # Whatever a damaged or hostile stream makes the reader raise, its answer is the same sentence.
@@ -60,7 +88,9 @@ def read_pickle(path: Path, what: str) -> dict[str, Any]:
             "nothing in it was executed."
         ) from error
     if not isinstance(data, dict):
-        raise InputError(f"The {what} '{path}' holds a {type(data).__name__}, expected a dictionary of arrays.")
+        raise InputError(
+            f"The {what} '{path}' holds a {type(data).__name__}, expected a dictionary of arrays."
+        )
     return {str(key): value for key, value in data.items()}
 
 
@@ -74,7 +104,11 @@ def _pickled(content: bytes) -> bytes:
         return content
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    read = (
+        np.lib.format.read_array_header_1_0
+        if version == (1, 0)
+        else np.lib.format.read_array_header_2_0
+    )
     _, _, dtype = read(stream)
     if not dtype.hasobject:
         raise ValueError("it holds a single array")
@@ -82,10 +116,13 @@ def _pickled(content: bytes) -> bytes:
 
 
 class _Resolver:
-    """Turns records into arrays, each once however often it is used; a record that stands for none stays one."""
+    """Turns records into arrays, each once however often it is used; a record that stands for none
+    stays one.
+    """
 
     def __init__(self) -> None:
-        # By identity: the value, what it became, and how many items that is when everything shared is written out.
+        # By identity: the value, what it became, and how many items that is when everything shared
+        # is written out.
         self.done: dict[int, tuple[Any, Any, int]] = {}
         self.open: set[int] = set()
         self.left = ARRAY_BYTES
@@ -117,7 +154,9 @@ class _Resolver:
             return result, math.prod(result.shape) if sparse.issparse(result) else size
         if isinstance(value, dict):
             pairs = [(key, self._visit(item)) for key, item in value.items()]
-            return {key: result for key, (result, _) in pairs}, 1 + sum(items for _, (_, items) in pairs)
+            return {key: result for key, (result, _) in pairs}, 1 + sum(
+                items for _, (_, items) in pairs
+            )
         found = [self._visit(item) for item in value]
         return type(value)(result for result, _ in found), 1 + sum(items for _, items in found)
 
@@ -176,14 +215,19 @@ class _Resolver:
 def _sparse(name: str, state: dict[str, Any]) -> sparse.csc_matrix:
     kind = name.rpartition(".")[2][:3]
     shape = tuple(int(extent) for extent in state.get("_shape", state.get("shape", ())))
-    # Written out, as whoever uses it does; an empty matrix has no more rows or columns than any other.
+    # Written out, as whoever uses it does; an empty matrix has no more rows or columns than any
+    # other.
     if len(shape) != 2 or min(shape) < 0 or max(*shape, math.prod(shape)) > ITEM_LIMIT:
         raise ValueError(f"it holds a sparse matrix of shape {str(shape)[:80]}")
     if kind == "coo":
         coordinates = state["coords"] if "coords" in state else (state["row"], state["col"])
         row, column = (_vector(part, "iu") for part in coordinates)
         return sparse.coo_matrix((_vector(state["data"], "iufb"), (row, column)), shape).tocsc()
-    parts = (_vector(state["data"], "iufb"), _vector(state["indices"], "iu"), _vector(state["indptr"], "iu"))
+    parts = (
+        _vector(state["data"], "iufb"),
+        _vector(state["indices"], "iu"),
+        _vector(state["indptr"], "iu"),
+    )
     matrix = (sparse.csc_matrix if kind == "csc" else sparse.csr_matrix)(parts, shape)
     # The compiled loops trust the indices.
     matrix.check_format(full_check=True)

@@ -8,12 +8,18 @@ from scipy.spatial.distance import cdist
 
 
 def smooth_displacement(
-    points: np.ndarray, displacement: np.ndarray, noise: np.ndarray, queries: np.ndarray, reach: float
+    points: np.ndarray,
+    displacement: np.ndarray,
+    noise: np.ndarray,
+    queries: np.ndarray,
+    reach: float,
 ) -> np.ndarray:
-    """(q, 3) displacement at queries (q, 3) from those (m, 3) at points (m, 3): the mean of a Gaussian process.
+    """(q, 3) displacement at queries (q, 3) from those (m, 3) at points (m, 3): the mean of a
+    Gaussian process.
 
-    noise (m,): standard deviation of each given displacement over that of the process; reach: the distance, in the
-    points' unit, over which displacements resemble each other. Far from every point the displacement fades to 0.
+    noise (m,): standard deviation of each given displacement over that of the process; reach: the
+    distance, in the points' unit, over which displacements resemble each other. Far from every
+    point the displacement fades to 0.
     """
     if not len(points):
         return np.zeros((len(queries), 3))

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from facestage.contract.errors import InputError
 
-# Samples of the whole surface: enough that a nearest sample lies on, or beside, the nearest triangle.
+# Samples of the whole surface: enough that a nearest sample lies on, or beside, the nearest
+# triangle.
 SAMPLES = 60_000
 _MAX_SUBDIVISION = 24
 _CANDIDATES = 10
@@ -19,7 +20,9 @@ _CANDIDATES = 10
 
 @dataclass(frozen=True)
 class Nearest:
-    """Nearest points of m queries; ``distance`` is infinite where no triangle agreed with the query's normal."""
+    """Nearest points of m queries; ``distance`` is infinite where no triangle agreed with the
+    query's normal.
+    """
 
     triangle: np.ndarray  # (m,) int
     weights: np.ndarray  # (m, 3) barycentric
@@ -30,7 +33,9 @@ class Nearest:
 
 
 class Surface:
-    """Triangles (t, 3) over vertices (n, 3), any unit and frame; degenerate triangles are left out."""
+    """Triangles (t, 3) over vertices (n, 3), any unit and frame; degenerate triangles are left
+    out.
+    """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self.vertices = np.asarray(vertices, np.float64)
@@ -39,14 +44,19 @@ class Surface:
         size = float(np.ptp(self.vertices, axis=0).max()) if len(self.vertices) else 0.0
         kept = area > 1e-14 * size**2
         if not kept.any() or not np.isfinite(size):
-            raise InputError("The mesh has no surface: expected triangles with an area; choose the mesh of a face.")
+            raise InputError(
+                "The mesh has no surface: expected triangles with an area; choose the mesh of "
+                "a face."
+            )
         self.triangles, self.normal, self.area = triangles[kept], normal[kept], area[kept]
         self.open_edge = _open_edges(self.vertices, self.triangles)
         self.sample_triangle, self.sample = self._samples()
         self.tree = cKDTree(self.sample)
 
     def _samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Centres of the small triangles that each triangle is split into, so that all are of similar extent."""
+        """Centres of the small triangles that each triangle is split into, so that all are of
+        similar extent.
+        """
         corners = self.vertices[self.triangles]
         longest = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1))
         spacing = np.sqrt(2.0 * self.area.sum() / SAMPLES)
@@ -59,8 +69,12 @@ class Surface:
             owner.append(np.repeat(chosen, len(weights)))
         return np.concatenate(owner), np.concatenate(points)
 
-    def nearest(self, points: np.ndarray, normals: np.ndarray | None = None, cosine: float = 0.5) -> Nearest:
-        """Nearest point of each query (m, 3), among triangles whose normal agrees with ``normals`` when given."""
+    def nearest(
+        self, points: np.ndarray, normals: np.ndarray | None = None, cosine: float = 0.5
+    ) -> Nearest:
+        """Nearest point of each query (m, 3), among triangles whose normal agrees with ``normals``
+        when given.
+        """
         points = np.asarray(points, np.float64)
         candidates = min(_CANDIDATES if normals is None else 2 * _CANDIDATES, len(self.sample))
         _, found = self.tree.query(points, k=candidates)
@@ -76,7 +90,9 @@ class Surface:
         triangle, weights = triangle[row, best], weights[row, best]
         # On edge k, opposite corner k, the weight of corner k is 0.
         boundary = (self.open_edge[triangle] & (weights < 1e-6)).any(axis=1)
-        return Nearest(triangle, weights, foot[row, best], self.normal[triangle], distance[row, best], boundary)
+        return Nearest(
+            triangle, weights, foot[row, best], self.normal[triangle], distance[row, best], boundary
+        )
 
     def flipped(self) -> Surface:
         """The same surface with its inside out."""
@@ -97,12 +113,16 @@ def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     total = np.zeros((len(vertices), 3))
     for axis in range(3):
         for corner in range(3):
-            total[:, axis] += np.bincount(triangles[:, corner], normal[:, axis] * area, len(vertices))
+            total[:, axis] += np.bincount(
+                triangles[:, corner], normal[:, axis] * area, len(vertices)
+            )
     return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
 
 
 def closest_weights(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric weights (..., 3) of the point of each triangle (..., 3, 3) that is nearest to a point (..., 3)."""
+    """Barycentric weights (..., 3) of the point of each triangle (..., 3, 3) that is nearest to a
+    point (..., 3).
+    """
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
     u, v, w = b - a, c - a, points - a
     uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)

@@ -1,4 +1,6 @@
-"""What the default model knows of its face, carried over to another mesh that it was registered to."""
+"""What the default model knows of its face, carried over to another mesh that it was registered
+to.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ _COSINE = 0.2
 _REGIONS = ("narrow_face", "face")
 _REGION_REACH = 8e-3  # metres on the default face
 _PIECE_REACH = 15e-3
-_SKIN_SHARE = 0.05  # of the main piece's area: a smaller loose piece over the skin is a lash, a brow or a tear line
+# of the main piece's area: a smaller loose piece over the skin is a lash, a brow or a tear line
+_SKIN_SHARE = 0.05
 
 
 def transfer_landmarks(
@@ -25,11 +28,12 @@ def transfer_landmarks(
     known_points: Mapping[int, np.ndarray] | None = None,
     focus: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
-    """Landmark tables of a face mesh (see FaceModel.landmarks) for every scheme that the default model has.
+    """Landmark tables of a face mesh (see FaceModel.landmarks) for every scheme that the default
+    model has.
 
     vertices (n, 3) and triangles (t, 3): the mesh, any unit and axes. known_points, focus: see
-    :func:`facestage.models.registration.register`. Returns scheme -> (m, 6) float64: three vertex indices and their
-    barycentric weights. Raises InputError when no face is found.
+    :func:`facestage.models.registration.register`. Returns scheme -> (m, 6) float64: three vertex
+    indices and their barycentric weights. Raises InputError when no face is found.
     """
     fit = register(load_model("default"), vertices, triangles, known_points, focus)
     return landmark_tables(fit, vertices, triangles, known_points)
@@ -41,7 +45,8 @@ def landmark_tables(
     triangles: np.ndarray,
     known_points: Mapping[int, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """The default model's landmark tables on the mesh (vertices, triangles) that ``fit`` was made for.
+    """The default model's landmark tables on the mesh (vertices, triangles) that ``fit`` was made
+    for.
 
     The mesh may have more loose parts than the fit looked at, such as eyeballs.
     """
@@ -62,14 +67,18 @@ def landmark_tables(
             usable[list(known_points or ())] = False
         triangle = np.where(usable, near.triangle, any_side.triangle)
         place = np.where(usable[:, None], near.weights, any_side.weights)
-        tables[scheme] = np.concatenate([surface.triangles[triangle], np.clip(place, 0.0, 1.0)], axis=1)
+        tables[scheme] = np.concatenate(
+            [surface.triangles[triangle], np.clip(place, 0.0, 1.0)], axis=1
+        )
     return tables
 
 
 def region_vertices(
     fit: Registration, vertices: np.ndarray, triangles: np.ndarray, on_skin: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Region -> (r,) int32 vertices of the mesh that lie on that region of the default face; on_skin (n,) bool."""
+    """Region -> (r,) int32 vertices of the mesh that lie on that region of the default face;
+    on_skin (n,) bool.
+    """
     model = fit.model
     surface = Surface(fit.shape, model.triangles)
     back = fit.similarity.inverse().apply(vertices)
@@ -79,13 +88,19 @@ def region_vertices(
     for name in _REGIONS:
         inside = np.zeros(len(model.vertices), bool)
         inside[model.regions[name]] = True
-        there = inside[surface.triangles[nearest.triangle]].all(axis=1) & (nearest.distance < _REGION_REACH)
+        there = inside[surface.triangles[nearest.triangle]].all(axis=1) & (
+            nearest.distance < _REGION_REACH
+        )
         regions[name] = np.flatnonzero(there & on_skin).astype(np.int32)
     return regions
 
 
-def parts_of_pieces(fit: Registration, vertices: np.ndarray, triangles: np.ndarray, piece: np.ndarray) -> np.ndarray:
-    """(pieces,) uint8 part of every connected piece (n,) of a mesh, by what the default face has in its place."""
+def parts_of_pieces(
+    fit: Registration, vertices: np.ndarray, triangles: np.ndarray, piece: np.ndarray
+) -> np.ndarray:
+    """(pieces,) uint8 part of every connected piece (n,) of a mesh, by what the default face has in
+    its place.
+    """
     model = fit.model
     part_of = np.full(len(model.vertices), SKIN, np.uint8)
     part_of[model.triangles] = model.triangle_part[:, None]

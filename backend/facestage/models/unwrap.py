@@ -1,10 +1,12 @@
-"""UV coordinates for a mesh that has none: every loose piece becomes a chart that does not overlap itself.
+"""UV coordinates for a mesh that has none: every loose piece becomes a chart that does not overlap
+itself.
 
-The largest piece, the skin, is laid on a disc: cut open along the back of the head where it goes all the way round,
-its holes filled, its border put on a circle, and everything else at the mean value coordinates of its neighbors.
-With a convex border and positive weights no triangle turns over (Tutte 1963, "How to Draw a Graph"; Floater 2003,
-"Mean Value Coordinates", theorem 1), and they stay positive while they are changed for less stretch. Other pieces
-(eyeballs) are seen from the front, by their angle to the axis.
+The largest piece, the skin, is laid on a disc: cut open along the back of the head where it goes
+all the way round, its holes filled, its border put on a circle, and everything else at the mean
+value coordinates of its neighbors. With a convex border and positive weights no triangle turns over
+(Tutte 1963, "How to Draw a Graph"; Floater 2003, "Mean Value Coordinates", theorem 1), and they
+stay positive while they are changed for less stretch. Other pieces (eyeballs) are seen from the
+front, by their angle to the axis.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from scipy.sparse.linalg import splu
 SKIN_TILE = (0.125, 0.25, 0.75)
 _SMALL_STRIP = 0.25
 _MARGIN = 0.01
-# Of Yoshizawa, Belyaev and Seidel 2004, "A fast and simple stretch-minimizing mesh parameterization".
+# Of Yoshizawa, Belyaev and Seidel 2004, "A fast and simple stretch-minimizing mesh
+# parameterization".
 STRETCH_STEPS = 2
 # Share of the area that must look backwards for a piece to count as going all the way round.
 _BACK_SHARE = 0.15
@@ -36,10 +39,11 @@ class _Cut:
 
 
 def unwrap(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """UV points (u, 2) float32 in 0..1 and their triangles (t, 3) int32, row for row with ``triangles``.
+    """UV points (u, 2) float32 in 0..1 and their triangles (t, 3) int32, row for row with
+    ``triangles``.
 
-    vertices (n, 3) in the model frame (+Y up, looking along +Z), triangles (t, 3) int, counter-clockwise from
-    outside. Up in the texture is up on the face.
+    vertices (n, 3) in the model frame (+Y up, looking along +Z), triangles (t, 3) int,
+    counter-clockwise from outside. Up in the texture is up on the face.
     """
     vertices = np.asarray(vertices, np.float64)
     piece = _pieces(len(vertices), triangles)[triangles[:, 0]]
@@ -66,7 +70,8 @@ def unwrap(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 def unwrap_disc(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One connected piece on a disc in the unit square: points (p, 2) and triangles (t, 3) of them.
 
-    A piece that is no disc even when cut (a handle, more than two triangles at an edge) is seen from the front.
+    A piece that is no disc even when cut (a handle, more than two triangles at an edge) is seen
+    from the front.
     """
     mesh = _cut_open(triangles, np.zeros((0, 2), int))
     if _goes_round(vertices, triangles) or not mesh.loops:
@@ -88,7 +93,9 @@ def flipped(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _pieces(count: int, triangles: np.ndarray) -> np.ndarray:
     """(n,) label of the connected piece of each vertex."""
     row, column = triangles[:, [0, 1]].ravel(), triangles[:, [1, 2]].ravel()
-    return connected_components(sparse.coo_matrix((np.ones(len(row)), (row, column)), (count, count)), False)[1]
+    return connected_components(
+        sparse.coo_matrix((np.ones(len(row)), (row, column)), (count, count)), False
+    )[1]
 
 
 def _cut_open(triangles: np.ndarray, seam: np.ndarray) -> _Cut:
@@ -103,19 +110,24 @@ def _cut_open(triangles: np.ndarray, seam: np.ndarray) -> _Cut:
     unique, at, uses = np.unique(key[key_order], return_index=True, return_counts=True)
     pair = at[(uses == 2) & ~np.isin(unique, cut[:, 0] * count + cut[:, 1])]
     one, other = key_order[pair], key_order[pair + 1]
-    # Two triangles of the same direction along an edge do not face the same way: they are not joined.
+    # Two triangles of the same direction along an edge do not face the same way: they are not
+    # joined.
     good = start[one] == end[other]
     one, other = one[good], other[good]
     row = np.concatenate([first[one], second[one]])
     column = np.concatenate([second[other], first[other]])
     size = triangles.size
-    _, point = connected_components(sparse.coo_matrix((np.ones(len(row)), (row, column)), (size, size)), False)
+    _, point = connected_components(
+        sparse.coo_matrix((np.ones(len(row)), (row, column)), (size, size)), False
+    )
     _, example = np.unique(point, return_index=True)
     faces = point.reshape(triangles.shape)
     inner = np.zeros(size, bool)
     inner[one] = inner[other] = True
     border = ~inner
-    return _Cut(faces, triangles.ravel()[example], _walks(point[first[border]], point[second[border]]))
+    return _Cut(
+        faces, triangles.ravel()[example], _walks(point[first[border]], point[second[border]])
+    )
 
 
 def _walks(start: np.ndarray, end: np.ndarray) -> list[np.ndarray]:
@@ -134,16 +146,26 @@ def _walks(start: np.ndarray, end: np.ndarray) -> list[np.ndarray]:
 
 def _is_disc(mesh: _Cut) -> bool:
     """Whether filling all borders but one leaves a disc."""
-    edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
+    edges = np.sort(
+        np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]),
+        axis=1,
+    )
     euler = len(mesh.vertex) - len(np.unique(edges, axis=0)) + len(mesh.faces)
     whole = len(np.unique(_pieces(len(mesh.vertex), mesh.faces))) == 1
-    return bool(mesh.loops) and whole and euler + len(mesh.loops) == 2 and min(map(len, mesh.loops)) >= 3
+    return (
+        bool(mesh.loops)
+        and whole
+        and euler + len(mesh.loops) == 2
+        and min(map(len, mesh.loops)) >= 3
+    )
 
 
 def _goes_round(vertices: np.ndarray, triangles: np.ndarray) -> bool:
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
-    return bool(np.clip(-normal[:, 2], 0, None).sum() > _BACK_SHARE * np.linalg.norm(normal, axis=1).sum())
+    return bool(
+        np.clip(-normal[:, 2], 0, None).sum() > _BACK_SHARE * np.linalg.norm(normal, axis=1).sum()
+    )
 
 
 def _seam(vertices: np.ndarray, triangles: np.ndarray, mesh: _Cut) -> np.ndarray:
@@ -160,7 +182,11 @@ def _seam(vertices: np.ndarray, triangles: np.ndarray, mesh: _Cut) -> np.ndarray
         low = border[np.argmax(backness[rank])]
     crown = used[np.argmax(y - np.abs(x))]
     edges = np.unique(
-        np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
+        np.sort(
+            np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]),
+            axis=1,
+        ),
+        axis=0,
     )
     # The path keeps to the back and to the middle.
     cost = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) / size
@@ -180,7 +206,9 @@ def _length(walk: np.ndarray) -> float:
 
 
 def _mean_value_embedding(points: np.ndarray, mesh: _Cut) -> np.ndarray:
-    """(p, 2) in the unit disc: the longest border on the circle by its length, the rest by mean value weights."""
+    """(p, 2) in the unit disc: the longest border on the circle by its length, the rest by mean
+    value weights.
+    """
     longest = max(range(len(mesh.loops)), key=lambda k: _length(points[mesh.loops[k]]))
     border = mesh.loops[longest]
     fans: list[np.ndarray] = []
@@ -206,7 +234,8 @@ def _mean_value_embedding(points: np.ndarray, mesh: _Cut) -> np.ndarray:
     identity = sparse.identity(int(inside.sum()), format="csc")
     for step in range(STRETCH_STEPS + 1):
         if step:
-            # Neighbors that are stretched pull less, so that texels spread over the surface more evenly.
+            # Neighbors that are stretched pull less, so that texels spread over the surface more
+            # evenly.
             weights = _rows_of_one(weights @ sparse.diags(1.0 / _stretch(result, filled, faces)))
         system = (identity - weights[inside][:, inside]).tocsc()
         result[inside] = splu(system).solve(weights[inside][:, ~inside] @ result[~inside])
@@ -214,7 +243,9 @@ def _mean_value_embedding(points: np.ndarray, mesh: _Cut) -> np.ndarray:
 
 
 def _stretch(laid: np.ndarray, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(p,) how much longer a step is on the surface than on the chart, around each point (Sander et al. 2001)."""
+    """(p,) how much longer a step is on the surface than on the chart, around each point (Sander et
+    al. 2001).
+    """
     a, b, c = (laid[faces[:, k]] for k in range(3))
     p, q, r = (points[faces[:, k]] for k in range(3))
     (x1, y1), (x2, y2) = (b - a).T, (c - a).T
@@ -232,8 +263,12 @@ def _stretch(laid: np.ndarray, points: np.ndarray, faces: np.ndarray) -> np.ndar
 
 
 def _mean_value_weights(points: np.ndarray, faces: np.ndarray, count: int) -> sparse.csr_matrix:
-    """(p, p) rows of positive weights that sum to 1 (Floater 2003, eq. 2.1, with the angles of the surface)."""
-    scale = max(float(np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1).mean()), 1e-30)
+    """(p, p) rows of positive weights that sum to 1 (Floater 2003, eq. 2.1, with the angles of the
+    surface).
+    """
+    scale = max(
+        float(np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1).mean()), 1e-30
+    )
     rows, columns, values = [], [], []
     for corner in range(3):
         i, j, k = (faces[:, (corner + shift) % 3] for shift in range(3))
@@ -271,7 +306,9 @@ def _upright(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.
 
 
 def _from_the_front(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Azimuthal equidistant projection about the piece's middle, +Z in the centre of the unit square."""
+    """Azimuthal equidistant projection about the piece's middle, +Z in the centre of the unit
+    square.
+    """
     used, faces = np.unique(triangles, return_inverse=True)
     points = vertices[used]
     direction = points - 0.5 * (points.min(0) + points.max(0))

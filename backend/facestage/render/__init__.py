@@ -5,5 +5,6 @@ May import the contract and ``facestage.native``. Hands out and takes numpy arra
 
 from facestage.native import prepare_renderer
 
-# Before any module of this folder imports them: Dr.Jit reads where libLLVM is when it is first imported.
+# Before any module of this folder imports them: Dr.Jit reads where libLLVM is when it is first
+# imported.
 prepare_renderer()

@@ -1,4 +1,6 @@
-"""The skin's reflectance and its derivatives, as Dr.Jit expressions (constants: contract/brdf.py)."""
+"""The skin's reflectance and its derivatives, as Dr.Jit expressions (constants:
+contract/brdf.py).
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ import mitsuba as mi
 
 from facestage.contract.brdf import F0
 
-# Interpolated normals may face away from the viewer at the silhouette; the model ends at grazing view.
+# Interpolated normals may face away from the viewer at the silhouette; the model ends at grazing
+# view.
 MIN_VIEW_COSINE = 1e-3
 
 
@@ -26,7 +29,9 @@ class SpecularLobe:
     by_roughness: Any
 
 
-def specular_lobe(nl: Any, nv: Any, nh2_complement: Any, nh: Any, vh: Any, roughness: Any) -> SpecularLobe:
+def specular_lobe(
+    nl: Any, nv: Any, nh2_complement: Any, nh: Any, vh: Any, roughness: Any
+) -> SpecularLobe:
     """Cook-Torrance times (n.l): GGX, height-correlated Smith (Heitz 2014, eq. 99), Schlick.
 
     ``nh2_complement`` is 1 - (n.h)^2 computed as |n x h|^2: in float32 the difference itself

@@ -1,7 +1,8 @@
 """The face under the stage as an ordinary Mitsuba scene that Mitsuba itself differentiates.
 
-What the fit is measured against: mesh, area lights, path integrator and automatic differentiation as in
-Mitsuba's tutorials, with the skin's own reflectance. The scene is made once and updated through its parameters.
+What the fit is measured against: mesh, area lights, path integrator and automatic differentiation
+as in Mitsuba's tutorials, with the skin's own reflectance. The scene is made once and updated
+through its parameters.
 """
 
 from __future__ import annotations
@@ -45,17 +46,25 @@ class Target:
 
 
 class GradientScene:
-    """One face, one camera, N square lights; renders, and differentiates 1/2 sum w (image - photo)^2."""
+    """One face, one camera, N square lights; renders, and differentiates 1/2 sum w (image -
+    photo)^2.
+    """
 
-    def __init__(self, triangles: np.ndarray, camera: Camera, stage: LightStage, values: SceneValues) -> None:
+    def __init__(
+        self, triangles: np.ndarray, camera: Camera, stage: LightStage, values: SceneValues
+    ) -> None:
         """``stage`` is in the camera frame; ``values`` are where the scene starts."""
         _register()
         count = len(values.vertices)
         properties = mi.Properties()
         properties["skin"] = load_dict({"type": SKIN})
         mesh = mi.Mesh(
-            "face", vertex_count=count, face_count=len(triangles), has_vertex_normals=True, props=properties
-        )  # fmt: skip
+            "face",
+            vertex_count=count,
+            face_count=len(triangles),
+            has_vertex_normals=True,
+            props=properties,
+        )
         mesh.add_attribute(ALBEDO, 3, np.ascontiguousarray(values.albedo, np.float32).ravel())
         mesh.add_attribute(C_SPEC, 1, np.ascontiguousarray(values.c_spec, np.float32))
         parameters = mi.traverse(mesh)
@@ -74,7 +83,7 @@ class GradientScene:
 
     def gradient(
         self, values: SceneValues, target: Target, samples: int, seed: int
-    ) -> tuple[float, SceneValues]:  # fmt: skip
+    ) -> tuple[float, SceneValues]:
         """The loss and its derivatives, by one render forward and one backward."""
         self._set(values, differentiate=True)
         image = mi.render(self._scene, self._parameters, spp=samples, seed=seed, seed_grad=seed + 1)
@@ -132,15 +141,20 @@ def _description(mesh: Any, camera: Camera, stage: LightStage) -> dict[str, Any]
             "principal_point_offset_x": offset_x,
             "principal_point_offset_y": offset_y,
             "near_clip": 1e-3,
-            "to_world": mi.ScalarTransform4f().look_at(origin=[0, 0, 0], target=[0, 0, -1], up=[0, 1, 0]),
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=[0, 0, 0], target=[0, 0, -1], up=[0, 1, 0]
+            ),
             "film": {
-                "type": "hdrfilm", "width": camera.width, "height": camera.height, "pixel_format": "rgb",
+                "type": "hdrfilm",
+                "width": camera.width,
+                "height": camera.height,
+                "pixel_format": "rgb",
                 "rfilter": {"type": "box"},
             },
             "sampler": {"type": "independent"},
         },
         "face": mesh,
-    }  # fmt: skip
+    }
     for number in range(len(stage)):
         half = 0.5 * stage.side[number]
         matrix = np.eye(4)
@@ -159,13 +173,17 @@ def _flat(values: np.ndarray) -> mi.Float:
 
 
 def _register() -> None:
-    """Tell Mitsuba of the skin's reflectance, once per variant; its base class depends on the variant."""
+    """Tell Mitsuba of the skin's reflectance, once per variant; its base class depends on the
+    variant.
+    """
     if mi.variant() in _registered:
         return
     _registered.add(mi.variant())
 
     class Skin(mi.BSDF):
-        """Lambert plus Cook-Torrance with the constants of ``contract.brdf``; attributes of the mesh as maps."""
+        """Lambert plus Cook-Torrance with the constants of ``contract.brdf``; attributes of the
+        mesh as maps.
+        """
 
         def __init__(self, properties: mi.Properties) -> None:
             mi.BSDF.__init__(self, properties)

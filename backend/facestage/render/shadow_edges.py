@@ -1,4 +1,6 @@
-"""Where the edges of cast shadows cross scan lines on the lights, found by shadow rays and bisection."""
+"""Where the edges of cast shadows cross scan lines on the lights, found by shadow rays and
+bisection.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from facestage.contract.light_stage import LightStage
 from facestage.render.brdf import specular_lobe, view_cosine
 from facestage.render.tracer import LIGHT_SALT, SHADOW_OFFSET, RayTracer, hash_to_unit
 
-# Shadow rays along a scan line: three cells find each edge on their own unless two lie in a third of the light.
+# Shadow rays along a scan line: three cells find each edge on their own unless two lie in a third
+# of the light.
 LINE_POINTS = 4
 # The occluder's edge is then known to a few micrometres for a light of 0.2 m and a nose of 3 cm.
 BISECTIONS = 12
@@ -23,7 +26,9 @@ LINE_SALT = 0x5BD1E995
 
 @dataclass(frozen=True)
 class LitPoints:
-    """P points and N lights in the tracer's frame: the arguments of :meth:`RayTracer.light_terms`."""
+    """P points and N lights in the tracer's frame: the arguments of
+    :meth:`RayTracer.light_terms`.
+    """
 
     points: np.ndarray  # (P, 3) m
     normals: np.ndarray  # (P, 3) unit
@@ -39,7 +44,8 @@ class LitPoints:
 class Cells:
     """M stretches of scan lines on the lights, one end visible from a point and the other hidden.
 
-    A line runs along the light's ``axis`` (0: axis_x, 1: axis_y) at ``across`` on the other, both from 0 to 1.
+    A line runs along the light's ``axis`` (0: axis_x, 1: axis_y) at ``across`` on the other, both
+    from 0 to 1.
     """
 
     point: np.ndarray  # (M,) int
@@ -55,9 +61,9 @@ class Cells:
 class Crossings:
     """Where in its cell the edge of a shadow lies, and what hides the light there.
 
-    ``triangle`` is what the last blocked ray hits first. ``diffuse`` and ``specular`` are the irradiance (n.l) and
-    (n.l) D V F at unit radiance that one metre of the scan line adds, averaged over the lines; 0 where there
-    is no edge to be found.
+    ``triangle`` is what the last blocked ray hits first. ``diffuse`` and ``specular`` are the
+    irradiance (n.l) and (n.l) D V F at unit radiance that one metre of the scan line adds, averaged
+    over the lines; 0 where there is no edge to be found.
     """
 
     target: np.ndarray  # (M, 3) m, on the light
@@ -69,10 +75,11 @@ class Crossings:
 def shadow_cells(
     tracer: RayTracer, lit: LitPoints, pairs: tuple[np.ndarray, np.ndarray], lines: int, seed: int
 ) -> Cells:
-    """Cells of ``lines`` scan lines along each side of the light, for ``pairs`` (K,) of point and (K,) of light.
+    """Cells of ``lines`` scan lines along each side of the light, for ``pairs`` (K,) of point and
+    (K,) of light.
 
-    The lines of a pair are spread evenly over the square, shifted by a number that depends on ``seed``, the
-    point's key and the light alone. Sorted by pair.
+    The lines of a pair are spread evenly over the square, shifted by a number that depends on
+    ``seed``, the point's key and the light alone. Sorted by pair.
     """
     point_of, light_of = (np.ascontiguousarray(index, np.uint32) for index in pairs)
     if not len(point_of):
@@ -88,14 +95,23 @@ def shadow_cells(
     light = dr.gather(mi.UInt32, mi.UInt32(light_of), pair)
     # The factor keeps the lights' numbers apart.
     number_of = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(lit.numbers, np.uint32)), light)
-    salt = number_of * mi.UInt32(LIGHT_SALT) + dr.opaque(mi.UInt32, 2 * seed) + axis + mi.UInt32(LINE_SALT)
-    shift = hash_to_unit(dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(lit.keys, np.uint32)), point), salt)
+    salt = (
+        number_of * mi.UInt32(LIGHT_SALT)
+        + dr.opaque(mi.UInt32, 2 * seed)
+        + axis
+        + mi.UInt32(LINE_SALT)
+    )
+    shift = hash_to_unit(
+        dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(lit.keys, np.uint32)), point), salt
+    )
     across = (mi.Float(number) + shift) / dr.opaque(mi.Float, float(lines))
     square = _Square(lit, point, light, axis)
     blocked = mi.UInt32(0)
     for k in range(LINE_POINTS):
         along = mi.Float(k / (LINE_POINTS - 1))
-        blocked |= dr.select(tracer.scene.ray_test(square.shadow_ray(along, across)), mi.UInt32(1 << k), 0)
+        blocked |= dr.select(
+            tracer.scene.ray_test(square.shadow_ray(along, across)), mi.UInt32(1 << k), 0
+        )
     dr.eval(blocked, across)
     bits = np.array(blocked)
     change = (bits ^ (bits >> 1)) & ((1 << (LINE_POINTS - 1)) - 1)
@@ -105,9 +121,14 @@ def shadow_cells(
     hidden_first = (bits[lanes] >> cell) & 1
     index = lanes // (2 * lines)
     return Cells(
-        point_of[index].astype(np.int64), light_of[index].astype(np.int64), lanes % 2, np.array(across)[lanes],
-        (cell + hidden_first) / (LINE_POINTS - 1), (cell + 1 - hidden_first) / (LINE_POINTS - 1), lines,
-    )  # fmt: skip
+        point_of[index].astype(np.int64),
+        light_of[index].astype(np.int64),
+        lanes % 2,
+        np.array(across)[lanes],
+        (cell + hidden_first) / (LINE_POINTS - 1),
+        (cell + 1 - hidden_first) / (LINE_POINTS - 1),
+        lines,
+    )
 
 
 def shadow_crossings(tracer: RayTracer, lit: LitPoints, cells: Cells) -> Crossings:
@@ -115,7 +136,9 @@ def shadow_crossings(tracer: RayTracer, lit: LitPoints, cells: Cells) -> Crossin
     if not len(cells.point):
         number = np.zeros(0)
         return Crossings(np.zeros((0, 3)), np.zeros(0, np.int64), number, number)
-    point, light, axis = (mi.UInt32(index.astype(np.uint32)) for index in (cells.point, cells.light, cells.axis))
+    point, light, axis = (
+        mi.UInt32(index.astype(np.uint32)) for index in (cells.point, cells.light, cells.axis)
+    )
     square = _Square(lit, point, light, axis)
     across, visible, hidden = (
         mi.Float(place.astype(np.float32)) for place in (cells.across, cells.visible, cells.hidden)
@@ -135,9 +158,13 @@ def shadow_crossings(tracer: RayTracer, lit: LitPoints, cells: Cells) -> Crossin
     diffuse, specular = diffuse * width, specular * width
     dr.eval(triangle, target, diffuse, specular)
     return Crossings(
-        np.stack([np.array(target.x), np.array(target.y), np.array(target.z)], axis=1).astype(float),
-        np.array(triangle), np.array(diffuse), np.array(specular),
-    )  # fmt: skip
+        np.stack([np.array(target.x), np.array(target.y), np.array(target.z)], axis=1).astype(
+            float
+        ),
+        np.array(triangle),
+        np.array(diffuse),
+        np.array(specular),
+    )
 
 
 class _Square:
@@ -145,10 +172,14 @@ class _Square:
 
     def __init__(self, lit: LitPoints, point: Any, light: Any, axis: Any) -> None:
         def gather(array: np.ndarray, index: Any) -> Any:
-            return dr.gather(mi.Vector3f, mi.Float(np.ascontiguousarray(array, np.float32).ravel()), index)
+            return dr.gather(
+                mi.Vector3f, mi.Float(np.ascontiguousarray(array, np.float32).ravel()), index
+            )
 
         stage = lit.stage
-        self.x, self.n, self.v = (gather(array, point) for array in (lit.points, lit.normals, lit.views))
+        self.x, self.n, self.v = (
+            gather(array, point) for array in (lit.points, lit.normals, lit.views)
+        )
         self.origin = self.x + SHADOW_OFFSET * gather(lit.facing, point)
         self.centre, self.emit = gather(stage.position, light), gather(stage.direction, light)
         axis_x = gather(stage.axis_x * stage.side[:, None], light)
@@ -167,7 +198,9 @@ class _Square:
 
 
 def _irradiance(square: _Square, target: Any, roughness: Any) -> tuple[Any, Any]:
-    """(n.l) and (n.l) D V F of unit radiance from a square metre of the light at ``target``; 0 below the horizon."""
+    """(n.l) and (n.l) D V F of unit radiance from a square metre of the light at ``target``; 0
+    below the horizon.
+    """
     offset = target - square.x
     inverse = dr.rsqrt(dr.squared_norm(offset))
     light = offset * inverse
@@ -177,7 +210,12 @@ def _irradiance(square: _Square, target: Any, roughness: Any) -> tuple[Any, Any]
     half = dr.normalize(light + square.v)
     nh, vh = dr.maximum(dr.dot(square.n, half), 0), dr.clip(dr.dot(square.v, half), 0, 1)
     lobe = specular_lobe(
-        dr.maximum(nl, 0), view_cosine(square.n, square.v), dr.squared_norm(dr.cross(square.n, half)), nh, vh, roughness
+        dr.maximum(nl, 0),
+        view_cosine(square.n, square.v),
+        dr.squared_norm(dr.cross(square.n, half)),
+        nh,
+        vh,
+        roughness,
     )
     return weight * nl, dr.select(weight > 0, weight * lobe.value, 0)
 

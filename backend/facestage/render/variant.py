@@ -28,15 +28,18 @@ def start_renderer(device: str = "auto") -> str:
 def load_dict(description: dict[str, Any]) -> Any:
     """Mitsuba's object of ``description``, loading nothing from the current folder.
 
-    A plugin that is written in Python has no file beside Mitsuba's own, and is looked for in the current folder's
-    ``plugins`` before Mitsuba remembers that it is registered: whatever library lies there would be run.
+    A plugin that is written in Python has no file beside Mitsuba's own, and is looked for in the
+    current folder's ``plugins`` before Mitsuba remembers that it is registered: whatever library
+    lies there would be run.
     """
     with contextlib.chdir(_home()):
         return mi.load_dict(description)
 
 
 def _look_for_plugins_at_home_only() -> None:
-    """Take the current folder, which comes first, from where Mitsuba looks for the libraries of its plugins."""
+    """Take the current folder, which comes first, from where Mitsuba looks for the libraries of its
+    plugins.
+    """
     resolver = mi.file_resolver()
     resolver.clear()
     resolver.append(str(_home()))

@@ -1,6 +1,8 @@
-"""What a person looks at after a fit: PNG pictures, charts and one HTML page; and previews while it runs.
+"""What a person looks at after a fit: PNG pictures, charts and one HTML page; and previews while it
+runs.
 
-May import the contract, numpy, Pillow and matplotlib (only while drawing); never the renderer, Blender or the fit.
+May import the contract, numpy, Pillow and matplotlib (only while drawing); never the renderer,
+Blender or the fit.
 """
 
 from facestage.report.person_page import write_person_report

@@ -1,4 +1,6 @@
-"""Each vertex's standard deviation as colors on the fitted face: as in the photo, and from the side."""
+"""Each vertex's standard deviation as colors on the fitted face: as in the photo, and from the
+side.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +16,21 @@ CERTAINTY, DEVIATION = "certainty.png", "vertex_deviation_mm"
 PANEL, MARGIN, GAP = 400, 20, 14
 # Perceptually uniform, and readable without color vision.
 COLOR_MAP = "viridis"
-# The color bar ends where nearly all of the face lies below; the neck and the back of the head are beyond.
+# The color bar ends where nearly all of the face lies below; the neck and the back of the head are
+# beyond.
 LIMIT_PERCENTILE, LEAST_LIMIT_MM = 97, 0.1
-# Brightness of a polygon that is seen edge-on: enough shading to see the shape, too little to change a color.
+# Brightness of a polygon that is seen edge-on: enough shading to see the shape, too little to
+# change a color.
 EDGE_BRIGHTNESS = 0.6
 BORDER = 0.12  # around the face, as a share of its longer side
 
 
 def draw_certainty(path: Path, data: ReportData) -> None:
-    """Three panels: total deviation as in the photo and from the side, and the camera's axis alone from the side.
+    """Three panels: total deviation as in the photo and from the side, and the camera's axis alone
+    from the side.
 
-    The side is the one that the photo shows more of; orthographic. Needs the result's array DEVIATION (n, 3) in mm
-    along the camera's axes.
+    The side is the one that the photo shows more of; orthographic. Needs the result's array
+    DEVIATION (n, 3) in mm along the camera's axes.
     """
     result = data.result
     deviation = np.nan_to_num(result.arrays[DEVIATION], posinf=0.0)
@@ -35,16 +40,22 @@ def draw_certainty(path: Path, data: ReportData) -> None:
     side = _side_view(result.model_to_camera[:3, :3])
     face = np.arange(len(total)) if data.face is None else data.face
     values = total[face]
-    limit = nice_limit(float(np.percentile(values, LIMIT_PERCENTILE)) if values.size else 0.0, LEAST_LIMIT_MM)
+    limit = nice_limit(
+        float(np.percentile(values, LIMIT_PERCENTILE)) if values.size else 0.0, LEAST_LIMIT_MM
+    )
     panels = (
-        ("As in the photo", front, total), ("From the side", side, total), ("From the side, depth alone", side, depth)
-    )  # fmt: skip
+        ("As in the photo", front, total),
+        ("From the side", side, total),
+        ("From the side, depth alone", side, depth),
+    )
     canvas = Canvas(2 * MARGIN + 3 * PANEL + 2 * GAP, 44 + PANEL + 70, DARK)
     for number, (title, view, colors) in enumerate(panels):
         left = MARGIN + number * (PANEL + GAP)
         canvas.text(left, 28, title, 12, weight="bold")
         artist = _draw(canvas, left, 44, view, result.vertices, triangles, face, colors, limit)
-    bar = canvas.color_bar(MARGIN, 44 + PANEL + 16, 3 * PANEL + 2 * GAP, 10, artist, [0, limit / 2, limit])
+    bar = canvas.color_bar(
+        MARGIN, 44 + PANEL + 16, 3 * PANEL + 2 * GAP, 10, artist, [0, limit / 2, limit]
+    )
     labels = bar.ax.get_xticklabels()
     labels[0].set_ha("left")
     labels[-1].set_ha("right")
@@ -54,13 +65,17 @@ def draw_certainty(path: Path, data: ReportData) -> None:
 
 
 def _side_view(rotation: np.ndarray) -> np.ndarray:
-    """(3, 3) from the camera frame to a view along the head's ear-to-ear axis, from the side that the photo shows."""
+    """(3, 3) from the camera frame to a view along the head's ear-to-ear axis, from the side that
+    the photo shows.
+    """
     right = 1.0 if rotation[2, 0] >= 0 else -1.0  # the head's own +X turned towards the camera
     axis, up = right * rotation[:, 0], rotation[:, 1]
     return np.stack([np.cross(up, axis), up, axis])
 
 
-def _facing(vertices: np.ndarray, triangles: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _facing(
+    vertices: np.ndarray, triangles: np.ndarray, view: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the triangles that face the viewer, far ones first, and the cosine of each."""
     corners = (vertices.astype(np.float64) @ view.T)[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -72,9 +87,16 @@ def _facing(vertices: np.ndarray, triangles: np.ndarray, view: np.ndarray) -> tu
 
 
 def _draw(
-    canvas: Canvas, left: float, top: float, view: np.ndarray, vertices: np.ndarray, triangles: np.ndarray,
-    face: np.ndarray, values: np.ndarray, limit: float,
-) -> object:  # fmt: skip
+    canvas: Canvas,
+    left: float,
+    top: float,
+    view: np.ndarray,
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    face: np.ndarray,
+    values: np.ndarray,
+    limit: float,
+) -> object:
     """Paint the triangles back to front; returns what a color bar is made of."""
     load_matplotlib()
     from matplotlib import colormaps
@@ -93,7 +115,9 @@ def _draw(
         colors = scale.to_rgba(values[triangles[order]].mean(axis=1))
         colors[:, :3] *= (EDGE_BRIGHTNESS + (1 - EDGE_BRIGHTNESS) * cosine)[:, None]
         # Edges of the same color close the hairlines between polygons.
-        axes.add_collection(PolyCollection(corners, facecolors=colors, edgecolors=colors, linewidths=0.3))
+        axes.add_collection(
+            PolyCollection(corners, facecolors=colors, edgecolors=colors, linewidths=0.3)
+        )
         shown = points[face][np.isfinite(points[face]).all(axis=1)]
         low, high = shown.min(axis=0), shown.max(axis=0)
         middle, half = (low + high) / 2, (0.5 + BORDER) * float((high - low).max())

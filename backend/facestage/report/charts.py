@@ -34,15 +34,21 @@ PANELS = (
     Panel("Peak signal-to-noise ratio, dB (higher is better)", (("psnr", ""),), False, "{:.1f}"),
     Panel(
         "Distance to the true vertices, mm (lower is better)",
-        (("rigid_mm", "rigid"), ("similarity_mm", "similarity")), False, "{:.2f}",
+        (("rigid_mm", "rigid"), ("similarity_mm", "similarity")),
+        False,
+        "{:.2f}",
     ),
-)  # fmt: skip
+)
 
 
 def draw_trace(path: Path, trace: Sequence[Mapping[str, Any]]) -> None:
     """Each error of the trace against seconds on a logarithmic axis, the stages as shaded bands."""
     theme = LIGHT
-    shown = [panel for panel in PANELS if any(np.isfinite(_column(trace, name)).any() for name, _ in panel.columns)]
+    shown = [
+        panel
+        for panel in PANELS
+        if any(np.isfinite(_column(trace, name)).any() for name, _ in panel.columns)
+    ]
     if not shown:
         canvas = Canvas(WIDTH, 120, theme)
         canvas.text(WIDTH / 2, 66, "No iteration was recorded.", 12, theme.muted, ha="center")
@@ -55,7 +61,9 @@ def draw_trace(path: Path, trace: Sequence[Mapping[str, Any]]) -> None:
     canvas = Canvas(WIDTH, names + len(shown) * (height + gap) + 36, theme)
     for number, panel in enumerate(shown):
         top = 38 + names + number * (height + gap)
-        canvas.text(_LEFT, top - 12 - (names if number == 0 else 0), panel.heading, 11, weight="bold")
+        canvas.text(
+            _LEFT, top - 12 - (names if number == 0 else 0), panel.heading, 11, weight="bold"
+        )
         axes = canvas.axes(_LEFT, top, WIDTH - _LEFT - _RIGHT, height)
         _draw_panel(axes, panel, trace, seconds, theme)
         _draw_bands(axes, bands, theme)
@@ -84,14 +92,18 @@ def _column(trace: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
 
 
 def _positive(seconds: np.ndarray) -> np.ndarray:
-    """Seconds as a logarithmic axis can show them: what is not positive moves to just before the first that is."""
+    """Seconds as a logarithmic axis can show them: what is not positive moves to just before the
+    first that is.
+    """
     usable = seconds[np.isfinite(seconds) & (seconds > 0)]
     first = float(usable.min()) if usable.size else 1.0
     cleaned = np.where(np.isfinite(seconds) & (seconds > 0), seconds, first / 1.5)
     return np.maximum.accumulate(cleaned)
 
 
-def _draw_panel(axes: Any, panel: Panel, trace: Sequence[Mapping[str, Any]], seconds: np.ndarray, theme: Theme) -> None:
+def _draw_panel(
+    axes: Any, panel: Panel, trace: Sequence[Mapping[str, Any]], seconds: np.ndarray, theme: Theme
+) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -101,7 +113,16 @@ def _draw_panel(axes: Any, panel: Panel, trace: Sequence[Mapping[str, Any]], sec
         good = np.isfinite(values) & ((values > 0) | (not panel.logarithmic))
         if not good.any():
             continue
-        axes.plot(seconds[good], values[good], color=color, lw=2, marker="o", ms=4, zorder=3, clip_on=False)
+        axes.plot(
+            seconds[good],
+            values[good],
+            color=color,
+            lw=2,
+            marker="o",
+            ms=4,
+            zorder=3,
+            clip_on=False,
+        )
         ends.append((float(seconds[good][-1]), float(values[good][-1]), label, color))
     if panel.logarithmic and ends:
         axes.set_yscale("log")
@@ -130,9 +151,16 @@ def _label_ends(axes: Any, panel: Panel, ends: list[tuple[float, float, str, str
         previous = height + shift
         text = f"{panel.number_format.format(y)} {label}".strip()
         axes.annotate(
-            text, (x, y), xytext=(8, 0.72 * shift), textcoords="offset points", color=color,
-            fontsize=10.5, weight="bold", va="center", annotation_clip=False,
-        )  # fmt: skip
+            text,
+            (x, y),
+            xytext=(8, 0.72 * shift),
+            textcoords="offset points",
+            color=color,
+            fontsize=10.5,
+            weight="bold",
+            va="center",
+            annotation_clip=False,
+        )
 
 
 def _draw_bands(axes: Any, bands: list[tuple[str, float, float]], theme: Theme) -> None:
@@ -145,24 +173,44 @@ def _labels_fit(bands: list[tuple[str, float, float]]) -> bool:
     """Whether each stage's name is narrower than its band (about 7 pixels a letter)."""
     total = np.log(max(bands[-1][2] * 1.05 / bands[0][1], 1.0001))
     width = WIDTH - _LEFT - _RIGHT
-    return all(7.0 * len(name) + 6 < width * np.log(end / start) / total for name, start, end in bands)
+    return all(
+        7.0 * len(name) + 6 < width * np.log(end / start) / total for name, start, end in bands
+    )
 
 
-def _label_bands(axes: Any, bands: list[tuple[str, float, float]], slanted: bool, theme: Theme) -> None:
+def _label_bands(
+    axes: Any, bands: list[tuple[str, float, float]], slanted: bool, theme: Theme
+) -> None:
     for name, start, end in bands:
         axes.annotate(
-            name.replace("_", " "), (float(np.sqrt(start * end)), 1.0), xycoords=("data", "axes fraction"),
-            xytext=(0, 5), textcoords="offset points", color=theme.muted, fontsize=10,
-            ha="left" if slanted else "center", va="bottom", rotation=28 if slanted else 0, rotation_mode="anchor",
-        )  # fmt: skip
+            name.replace("_", " "),
+            (float(np.sqrt(start * end)), 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 5),
+            textcoords="offset points",
+            color=theme.muted,
+            fontsize=10,
+            ha="left" if slanted else "center",
+            va="bottom",
+            rotation=28 if slanted else 0,
+            rotation_mode="anchor",
+        )
 
 
 def draw_weights(path: Path, result: Result) -> None:
     """The largest identity coefficients and expression weights as horizontal bars."""
     theme = LIGHT
     columns = (
-        ("Identity, standard deviations", largest(result.identity_names, result.identity), theme.series[0]),
-        ("Expression, weight", largest(result.expression_names, result.expression), theme.series[1]),
+        (
+            "Identity, standard deviations",
+            largest(result.identity_names, result.identity),
+            theme.series[0],
+        ),
+        (
+            "Expression, weight",
+            largest(result.expression_names, result.expression),
+            theme.series[1],
+        ),
     )
     rows = max(1, *(len(bars) for _, bars, _ in columns))
     height = 26 * rows
@@ -179,10 +227,18 @@ def draw_weights(path: Path, result: Result) -> None:
     canvas.save(path)
 
 
-def largest(names: Sequence[str], weights: np.ndarray, count: int = LARGEST) -> list[tuple[str, float]]:
-    """Up to ``count`` (name, weight) pairs of the largest absolute weights that are not zero, largest first."""
+def largest(
+    names: Sequence[str], weights: np.ndarray, count: int = LARGEST
+) -> list[tuple[str, float]]:
+    """Up to ``count`` (name, weight) pairs of the largest absolute weights that are not zero,
+    largest first.
+    """
     values = np.nan_to_num(np.asarray(weights, np.float64).reshape(-1))
-    labels = names if len(names) == len(values) else [f"mode {number}" for number in range(1, len(values) + 1)]
+    labels = (
+        names
+        if len(names) == len(values)
+        else [f"mode {number}" for number in range(1, len(values) + 1)]
+    )
     order = np.argsort(-np.abs(values), kind="stable")[:count]
     return [(labels[index], float(values[index])) for index in order if abs(values[index]) > 1e-6]
 
@@ -204,10 +260,16 @@ def _draw_bars(axes: Any, bars: list[tuple[str, float]], color: str, theme: Them
     axes.set_axisbelow(True)
     for place, value in zip(places, values, strict=True):
         axes.annotate(
-            f"{value:.2f}".replace("-", "−"), (value, place), xytext=(5 if value >= 0 else -5, 0),
-            textcoords="offset points", ha="left" if value >= 0 else "right", va="center", color=theme.muted,
-            fontsize=9.5, annotation_clip=False,
-        )  # fmt: skip
+            f"{value:.2f}".replace("-", "−"),
+            (value, place),
+            xytext=(5 if value >= 0 else -5, 0),
+            textcoords="offset points",
+            ha="left" if value >= 0 else "right",
+            va="center",
+            color=theme.muted,
+            fontsize=9.5,
+            annotation_clip=False,
+        )
 
 
 def _shortened(name: str, length: int = 28) -> str:

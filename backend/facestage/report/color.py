@@ -21,7 +21,8 @@ _BRIGHTEST = 65504.0  # stands for infinity where pixels are averaged
 def to_srgb8(linear: np.ndarray) -> np.ndarray:
     """uint8 sRGB code values of linear values, any shape; IEC 61966-2-1, encoding.
 
-    Values are clipped to 0..1; NaN becomes 0. Within 0.03 code values of the exact curve before rounding.
+    Values are clipped to 0..1; NaN becomes 0. Within 0.03 code values of the exact curve before
+    rounding.
     """
     # fmax and fmin prefer the number to NaN.
     values = np.fmin(np.fmax(np.asarray(linear, np.float32), 0.0), 1.0)
@@ -44,8 +45,9 @@ def luminance(linear: np.ndarray) -> np.ndarray:
 def exposure(photo: np.ndarray) -> float:
     """The factor that the photo and every render of it are multiplied with before they are encoded.
 
-    1 for a display-referred photo. Only a scene-referred one, whose 99th percentile over all channels
-    lies outside HIGHLIGHTS, is scaled so that this percentile becomes 1. ``photo`` (h, w, 3) linear.
+    1 for a display-referred photo. Only a scene-referred one, whose 99th percentile over all
+    channels lies outside HIGHLIGHTS, is scaled so that this percentile becomes 1. ``photo`` (h, w,
+    3) linear.
     """
     values = np.asarray(photo).reshape(-1)
     values = values[:: max(1, values.size // _HIGHLIGHT_SAMPLES)]
@@ -67,7 +69,9 @@ def shrink_factor(size: tuple[int, ...], side: int = MAX_SIDE) -> float:
 
 
 def shrink(linear: np.ndarray, side: int = MAX_SIDE) -> np.ndarray:
-    """(h, w) or (h, w, 3) float32, area-averaged until the longer side is at most ``side`` pixels."""
+    """(h, w) or (h, w, 3) float32, area-averaged until the longer side is at most ``side``
+    pixels.
+    """
     values = clean(linear)
     factor = shrink_factor(values.shape, side)
     if factor == 1.0:

@@ -25,13 +25,16 @@ class Theme:
     series: tuple[str, str]
 
 
-# Charts are drawn on white, which the page inverts where dark is preferred; pictures look best on dark.
+# Charts are drawn on white, which the page inverts where dark is preferred; pictures look best on
+# dark.
 LIGHT = Theme("#ffffff", "#1b1d22", "#6a6f7a", "#e4e6ea", "#f3f4f6", ("#2563a8", "#b4560f"))
 DARK = Theme("#17191e", "#eceef2", "#9aa0ac", "#2c3038", "#1f2228", ("#6fb1f5", "#f0a35e"))
 
 
 class Canvas:
-    """A figure of ``width`` x ``height`` pixels whose axes are placed in pixels from the top left."""
+    """A figure of ``width`` x ``height`` pixels whose axes are placed in pixels from the top
+    left.
+    """
 
     def __init__(self, width: float, height: float, theme: Theme) -> None:
         load_matplotlib()
@@ -46,29 +49,53 @@ class Canvas:
     def axes(self, left: float, top: float, width: float, height: float) -> Any:
         """Plain axes in a pixel rectangle, with the theme's colors."""
         bottom = self.height - top - height
-        rectangle = (left / self.width, bottom / self.height, width / self.width, height / self.height)
+        rectangle = (
+            left / self.width,
+            bottom / self.height,
+            width / self.width,
+            height / self.height,
+        )
         axes = self.figure.add_axes(rectangle, facecolor=self.theme.background)
         axes.tick_params(colors=self.theme.muted, labelsize=10, length=0, which="both")
         for spine in axes.spines.values():
             spine.set_visible(False)
         return axes
 
-    def picture(self, left: float, top: float, width: float, height: float, image: Any, **options: Any) -> Any:
-        """Axes that show ``image`` (h, w[, 3]), as large as fits in the rectangle; returns axes and artist."""
+    def picture(
+        self, left: float, top: float, width: float, height: float, image: Any, **options: Any
+    ) -> Any:
+        """Axes that show ``image`` (h, w[, 3]), as large as fits in the rectangle; returns axes and
+        artist.
+        """
         axes = self.axes(left, top, width, height)
         artist = axes.imshow(image, **options)
         axes.set_xticks([])
         axes.set_yticks([])
         return axes, artist
 
-    def text(self, x: float, y: float, text: str, size: float = 11, color: str | None = None, **options: Any) -> None:
+    def text(
+        self,
+        x: float,
+        y: float,
+        text: str,
+        size: float = 11,
+        color: str | None = None,
+        **options: Any,
+    ) -> None:
         """A line of text whose anchor lies at pixel (x, y) from the top left."""
         self.figure.text(
-            x / self.width, 1.0 - y / self.height, text,
-            fontsize=size, color=color or self.theme.text, parse_math=False, **options,
-        )  # fmt: skip
+            x / self.width,
+            1.0 - y / self.height,
+            text,
+            fontsize=size,
+            color=color or self.theme.text,
+            parse_math=False,
+            **options,
+        )
 
-    def color_bar(self, left: float, top: float, width: float, height: float, artist: Any, ticks: list[float]) -> Any:
+    def color_bar(
+        self, left: float, top: float, width: float, height: float, artist: Any, ticks: list[float]
+    ) -> Any:
         """A horizontal color bar of ``artist`` in a pixel rectangle."""
         axes = self.axes(left, top, width, height)
         bar = self.figure.colorbar(artist, cax=axes, orientation="horizontal", ticks=ticks)
@@ -81,11 +108,15 @@ class Canvas:
     def save(self, path: Path) -> None:
         """Write the figure as a PNG."""
         with atomic_file(path) as temporary:
-            self.figure.savefig(temporary, format="png", dpi=DPI, facecolor=self.theme.background, pil_kwargs=_FAST)
+            self.figure.savefig(
+                temporary, format="png", dpi=DPI, facecolor=self.theme.background, pil_kwargs=_FAST
+            )
 
 
 def nice_limit(value: float, least: float) -> float:
-    """The smallest 1, 2 or 5 times a power of ten that is not below ``value``, and at least ``least``."""
+    """The smallest 1, 2 or 5 times a power of ten that is not below ``value``, and at least
+    ``least``.
+    """
     limit = least
     steps = (2.0, 2.5, 2.0)  # 1 -> 2 -> 5 -> 10
     index = 0

@@ -19,14 +19,18 @@ _INTEGRATION_WIDTH = 48  # pixels of the map that the matte sphere integrates ov
 
 
 def draw_light_probe(path: Path, data: ReportData) -> None:
-    """The map with the camera's direction in the middle and right as in the photo, its brightest light white."""
+    """The map with the camera's direction in the middle and right as in the photo, its brightest
+    light white.
+    """
     # An environment map is seen from inside; the report shows it as the camera sees the face.
     probe = clean(data.light_probe[:, ::-1])
     canvas = Canvas(WIDTH + SPHERE + 76, HEIGHT + 92, DARK)
     shown = shrink(probe)
     shown = shown / max(float(shown.max()), 1e-12)
     canvas.text(20, 28, "Light around the face", 12, weight="bold")
-    axes, _ = canvas.picture(20, 44, WIDTH, HEIGHT, to_srgb8(shown), extent=(0, 1, 1, 0), aspect="auto")
+    axes, _ = canvas.picture(
+        20, 44, WIDTH, HEIGHT, to_srgb8(shown), extent=(0, 1, 1, 0), aspect="auto"
+    )
     _draw_grid(axes)
     _mark_lights(axes, data.result.stage)
     axes.set_xlim(0, 1)
@@ -47,7 +51,8 @@ def draw_light_probe(path: Path, data: ReportData) -> None:
 
 
 def latlong(direction: np.ndarray) -> np.ndarray:
-    """(n, 2) place (u right, v down, 0..1) of stage-frame directions (n, 3) on a map with +Z in its middle.
+    """(n, 2) place (u right, v down, 0..1) of stage-frame directions (n, 3) on a map with +Z in its
+    middle.
 
     Right of +Z comes +X, so that a light at the photo's right is right on the map.
     """
@@ -59,7 +64,9 @@ def latlong(direction: np.ndarray) -> np.ndarray:
 
 
 def latlong_directions(height: int, width: int) -> np.ndarray:
-    """(height, width, 3) unit directions of the pixel centres of such a map; the inverse of :func:`latlong`."""
+    """(height, width, 3) unit directions of the pixel centres of such a map; the inverse of
+    :func:`latlong`.
+    """
     azimuth = 2 * np.pi * ((np.arange(width) + 0.5) / width - 0.5)
     polar = np.pi * (np.arange(height)[:, None] + 0.5) / height
     x, y, z = np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)
@@ -67,14 +74,17 @@ def latlong_directions(height: int, width: int) -> np.ndarray:
 
 
 def matte_sphere(probe: np.ndarray, to_stage: np.ndarray) -> np.ndarray:
-    """(p, p, 4) linear RGBA of a white Lambert sphere (radiance = irradiance / pi) seen by the camera.
+    """(p, p, 4) linear RGBA of a white Lambert sphere (radiance = irradiance / pi) seen by the
+    camera.
 
     ``probe`` (H, W, 3) with +Z in its middle; ``to_stage`` (3, 3) turns camera axes to stage axes.
     """
     small = shrink(probe, _INTEGRATION_WIDTH)
     height, width = small.shape[:2]
     incoming = latlong_directions(height, width).reshape(-1, 3).astype(np.float32)
-    solid_angle = np.sin(np.pi * (np.arange(height) + 0.5) / height) * (2 * np.pi / width) * (np.pi / height)
+    solid_angle = (
+        np.sin(np.pi * (np.arange(height) + 0.5) / height) * (2 * np.pi / width) * (np.pi / height)
+    )
     power = (small * solid_angle[:, None, None]).reshape(-1, 3).astype(np.float32)
     normals, alpha = _sphere_normals(MATTE_PIXELS)
     cosine = np.maximum(normals.reshape(-1, 3) @ (to_stage.astype(np.float32).T @ incoming.T), 0.0)
@@ -94,7 +104,9 @@ def mirror_sphere(probe: np.ndarray, to_stage: np.ndarray) -> np.ndarray:
 
 
 def _sphere_normals(pixels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Camera-frame normals (pixels, pixels, 3) float32 of a sphere that fills the picture, and its smooth outline."""
+    """Camera-frame normals (pixels, pixels, 3) float32 of a sphere that fills the picture, and its
+    smooth outline.
+    """
     axis = (2.0 * (np.arange(pixels, dtype=np.float32) + 0.5) / pixels) - 1.0
     x, y = np.meshgrid(axis, -axis)
     radius = np.hypot(x, y)
@@ -130,12 +142,20 @@ def _mark_lights(axes: object, stage: LightStage) -> None:
     scatter = axes.scatter  # type: ignore[attr-defined]
     scatter(*place[off].T, s=22, marker="x", color="white", alpha=0.35, lw=1)
     scatter(*place[~off].T, s=30, facecolors="none", edgecolors="white", alpha=0.75, lw=1)
-    for index in [index for index in np.argsort(-power, kind="stable")[:LABELLED] if not off[index]]:
+    for index in [
+        index for index in np.argsort(-power, kind="stable")[:LABELLED] if not off[index]
+    ]:
         rise = 5 if place[index][1] > 0.06 else -14
         axes.annotate(  # type: ignore[attr-defined]
-            str(index + 1), place[index], xytext=(7, rise), textcoords="offset points", color="white",
-            fontsize=10, weight="bold", path_effects=_outline(),
-        )  # fmt: skip
+            str(index + 1),
+            place[index],
+            xytext=(7, rise),
+            textcoords="offset points",
+            color="white",
+            fontsize=10,
+            weight="bold",
+            path_effects=_outline(),
+        )
 
 
 def _outline() -> list[object]:

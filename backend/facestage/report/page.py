@@ -18,8 +18,13 @@ from facestage.report.pictures import landmark_distances
 from facestage.report.report_data import ReportData
 from facestage.report.tables import Row
 
-STATUS_WORDS = {CONVERGED: "Converged", BUDGET_SPENT: "Time budget spent", STOPPED: "Stopped with advice"}
-# Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG beside the page.
+STATUS_WORDS = {
+    CONVERGED: "Converged",
+    BUDGET_SPENT: "Time budget spent",
+    STOPPED: "Stopped with advice",
+}
+# Above this many bytes a picture is embedded as a JPEG, which the eye cannot tell from the PNG
+# beside the page.
 EMBED_LIMIT = 250_000
 FACE_WIDTH = 560  # CSS pixels of the slider at most
 TEXTURE_COVERAGE = "texture_coverage.png"
@@ -33,8 +38,14 @@ def build_page(folder: Path, data: ReportData) -> str:
         _relit(folder, data),
         _section("Textures", _textures(folder, data)),
         _section("Light", _light(folder, data)),
-        _section("Error against run time", _chart(folder / "trace.png", "Errors against seconds, stage by stage")),
-        _section("Shape and expression", _chart(folder / "weights.png", "The largest identity and expression weights")),
+        _section(
+            "Error against run time",
+            _chart(folder / "trace.png", "Errors against seconds, stage by stage"),
+        ),
+        _section(
+            "Shape and expression",
+            _chart(folder / "weights.png", "The largest identity and expression weights"),
+        ),
         _section("How sure", _certainty(folder, data)),
         _section("Numbers", _numbers(data)),
         _section("Left out", _left_out(data)),
@@ -43,7 +54,8 @@ def build_page(folder: Path, data: ReportData) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>{escape(data.title)} – Facestage</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{escape(data.title)} – "
+        f"Facestage</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join(part for part in parts if part)
         + "\n</main>\n</body>\n</html>\n"
     )
@@ -56,8 +68,12 @@ def data_uri(content: bytes) -> str:
         from PIL import Image
 
         buffer = io.BytesIO()
-        Image.open(io.BytesIO(content)).convert("RGB").save(buffer, format="JPEG", quality=92, subsampling=0)
-        content, kind = min((buffer.getvalue(), "jpeg"), (content, "png"), key=lambda pair: len(pair[0]))
+        Image.open(io.BytesIO(content)).convert("RGB").save(
+            buffer, format="JPEG", quality=92, subsampling=0
+        )
+        content, kind = min(
+            (buffer.getvalue(), "jpeg"), (content, "png"), key=lambda pair: len(pair[0])
+        )
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
@@ -69,7 +85,8 @@ def _header(data: ReportData) -> str:
     result = data.result
     words = STATUS_WORDS.get(result.status, tables.words(result.status))
     tiles = "".join(
-        f"<div><dt>{escape(row.label)}</dt><dd>{escape(row.value)} <span>{escape(row.unit)}</span></dd></div>"
+        f"<div><dt>{escape(row.label)}</dt><dd>{escape(row.value)} "
+        f"<span>{escape(row.unit)}</span></dd></div>"
         for row in _key_figures(data)
     )
     return (
@@ -82,14 +99,17 @@ def _header(data: ReportData) -> str:
 
 
 def _key_figures(data: ReportData) -> list[Row]:
-    # The last step's numbers stand in only where the finished picture was not measured: it has more detail.
+    # The last step's numbers stand in only where the finished picture was not measured: it has more
+    # detail.
     errors = data.result.errors or (data.trace[-1] if data.trace else {})
     rows = [Row("Run time", tables.number(tables.total_seconds(data.result.timings), 3), "s")]
     wanted = (
-        ("psnr", "PSNR, higher is better"), ("psnr_skin", "PSNR on the skin"),
-        ("photo_rms", "Photo residual, RMS, linear"), ("rigid_mm", "From truth, rigid alignment"),
+        ("psnr", "PSNR, higher is better"),
+        ("psnr_skin", "PSNR on the skin"),
+        ("photo_rms", "Photo residual, RMS, linear"),
+        ("rigid_mm", "From truth, rigid alignment"),
         ("similarity_mm", "From truth, similarity alignment"),
-    )  # fmt: skip
+    )
     for key, label in wanted:
         value = errors.get(key)
         if isinstance(value, int | float | np.number) and np.isfinite(value):
@@ -97,7 +117,9 @@ def _key_figures(data: ReportData) -> list[Row]:
             rows.append(Row(label, tables.number(float(value), 3), unit))
     distances = landmark_distances(data)
     if distances.size:
-        rows.append(Row("Landmarks, median distance", tables.number(float(np.median(distances)), 3), "px"))
+        rows.append(
+            Row("Landmarks, median distance", tables.number(float(np.median(distances)), 3), "px")
+        )
     return rows
 
 
@@ -110,22 +132,28 @@ def _photo_and_fit(folder: Path) -> str:
         "<figcaption>Drag to compare the photo with the fit.</figcaption></figure>"
     )
     landmarks = _figure(
-        folder / "landmarks.png", "Given and fitted landmarks on the photo",
+        folder / "landmarks.png",
+        "Given and fitted landmarks on the photo",
         "Landmarks as given and as fitted; faint ones are hidden from the camera.",
-    )  # fmt: skip
+    )
     comparison = _figure(
-        folder / "comparison.png", "Photo, fit and their difference",
-        "Dimmed: the photo where nothing was rendered. The difference covers the pixels that count in the fit; "
+        folder / "comparison.png",
+        "Photo, fit and their difference",
+        "Dimmed: the photo where nothing was rendered. The difference covers the pixels that "
+        "count in the fit; "
         "blue means that the fit is too dark, red that it is too bright.",
         wide=True,
-    )  # fmt: skip
+    )
     return f'{comparison}<div class="columns">{slider}{landmarks}</div>'
 
 
 def _relit(folder: Path, data: ReportData) -> str:
     if not data.relit:
         return ""
-    figures = [_figure(folder / relit_file(name), f"The face relit: {name}", tables.words(name)) for name in data.relit]
+    figures = [
+        _figure(folder / relit_file(name), f"The face relit: {name}", tables.words(name))
+        for name in data.relit
+    ]
     return _section("Relit", f'<div class="columns">{"".join(figures)}</div>')
 
 
@@ -136,26 +164,34 @@ def relit_file(name: str) -> str:
 
 def _textures(folder: Path, data: ReportData) -> str:
     faded = " Of faded texels the photo says nothing." if data.texture_coverage is not None else ""
-    albedo = _figure(folder / "albedo.png", "Diffuse albedo over the UV square", f"Diffuse albedo.{faded}")
+    albedo = _figure(
+        folder / "albedo.png", "Diffuse albedo over the UV square", f"Diffuse albedo.{faded}"
+    )
     fitted = tables.number(data.result.roughness, 3)
-    caption = "Specular map." if data.roughness is not None else f"Specular map; roughness {fitted}."
+    caption = (
+        "Specular map." if data.roughness is not None else f"Specular map; roughness {fitted}."
+    )
     figures = albedo + _figure(folder / "specular.png", "Specular map over the UV square", caption)
     if data.roughness is not None:
         caption = f"Roughness; {fitted} where no highlight tells."
         figures += _figure(folder / "roughness.png", "Roughness over the UV square", caption)
     if data.texture_coverage is not None:
         caption = "Where the albedo is from."
-        figures += _figure(folder / TEXTURE_COVERAGE, "Origin of the albedo over the UV square", caption)
+        figures += _figure(
+            folder / TEXTURE_COVERAGE, "Origin of the albedo over the UV square", caption
+        )
     return f'<div class="columns">{figures}</div>'
 
 
 def _light(folder: Path, data: ReportData) -> str:
     picture = _figure(
-        folder / "light_probe.png", "The fitted light as a lat-long map, with matte and mirror spheres",
-        "Numbers are those of the table: the strongest lights. Rings are lights that are on, crosses are off. "
+        folder / "light_probe.png",
+        "The fitted light as a lat-long map, with matte and mirror spheres",
+        "Numbers are those of the table: the strongest lights. Rings are lights that are on, "
+        "crosses are off. "
         "Left and right as in the photo; the spheres stand in for the face.",
         wide=True,
-    )  # fmt: skip
+    )
     rows = "".join(_light_row(row) for row in tables.light_rows(data.result.stage))
     table = (
         '<table><thead><tr><th>Light</th><th>From the camera’s direction</th><th class="n">Red</th>'
@@ -184,31 +220,42 @@ def _certainty(folder: Path, data: ReportData) -> str:
     if (folder / CERTAINTY).is_file():
         parts.append(
             _figure(
-                folder / CERTAINTY, "Standard deviation of each vertex, as in the photo and from the side",
-                "One standard deviation of each vertex in mm, size and pose taken out: what photo, landmarks and face "
-                "statistics leave open if the face model holds. Right: along the camera's axis alone.",
+                folder / CERTAINTY,
+                "Standard deviation of each vertex, as in the photo and from the side",
+                "One standard deviation of each vertex in mm, size and pose taken out: what "
+                "photo, landmarks and face "
+                "statistics leave open if the face model holds. Right: along the camera's "
+                "axis alone.",
                 wide=True,
             )
-        )  # fmt: skip
+        )
     found = data.result.null_directions
     if found:
-        where = ", ".join(f"{value:.0f} of {tables.words(name).lower()}" for name, value in found["by_block"].items())
+        where = ", ".join(
+            f"{value:.0f} of {tables.words(name).lower()}"
+            for name, value in found["by_block"].items()
+        )
         items = "".join(f"<li>{escape(sentence)}</li>" for sentence in found["sentences"])
         parts.append(
-            f'<div class="card"><h3>What photo and landmarks do not tell</h3><p class="note">Of {found["of"]} '
-            f"independent directions, {found['count']} rest on the priors alone{': about ' + where if where else ''}. "
+            '<div class="card"><h3>What photo and landmarks do not tell</h3><p '
+            f'class="note">Of {found["of"]} '
+            f"independent directions, {found['count']} rest on the priors "
+            f"alone{': about ' + where if where else ''}. "
             f"Those with a name:</p><ul>{items}</ul></div>"
         )
     rows = tables.certainty_rows(data.result)
     if rows:
         body = "".join(
-            f'<tr><td>{escape(row.name)}</td><td>{escape(row.kind)}</td><td class="n">{escape(row.value)} ± '
+            f"<tr><td>{escape(row.name)}</td><td>{escape(row.kind)}</td><td "
+            f'class="n">{escape(row.value)} ± '
             f'{escape(row.deviation)}</td><td class="n">{100 * row.left:.0f} %</td></tr>'
             for row in rows
         )
         parts.append(
-            '<div class="card"><h3>The least certain weights that are observed</h3><table><thead><tr><th>Weight</th>'
-            '<th></th><th class="n">Value ± deviation</th><th class="n">Of its prior deviation</th></tr></thead>'
+            '<div class="card"><h3>The least certain weights that are '
+            "observed</h3><table><thead><tr><th>Weight</th>"
+            '<th></th><th class="n">Value ± deviation</th><th class="n">Of its prior '
+            "deviation</th></tr></thead>"
             f"<tbody>{body}</tbody></table></div>"
         )
     return "\n".join(parts)
@@ -224,7 +271,9 @@ def _numbers(data: ReportData) -> str:
         _bars_card("Timings", tables.timing_rows(result.timings), "s"),
         _rows_card("Camera, pose and settings", tables.setup_rows(result)),
         _rows_card("Read from the photo", [Row(name, text) for name, text in result.photo.items()]),
-        _rows_card("Software", [Row(name, str(version)) for name, version in result.versions.items()]),
+        _rows_card(
+            "Software", [Row(name, str(version)) for name, version in result.versions.items()]
+        ),
     ]
     return f'<div class="columns">{"".join(cards)}</div>'
 
@@ -244,7 +293,8 @@ def _bars_card(heading: str, rows: Sequence[tuple[str, float, str]], unit: str) 
     if not rows:
         return ""
     body = "".join(
-        f'<tr><td>{escape(label)}</td><td class="bar"><span style="width:{100 * share:.1f}%"></span></td>'
+        f'<tr><td>{escape(label)}</td><td class="bar"><span '
+        f'style="width:{100 * share:.1f}%"></span></td>'
         f'<td class="n">{escape(value)} <span class="unit">{unit}</span></td></tr>'
         for label, share, value in rows
     )
@@ -258,7 +308,10 @@ def _left_out(data: ReportData) -> str:
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "".join(f"<tr>{_cells(row)}</tr>" for row in rows)
     note = '<p class="note">What this scene did not need, and what leaving it out saved.</p>'
-    return f'<div class="card">{note}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return (
+        "<div "
+        f'class="card">{note}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    )
 
 
 def _cells(values: Iterable[str]) -> str:
@@ -282,7 +335,9 @@ def _model_origin(data: ReportData) -> str:
 
 
 def _figure(path: Path, alt: str, caption: str, wide: bool = False) -> str:
-    """A picture with its caption; a wide one scrolls on a narrow screen instead of becoming unreadable."""
+    """A picture with its caption; a wide one scrolls on a narrow screen instead of becoming
+    unreadable.
+    """
     picture = f'<div class="wide">{_image(path, alt)}</div>' if wide else _image(path, alt)
     return f'<figure class="dark">{picture}<figcaption>{escape(caption)}</figcaption></figure>'
 

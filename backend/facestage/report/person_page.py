@@ -1,4 +1,6 @@
-"""One picture and one page for several photos of a person: each photo beside its fit, and the skin that they share."""
+"""One picture and one page for several photos of a person: each photo beside its fit, and the skin
+that they share.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ PANEL, GAP, MARGIN, TITLE = 300.0, 10.0, 16.0, 28.0
 
 
 def write_person_report(folder: Path, person: Person) -> None:
-    """Write person.png and person.html into a folder that holds the photos' own results with their pictures."""
+    """Write person.png and person.html into a folder that holds the photos' own results with their
+    pictures.
+    """
     with atomic_file(folder / PICTURE) as temporary:
         _draw(folder, person, temporary)
     with atomic_file(folder / PAGE) as temporary:
@@ -35,9 +39,17 @@ def _draw(folder: Path, person: Person, path: Path) -> None:
     for index, photo in enumerate(person.photos):
         left = MARGIN + index * (PANEL + GAP)
         title = f"{photo.number}  {Path(photo.image).name}"
-        canvas.text(left, MARGIN + 14, title if len(title) < 36 else f"{title[:34]}…", 11, weight="bold")
+        canvas.text(
+            left, MARGIN + 14, title if len(title) < 36 else f"{title[:34]}…", 11, weight="bold"
+        )
         for row, name in enumerate(("face_photo.png", "face.png")):
-            canvas.picture(left, top + row * (PANEL + GAP), PANEL, PANEL, _picture(folder / photo.folder / name))
+            canvas.picture(
+                left,
+                top + row * (PANEL + GAP),
+                PANEL,
+                PANEL,
+                _picture(folder / photo.folder / name),
+            )
     left = MARGIN + count * (PANEL + GAP)
     canvas.text(left, MARGIN + 14, "Albedo from all photos", 11, weight="bold")
     albedo = _picture(folder / person.photos[0].folder / "albedo.png")
@@ -66,17 +78,22 @@ def _page(folder: Path, person: Person) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>{len(person.photos)} photos of one person – Facestage</title>\n<style>{CSS}</style>\n</head>\n"
+        f"<title>{len(person.photos)} photos of one person – "
+        f"Facestage</title>\n<style>{CSS}</style>\n</head>\n"
         '<body>\n<main>\n<header>\n<p class="eyebrow">Facestage fit report</p>\n'
         f"<h1>{len(person.photos)} photos of one person</h1>\n"
         f'<p class="advice"><span class="badge {escape(person.status)}">{escape(words)}</span>'
         f"{escape(person.advice)}</p>\n</header>\n"
-        f'<section>\n<h2>Photos and fits</h2>\n<figure class="dark"><img alt="Each photo above its fit, and the albedo '
+        '<section>\n<h2>Photos and fits</h2>\n<figure class="dark"><img alt="Each photo above '
+        "its fit, and the albedo "
         f'of all photos" src="{picture}"></figure>\n</section>\n'
-        '<section>\n<h2>Each photo</h2>\n<div class="card"><table><tr><th></th><th>Photo and its report</th>'
-        f"<th>Shares the shape</th><th>PSNR of the skin</th><th>What the fit says</th></tr>{rows}</table></div>\n"
+        '<section>\n<h2>Each photo</h2>\n<div class="card"><table><tr><th></th><th>Photo and '
+        "its report</th>"
+        "<th>Shares the shape</th><th>PSNR of the skin</th><th>What the fit "
+        f"says</th></tr>{rows}</table></div>\n"
         "</section>\n<section>\n<h2>Repeat this fit</h2>\n"
-        '<div class="card">The jobs as they were resolved lie in the folders beside this page. In this folder, run'
+        '<div class="card">The jobs as they were resolved lie in the folders beside this '
+        "page. In this folder, run"
         f"<pre><code>{repeat}</code></pre></div>\n</section>\n</main>\n</body>\n</html>\n"
     )
 

@@ -9,7 +9,15 @@ import numpy as np
 
 from facestage.contract.atomic import atomic_file
 from facestage.contract.result import BY_SYMMETRY, SEEN
-from facestage.report.color import clean, exposure, luminance, shrink, shrink_factor, to_image, to_srgb8
+from facestage.report.color import (
+    clean,
+    exposure,
+    luminance,
+    shrink,
+    shrink_factor,
+    to_image,
+    to_srgb8,
+)
 from facestage.report.figure import DARK, Canvas, nice_limit
 from facestage.report.plotting import load_matplotlib
 from facestage.report.report_data import ReportData
@@ -38,9 +46,11 @@ class View:
         factor = exposure(data.photo)
         usable = data.coverage & _finite_pixels(data.photo) & _finite_pixels(data.render)
         return cls(
-            factor * shrink(data.photo), factor * shrink(data.render), shrink(usable) > 0.5,
+            factor * shrink(data.photo),
+            factor * shrink(data.render),
+            shrink(usable) > 0.5,
             shrink_factor(data.photo.shape),
-        )  # fmt: skip
+        )
 
     def composite(self, dim: float = 1.0) -> np.ndarray:
         """(h, w, 3) the render wherever it shows something, elsewhere the photo times ``dim``."""
@@ -48,12 +58,18 @@ class View:
         return np.where(rendered[..., None], self.render, dim * self.photo)
 
     def difference(self) -> np.ma.MaskedArray:
-        """(h, w) masked: luminance of the fit minus the photo's, both clipped to what a screen shows."""
+        """(h, w) masked: luminance of the fit minus the photo's, both clipped to what a screen
+        shows.
+        """
         signed = luminance(np.clip(self.render, 0, 1)) - luminance(np.clip(self.photo, 0, 1))
         return np.ma.masked_array(signed, mask=~self.coverage)
 
-    def crop(self, points: np.ndarray | None = None, margin: float = CROP_MARGIN) -> tuple[slice, slice]:
-        """Rows and columns around the fitted face and ``points`` (m, 2), with a margin; all if neither is there."""
+    def crop(
+        self, points: np.ndarray | None = None, margin: float = CROP_MARGIN
+    ) -> tuple[slice, slice]:
+        """Rows and columns around the fitted face and ``points`` (m, 2), with a margin; all if
+        neither is there.
+        """
         height, width = self.coverage.shape
         rows, columns = np.nonzero(self.coverage)
         spots = np.stack([columns, rows], axis=1).astype(float)
@@ -71,7 +87,9 @@ class View:
 
 
 def _finite_pixels(linear: np.ndarray) -> np.ndarray:
-    """(h, w) bool, true where no channel is NaN or infinite; several times faster than ``isfinite().all(-1)``."""
+    """(h, w) bool, true where no channel is NaN or infinite; several times faster than
+    ``isfinite().all(-1)``.
+    """
     finite = np.isfinite(linear)
     return finite[..., 0] & finite[..., 1] & finite[..., 2]
 
@@ -83,14 +101,18 @@ def save_linear(path: Path, linear: np.ndarray) -> None:
 
 
 def draw_faces(folder: Path, view: View) -> None:
-    """face.png, the fit in its place in the photo, and face_photo.png, the same crop of the photo."""
+    """face.png, the fit in its place in the photo, and face_photo.png, the same crop of the
+    photo.
+    """
     crop = view.crop()
     save_linear(folder / "face.png", view.composite()[crop])
     save_linear(folder / "face_photo.png", view.photo[crop])
 
 
 def draw_comparison(path: Path, view: View) -> None:
-    """Photo, fit and their difference; the color bar says how much too bright or dark the fit is."""
+    """Photo, fit and their difference; the color bar says how much too bright or dark the fit
+    is.
+    """
     crop = view.crop(margin=COMPARISON_MARGIN)
     height, width = view.photo[crop].shape[:2]
     factor = min(PANEL_WIDTH / width, PANEL_HEIGHT / height)
@@ -104,18 +126,31 @@ def draw_comparison(path: Path, view: View) -> None:
     pictures = (("Photo", view.photo[crop]), ("Fit", dimmed[crop]))
     for x, (title, picture) in zip(left, pictures, strict=False):
         canvas.text(x, 28, title, 12, weight="bold")
-        canvas.picture(x, 44, panel_width, panel_height, to_srgb8(picture), interpolation=PHOTO_FILTER)
+        canvas.picture(
+            x, 44, panel_width, panel_height, to_srgb8(picture), interpolation=PHOTO_FILTER
+        )
     canvas.text(left[2], 28, "Difference", 12, weight="bold")
     axes, artist = canvas.picture(
-        left[2], 44, panel_width, panel_height, difference, cmap=_difference_map(), vmin=-limit, vmax=limit
+        left[2],
+        44,
+        panel_width,
+        panel_height,
+        difference,
+        cmap=_difference_map(),
+        vmin=-limit,
+        vmax=limit,
     )
     axes.set_facecolor("#0e0f12")
-    bar = canvas.color_bar(left[2], 44 + panel_height + 18, panel_width, 10, artist, [-limit, 0, limit])
+    bar = canvas.color_bar(
+        left[2], 44 + panel_height + 18, panel_width, 10, artist, [-limit, 0, limit]
+    )
     labels = bar.ax.get_xticklabels()
     labels[0].set_ha("left")
     labels[-1].set_ha("right")
     below = 44 + panel_height + 66
-    canvas.text(left[2] + panel_width / 2, below, "fit − photo, luminance", 9.5, DARK.muted, ha="center")
+    canvas.text(
+        left[2] + panel_width / 2, below, "fit − photo, luminance", 9.5, DARK.muted, ha="center"
+    )
     canvas.save(path)
 
 
@@ -147,13 +182,27 @@ def draw_landmarks(path: Path, view: View, data: ReportData) -> None:
     canvas = Canvas(panel_width, panel_height + 44, DARK)
     extent = (columns.start, columns.stop, rows.stop, rows.start)
     axes, _ = canvas.picture(
-        0, 0, panel_width, panel_height, picture, extent=extent, alpha=0.8, interpolation=PHOTO_FILTER
+        0,
+        0,
+        panel_width,
+        panel_height,
+        picture,
+        extent=extent,
+        alpha=0.8,
+        interpolation=PHOTO_FILTER,
     )
     size = 70.0 if len(given) < 120 else 16.0
     for chosen, opacity in ((hidden, 0.35), (seen, 1.0)):
         pairs = np.stack([given[chosen], fitted[chosen]], axis=1)
         axes.plot(pairs[..., 0].T, pairs[..., 1].T, color="white", lw=1.0, alpha=0.8 * opacity)
-        axes.scatter(*given[chosen].T, s=size, facecolors="none", edgecolors=GIVEN_COLOR, lw=1.6, alpha=opacity)
+        axes.scatter(
+            *given[chosen].T,
+            s=size,
+            facecolors="none",
+            edgecolors=GIVEN_COLOR,
+            lw=1.6,
+            alpha=opacity,
+        )
         axes.scatter(*fitted[chosen].T, s=0.25 * size, color=FITTED_COLOR, alpha=opacity, lw=0)
     axes.set_xlim(columns.start, columns.stop)
     axes.set_ylim(rows.stop, rows.start)
@@ -170,7 +219,9 @@ def _landmark_legend(canvas: Canvas, y: float, distances: np.ndarray) -> None:
 
 
 def landmark_distances(data: ReportData) -> np.ndarray:
-    """(v,) pixels of the photo between given and fitted, of the visible landmarks with finite places."""
+    """(v,) pixels of the photo between given and fitted, of the visible landmarks with finite
+    places.
+    """
     distances = np.linalg.norm(data.landmarks - data.projected, axis=1)
     return distances[data.visible & np.isfinite(distances)]
 
@@ -189,7 +240,9 @@ def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:
     values = clean(values)
     limit = nice_limit(float(values.max()), 0.01)
     canvas = Canvas(640, 700, DARK)
-    _, artist = canvas.picture(0, 0, 640, 640, values, cmap="gray", vmin=least, vmax=limit, interpolation="bilinear")
+    _, artist = canvas.picture(
+        0, 0, 640, 640, values, cmap="gray", vmin=least, vmax=limit, interpolation="bilinear"
+    )
     bar = canvas.color_bar(20, 656, 600, 10, artist, [least, (least + limit) / 2, limit])
     labels = bar.ax.get_xticklabels()
     labels[0].set_ha("left")
@@ -198,8 +251,14 @@ def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:
 
 
 def draw_coverage(path: Path, coverage: np.ndarray) -> None:
-    """Where the albedo's texels are from, by color; ``coverage`` (S, S, 3) uint8 as of CONVENTIONS.md."""
-    colors = (("the photo", SEEN, "#f2c48d"), ("its mirror image", BY_SYMMETRY, "#5b9bd5"), ("the model", 0, "#2b2e36"))
+    """Where the albedo's texels are from, by color; ``coverage`` (S, S, 3) uint8 as of
+    CONVENTIONS.md.
+    """
+    colors = (
+        ("the photo", SEEN, "#f2c48d"),
+        ("its mirror image", BY_SYMMETRY, "#5b9bd5"),
+        ("the model", 0, "#2b2e36"),
+    )
     picture = np.zeros((*coverage.shape[:2], 3), np.uint8)
     canvas = Canvas(640, 700, DARK)
     left = 20.0

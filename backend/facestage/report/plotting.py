@@ -9,7 +9,9 @@ from pathlib import Path
 
 @cache
 def load_matplotlib() -> None:
-    """Import Matplotlib, which reads a ``matplotlibrc`` in the current folder first, and forget all settings found."""
+    """Import Matplotlib, which reads a ``matplotlibrc`` in the current folder first, and forget all
+    settings found.
+    """
     with contextlib.chdir(Path(__file__).resolve().parent):
         import matplotlib
     matplotlib.rcdefaults()

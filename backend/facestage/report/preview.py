@@ -15,8 +15,8 @@ PREVIEW_SIDE = 400  # pixels; larger ones take longer to compress than a step ma
 def write_preview(path: Path, photo: np.ndarray, render: np.ndarray) -> None:
     """Write ``photo`` and ``render`` (h, w, 3) linear beside each other as a small sRGB PNG.
 
-    Whoever watches ``path`` sees the previous preview or this one, never half of it. Both pictures have
-    the exposure of the photo and are shrunk to at most PREVIEW_SIDE pixels.
+    Whoever watches ``path`` sees the previous preview or this one, never half of it. Both pictures
+    have the exposure of the photo and are shrunk to at most PREVIEW_SIDE pixels.
     """
     pair = np.concatenate([_small(photo), _small(render)], axis=1)
     with atomic_file(Path(path)) as temporary:

@@ -17,11 +17,13 @@ REPEAT_COMMAND = "facestage fit --job . --out ../again"
 
 @dataclass(frozen=True)
 class ReportData:
-    """A finished fit. Images are linear RGB; NaN and infinity may occur anywhere and are drawn as black or white.
+    """A finished fit. Images are linear RGB; NaN and infinity may occur anywhere and are drawn as
+    black or white.
 
-    ``trace`` holds rows as in trace.jsonl: "seconds", "stage", "iteration", "energy" (term -> value),
-    "photo_rms", "psnr", "condition" and, when truth is known, "rigid_mm" and "similarity_mm"; a missing
-    value is None. Raises InputError when two arrays that belong together differ in size.
+    ``trace`` holds rows as in trace.jsonl: "seconds", "stage", "iteration", "energy" (term ->
+    value), "photo_rms", "psnr", "condition" and, when truth is known, "rigid_mm" and
+    "similarity_mm"; a missing value is None. Raises InputError when two arrays that belong together
+    differ in size.
     """
 
     title: str
@@ -31,15 +33,20 @@ class ReportData:
     coverage: np.ndarray  # (h, w) bool, true where the face was fitted
     albedo: np.ndarray  # (S, S, 3) linear, row 0 at v = 1
     specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
-    light_probe: np.ndarray  # (H, W, 3) lat-long, stage frame: +Y at the top, +Z (the camera) in the middle
+    # (H, W, 3) lat-long, stage frame: +Y at the top, +Z (the camera) in the middle
+    light_probe: np.ndarray
     landmarks: np.ndarray  # (m, 2) pixels, as given
     projected: np.ndarray  # (m, 2) pixels, as fitted
     visible: np.ndarray  # (m,) bool
-    roughness: np.ndarray | None = None  # (r, r), row 0 at v = 1; None: the result's one value everywhere
-    texture_coverage: np.ndarray | None = None  # (S, S, 3) uint8, where the albedo's texels are from (CONVENTIONS.md)
+    # (r, r), row 0 at v = 1; None: the result's one value everywhere
+    roughness: np.ndarray | None = None
+    # (S, S, 3) uint8, where the albedo's texels are from (CONVENTIONS.md)
+    texture_coverage: np.ndarray | None = None
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
-    surface: np.ndarray | None = None  # (t, 3) the rendered triangles of the result's vertices; None: all
-    face: np.ndarray | None = None  # (f,) numbers of the face's vertices, without neck and scalp; None: all
+    # (t, 3) the rendered triangles of the result's vertices; None: all
+    surface: np.ndarray | None = None
+    # (f,) numbers of the face's vertices, without neck and scalp; None: all
+    face: np.ndarray | None = None
     trace: Sequence[Mapping[str, Any]] = ()
     repeat_command: str = REPEAT_COMMAND
 
@@ -47,10 +54,16 @@ class ReportData:
         size = self.photo.shape[:2]
         count = len(self.landmarks)
         expected = {
-            "photo": (*size, 3), "render": (*size, 3), "coverage": size, "landmarks": (count, 2),
-            "projected": (count, 2), "visible": (count,), "albedo": (*self.albedo.shape[:2], 3),
-            "specular": self.specular.shape[:2], "light_probe": (*self.light_probe.shape[:2], 3),
-        }  # fmt: skip
+            "photo": (*size, 3),
+            "render": (*size, 3),
+            "coverage": size,
+            "landmarks": (count, 2),
+            "projected": (count, 2),
+            "visible": (count,),
+            "albedo": (*self.albedo.shape[:2], 3),
+            "specular": self.specular.shape[:2],
+            "light_probe": (*self.light_probe.shape[:2], 3),
+        }
         if self.texture_coverage is not None:
             expected["texture_coverage"] = (*self.albedo.shape[:2], 3)
         if self.roughness is not None:
@@ -61,4 +74,7 @@ class ReportData:
                 raise InputError(f"The report's {name} has shape {found}, expected {shape}.")
         for name, picture in self.relit.items():
             if picture.ndim != 3 or picture.shape[2] != 3:
-                raise InputError(f"The report's relit picture '{name}' has shape {picture.shape}, expected (h, w, 3).")
+                raise InputError(
+                    f"The report's relit picture '{name}' has shape {picture.shape}, expected "
+                    "(h, w, 3)."
+                )

@@ -1,4 +1,6 @@
-"""The table of the stress cases: as text line by line, as one HTML page, and as JSON for programs."""
+"""The table of the stress cases: as text line by line, as one HTML page, and as JSON for
+programs.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,12 @@ NAME_WIDTH, KIND_WIDTH, PAGE_WIDTH = 27, 10, 118
 # The badges of the fit's report, by outcome.
 BADGES = {"converged": "converged", "advised": "budget_spent", "refused": "budget_spent"}
 WORDS = {
-    "converged": "Converged", "advised": "Stopped with advice", "refused": "Refused", "crashed": "Crashed",
+    "converged": "Converged",
+    "advised": "Stopped with advice",
+    "refused": "Refused",
+    "crashed": "Crashed",
     "hung": "Hung",
-}  # fmt: skip
+}
 TABLE_CSS = """\
 main{max-width:1400px}
 td.case{min-width:210px}td.case b{white-space:nowrap}
@@ -68,11 +73,14 @@ def head_lines() -> list[str]:
 def row_lines(row: StressRow) -> list[str]:
     """A case as text: its numbers, and below them what it said unless it simply converged."""
     numbers = (
-        f"{'ok  ' if row.passed else 'FAIL'} {row.name:{NAME_WIDTH}}{row.kind:{KIND_WIDTH}}{_fixed(row.mm):>6}"
+        f"{'ok  ' if row.passed else 'FAIL'} "
+        f"{row.name:{NAME_WIDTH}}{row.kind:{KIND_WIDTH}}{_fixed(row.mm):>6}"
         f"{_fixed(row.start_mm):>7}{_fixed(row.psnr, 1):>7}{_power(row.condition):>11}"
         f"{row.iterations or NOTHING!s:>6}{row.seconds:>7.1f}"
     )
-    remarks = [f"! {fault}" for fault in row.faults] + [f"warning: {warning}" for warning in row.warnings]
+    remarks = [f"! {fault}" for fault in row.faults] + [
+        f"warning: {warning}" for warning in row.warnings
+    ]
     if row.kind != CONVERGED:
         remarks.append(row.sentence)
     indent = " " * 5
@@ -81,16 +89,24 @@ def row_lines(row: StressRow) -> list[str]:
         *(
             line
             for remark in remarks
-            for line in textwrap.wrap(remark, PAGE_WIDTH, initial_indent=indent, subsequent_indent=indent + "  ")
+            for line in textwrap.wrap(
+                remark, PAGE_WIDTH, initial_indent=indent, subsequent_indent=indent + "  "
+            )
         ),
     ]
 
 
 def summary_line(rows: Sequence[StressRow]) -> str:
     """One sentence: how many cases there were, what came of them, and whether any lied."""
-    counts = [f"{sum(row.kind == kind for row in rows)} {word.lower()}" for kind, word in WORDS.items()]
+    counts = [
+        f"{sum(row.kind == kind for row in rows)} {word.lower()}" for kind, word in WORDS.items()
+    ]
     failed = [row.name for row in rows if not row.passed]
-    verdict = f"FAILED: {', '.join(failed)}" if failed else "none is NaN, hangs, crashes or is silently wrong"
+    verdict = (
+        f"FAILED: {', '.join(failed)}"
+        if failed
+        else "none is NaN, hangs, crashes or is silently wrong"
+    )
     seconds = sum(row.seconds for row in rows)
     return f"{len(rows)} cases in {seconds:.0f} s: {', '.join(counts)}; {verdict}."
 
@@ -100,17 +116,24 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"Cannot make the folder '{folder}' ({error.strerror or error}); choose another.") from error
+        raise InputError(
+            f"Cannot make the folder '{folder}' ({error.strerror or error}); choose another."
+        ) from error
 
 
 def write_stress_report(folder: Path, rows: Sequence[StressRow]) -> None:
     """Write stress.txt, stress.html and stress.json into ``folder``, which is made if need be."""
     make_folder(folder)
     lines = [*head_lines(), *(line for row in rows for line in row_lines(row)), summary_line(rows)]
-    for name, text in (("stress.txt", "\n".join(lines) + "\n"), ("stress.html", build_stress_page(rows))):
+    for name, text in (
+        ("stress.txt", "\n".join(lines) + "\n"),
+        ("stress.html", build_stress_page(rows)),
+    ):
         with atomic_file(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    write_json(folder / "stress.json", {"cases": [asdict(row) | {"passed": row.passed} for row in rows]})
+    write_json(
+        folder / "stress.json", {"cases": [asdict(row) | {"passed": row.passed} for row in rows]}
+    )
 
 
 def build_stress_page(rows: Sequence[StressRow]) -> str:
@@ -119,26 +142,40 @@ def build_stress_page(rows: Sequence[StressRow]) -> str:
     tiles = [("Cases", str(len(rows)))]
     tiles += [(word, str(sum(row.kind == kind for row in rows))) for kind, word in WORDS.items()]
     tiles.append(("At fault", str(failed)))
-    tile_html = "".join(f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>" for label, value in tiles)
+    tile_html = "".join(
+        f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>" for label, value in tiles
+    )
     head = "".join(
         f"<th{cell}>{text}</th>"
         for text, cell in (
-            ("Case", ""), ("Outcome", ""), ("mm", ' class="n"'), ("at start", ' class="n"'), ("dB", ' class="n"'),
-            ("Condition", ' class="n"'), ("Steps", ' class="n"'), ("s", ' class="n"'), ("What it said", ""),
+            ("Case", ""),
+            ("Outcome", ""),
+            ("mm", ' class="n"'),
+            ("at start", ' class="n"'),
+            ("dB", ' class="n"'),
+            ("Condition", ' class="n"'),
+            ("Steps", ' class="n"'),
+            ("s", ' class="n"'),
+            ("What it said", ""),
         )
-    )  # fmt: skip
+    )
     body = "\n".join(_html_row(row) for row in rows)
     note = (
-        "mm: mean vertex distance from the truth after similarity alignment, and the same after the landmark stage. "
-        "dB: PSNR on the face. Condition: of the last damped system, scaled to a unit diagonal. A case is at fault "
-        "when it crashes, hangs, holds NaN or infinity, or claims to have converged beyond its bounds."
+        "mm: mean vertex distance from the truth after similarity alignment, and the same "
+        "after the landmark stage. "
+        "dB: PSNR on the face. Condition: of the last damped system, scaled to a unit "
+        "diagonal. A case is at fault "
+        "when it crashes, hangs, holds NaN or infinity, or claims to have converged beyond "
+        "its bounds."
     )
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>Stress cases – Facestage</title>\n<style>{CSS}{TABLE_CSS}</style>\n</head>\n<body>\n<main>\n"
+        "<title>Stress cases – "
+        f"Facestage</title>\n<style>{CSS}{TABLE_CSS}</style>\n</head>\n<body>\n<main>\n"
         '<header>\n<p class="eyebrow">Facestage stress</p>\n<h1>Stiff and extreme cases</h1>\n'
-        f'<p class="advice">{escape(summary_line(rows))}</p>\n<dl class="tiles">{tile_html}</dl>\n</header>\n'
+        f'<p class="advice">{escape(summary_line(rows))}</p>\n<dl '
+        f'class="tiles">{tile_html}</dl>\n</header>\n'
         f'<section><h2>Cases</h2><div class="card"><p class="note">{escape(note)}</p>'
         f"<table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div></section>\n"
         "</main>\n</body>\n</html>\n"
@@ -147,17 +184,25 @@ def build_stress_page(rows: Sequence[StressRow]) -> str:
 
 def _html_row(row: StressRow) -> str:
     badge = BADGES.get(row.kind, "stopped")
-    said = "".join(f'<div class="fault">{escape(fault)}</div>' for fault in row.faults) + escape(row.sentence)
+    said = "".join(f'<div class="fault">{escape(fault)}</div>' for fault in row.faults) + escape(
+        row.sentence
+    )
     said += "".join(f"<div>Warning: {escape(warning)}</div>" for warning in row.warnings)
     numbers = (
-        _fixed(row.mm), _fixed(row.start_mm), _fixed(row.psnr, 1), number(row.condition, 3),
-        str(row.iterations or NOTHING), f"{row.seconds:.1f}",
-    )  # fmt: skip
+        _fixed(row.mm),
+        _fixed(row.start_mm),
+        _fixed(row.psnr, 1),
+        number(row.condition, 3),
+        str(row.iterations or NOTHING),
+        f"{row.seconds:.1f}",
+    )
     cells = "".join(f'<td class="n">{escape(value)}</td>' for value in numbers)
     failed = "" if row.passed else ' class="failed"'
     return (
-        f'<tr{failed}><td class="case"><b>{escape(row.name)}</b><br><span>{escape(row.about)}</span></td>'
-        f'<td><span class="badge {badge}">{escape(WORDS.get(row.kind, row.kind))}</span></td>{cells}'
+        f"<tr{failed}><td "
+        f'class="case"><b>{escape(row.name)}</b><br><span>{escape(row.about)}</span></td>'
+        '<td><span class="badge '
+        f'{badge}">{escape(WORDS.get(row.kind, row.kind))}</span></td>{cells}'
         f'<td class="said">{said}</td></tr>'
     )
 

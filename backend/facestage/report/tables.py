@@ -32,7 +32,15 @@ ERRORS = {
     "light": ("Irradiance, relative, best scale factored out", ""),
     "condition": ("Condition number of the last step", ""),
 }
-SUFFIX_UNITS = {"mm": "mm", "px": "px", "db": "dB", "deg": "°", "degrees": "°", "percent": "%", "seconds": "s"}
+SUFFIX_UNITS = {
+    "mm": "mm",
+    "px": "px",
+    "db": "dB",
+    "deg": "°",
+    "degrees": "°",
+    "percent": "%",
+    "seconds": "s",
+}
 TRUTH_WORDS = (
     "sigma",
     "rigid",
@@ -46,10 +54,17 @@ TRUTH_WORDS = (
     "roughness",
 )
 ENERGIES = {
-    "photo": "Photo", "landmarks": "Landmarks", "identity": "Prior on identity", "expression": "Prior on expression",
-    "albedo": "Prior on albedo", "roughness": "Prior on roughness", "focal": "Prior on focal length",
-    "specular_level": "Prior on specular", "specular_smooth": "Smoothness of specular", "light": "Light color",
-}  # fmt: skip
+    "photo": "Photo",
+    "landmarks": "Landmarks",
+    "identity": "Prior on identity",
+    "expression": "Prior on expression",
+    "albedo": "Prior on albedo",
+    "roughness": "Prior on roughness",
+    "focal": "Prior on focal length",
+    "specular_level": "Prior on specular",
+    "specular_smooth": "Smoothness of specular",
+    "light": "Light color",
+}
 
 
 @dataclass(frozen=True)
@@ -62,7 +77,9 @@ class Row:
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """A number with ``digits`` significant digits for people; a dash for what is missing or not finite."""
+    """A number with ``digits`` significant digits for people; a dash for what is missing or not
+    finite.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return NOTHING if value is None else str(value)
     if isinstance(value, int | np.integer):
@@ -72,7 +89,9 @@ def number(value: Any, digits: int = 4) -> str:
     magnitude = abs(float(value))
     if magnitude != 0 and not 1e-4 <= magnitude < 1e6:
         mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
-        return f"{mantissa} × 10{_superscript(int(exponent))}".replace("-", "−", 1 if value < 0 else 0)
+        return f"{mantissa} × 10{_superscript(int(exponent))}".replace(
+            "-", "−", 1 if value < 0 else 0
+        )
     return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
 
 
@@ -102,14 +121,18 @@ def error_tables(errors: Mapping[str, Any]) -> tuple[list[Row], list[Row]]:
     on_photo: list[Row] = []
     against_truth: list[Row] = []
     for key, value in errors.items():
-        needs_truth = key.endswith("_mm") or any(word in TRUTH_WORDS for word in key.lower().split("_"))
+        needs_truth = key.endswith("_mm") or any(
+            word in TRUTH_WORDS for word in key.lower().split("_")
+        )
         (against_truth if needs_truth else on_photo).append(error_row(key, value))
     return on_photo, against_truth
 
 
 @dataclass(frozen=True)
 class CertaintyRow:
-    """One fitted weight: value and standard deviation, and how much of its prior's deviation is left, 0..1."""
+    """One fitted weight: value and standard deviation, and how much of its prior's deviation is
+    left, 0..1.
+    """
 
     name: str
     kind: str
@@ -121,15 +144,25 @@ class CertaintyRow:
 def certainty_rows(result: Result, count: int = 12) -> list[CertaintyRow]:
     """The least certain of the identity and expression weights that the data say something of."""
     rows = []
-    blocks = (("identity", result.identity_names, result.identity),
-              ("expression", result.expression_names, result.expression))  # fmt: skip
+    blocks = (
+        ("identity", result.identity_names, result.identity),
+        ("expression", result.expression_names, result.expression),
+    )
     for kind, names, values in blocks:
-        after, before = (result.arrays.get(f"{key}/{kind}") for key in ("deviation", "deviation_before"))
+        after, before = (
+            result.arrays.get(f"{key}/{kind}") for key in ("deviation", "deviation_before")
+        )
         if after is None or before is None:
             continue
         unobserved = set(result.unobserved.get(kind, ()))
         rows += [
-            CertaintyRow(name, kind, number(float(value), 2), number(float(deviation), 2), float(deviation / prior))
+            CertaintyRow(
+                name,
+                kind,
+                number(float(value), 2),
+                number(float(deviation), 2),
+                float(deviation / prior),
+            )
             for name, value, deviation, prior in zip(names, values, after, before, strict=True)
             if name not in unobserved and deviation > 0 and np.isfinite(prior) and prior > 0
         ]
@@ -138,12 +171,18 @@ def certainty_rows(result: Result, count: int = 12) -> list[CertaintyRow]:
 
 def energy_rows(energy: Mapping[str, Any]) -> list[tuple[str, float, str]]:
     """(term, share of the total 0..1, value) of each energy term, largest first."""
-    return _shares({ENERGIES.get(key, words(key)): value for key, value in energy.items() if key != "total"})
+    return _shares(
+        {ENERGIES.get(key, words(key)): value for key, value in energy.items() if key != "total"}
+    )
 
 
 def timing_rows(timings: Mapping[str, Any]) -> list[tuple[str, float, str]]:
     """(what, share of the total 0..1, seconds as text), in the order given, without the total."""
-    rows = {words(key.removesuffix("_seconds")): value for key, value in timings.items() if key != "total"}
+    rows = {
+        words(key.removesuffix("_seconds")): value
+        for key, value in timings.items()
+        if key != "total"
+    }
     return _shares(rows, total=_finite(timings.get("total")), in_order=True)
 
 
@@ -152,19 +191,25 @@ def total_seconds(timings: Mapping[str, Any]) -> float:
     return _finite(timings.get("total")) or sum(_finite(value) for value in timings.values())
 
 
-def _shares(rows: Mapping[str, Any], total: float = 0.0, in_order: bool = False) -> list[tuple[str, float, str]]:
+def _shares(
+    rows: Mapping[str, Any], total: float = 0.0, in_order: bool = False
+) -> list[tuple[str, float, str]]:
     total = max(total, sum(abs(_finite(value)) for value in rows.values()), 1e-30)
     result = [(label, abs(_finite(value)) / total, number(value)) for label, value in rows.items()]
     return result if in_order else sorted(result, key=lambda row: -row[1])
 
 
 def _finite(value: Any) -> float:
-    return float(value) if isinstance(value, int | float | np.number) and math.isfinite(value) else 0.0
+    return (
+        float(value) if isinstance(value, int | float | np.number) and math.isfinite(value) else 0.0
+    )
 
 
 @dataclass(frozen=True)
 class LightRow:
-    """One light: its number, where it stands seen from the face, its radiance and share of the power."""
+    """One light: its number, where it stands seen from the face, its radiance and share of the
+    power.
+    """
 
     number: int
     place: str
@@ -175,7 +220,9 @@ class LightRow:
 
 
 def light_rows(stage: LightStage) -> list[LightRow]:
-    """The lights, strongest first; "right" and "left" are the photo's when the camera faces the stage."""
+    """The lights, strongest first; "right" and "left" are the photo's when the camera faces the
+    stage.
+    """
     power = light_power(stage)
     share = power / max(float(power.sum()), 1e-30)
     rows = []
@@ -187,17 +234,26 @@ def light_rows(stage: LightStage) -> list[LightRow]:
         red, green, blue = (number(float(value), 3) for value in color)
         rows.append(
             LightRow(
-                int(index) + 1, light_place(stage.position[index]), (red, green, blue),
-                "transparent" if off else f"rgb({swatch[0]} {swatch[1]} {swatch[2]})", float(share[index]), state,
+                int(index) + 1,
+                light_place(stage.position[index]),
+                (red, green, blue),
+                "transparent" if off else f"rgb({swatch[0]} {swatch[1]} {swatch[2]})",
+                float(share[index]),
+                state,
             )
-        )  # fmt: skip
+        )
     return rows
 
 
 def light_place(position: np.ndarray) -> str:
-    """Where a stage-frame position (3,) lies for someone at the origin who looks along +Z: "31° right, 12° up"."""
+    """Where a stage-frame position (3,) lies for someone at the origin who looks along +Z: "31°
+    right, 12° up".
+    """
     x, y, z = (float(value) for value in position / max(float(np.linalg.norm(position)), 1e-30))
-    azimuth, elevation = math.degrees(math.atan2(x, z)), math.degrees(math.asin(max(-1.0, min(1.0, y))))
+    azimuth, elevation = (
+        math.degrees(math.atan2(x, z)),
+        math.degrees(math.asin(max(-1.0, min(1.0, y)))),
+    )
     across = f"{abs(azimuth):.0f}° {'right' if azimuth > 0 else 'left'}"
     return f"{across}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
 
@@ -215,9 +271,16 @@ def setup_rows(result: Result) -> list[Row]:
         Row("Focal length", number(camera.focal_px), "px"),
         Row("Horizontal field of view", number(view, 3), "°"),
         Row("Head to camera", number(float(np.linalg.norm(result.model_to_camera[:3, 3])), 3), "m"),
-        Row("Head yaw, pitch, roll", ", ".join(_signed_degrees(angle) for angle in (yaw, pitch, roll)), "°"),
+        Row(
+            "Head yaw, pitch, roll",
+            ", ".join(_signed_degrees(angle) for angle in (yaw, pitch, roll)),
+            "°",
+        ),
         Row("Roughness", number(result.roughness, 3)),
-        Row("Lights", f"{int((result.stage.radiance.max(axis=1) > 0).sum())} on of {len(result.stage)}"),
+        Row(
+            "Lights",
+            f"{int((result.stage.radiance.max(axis=1) > 0).sum())} on of {len(result.stage)}",
+        ),
         Row("Seed", str(result.seed)),
     ]
 
@@ -227,7 +290,9 @@ def _signed_degrees(angle: float) -> str:
 
 
 def left_out_table(left_out: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of what the plan dropped; columns are the keys in the order they first appear."""
+    """Heads and rows of what the plan dropped; columns are the keys in the order they first
+    appear.
+    """
     keys = list(dict.fromkeys(key for item in left_out for key in item))
     rows = [[_cell(key, item.get(key)) for key in keys] for item in left_out]
     return [_head(key) for key in keys], rows

@@ -29,10 +29,11 @@ PAGE = "report.html"
 def write_report(folder: Path, data: ReportData) -> None:
     """Write report.html and its PNG pictures into an existing folder.
 
-    comparison, face, face_photo, landmarks, albedo, specular, roughness and texture_coverage (where they are known),
-    light_probe, trace, weights, certainty (where any parameter was fitted), and one relit_NAME for each relit picture.
-    All pictures of the photo share the exposure of :func:`color.exposure` and are shrunk to at most
-    ``color.MAX_SIDE`` pixels. The page embeds them all and needs no other file.
+    comparison, face, face_photo, landmarks, albedo, specular, roughness and texture_coverage (where
+    they are known), light_probe, trace, weights, certainty (where any parameter was fitted), and
+    one relit_NAME for each relit picture. All pictures of the photo share the exposure of
+    :func:`color.exposure` and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them
+    all and needs no other file.
     """
     folder = Path(folder)
     view = View.of(data)
@@ -50,7 +51,9 @@ def write_report(folder: Path, data: ReportData) -> None:
     for name, picture in data.relit.items():
         small = factor * shrink(picture)
         same = small.shape == view.photo.shape
-        save_linear(folder / relit_file(name), small[view.crop(margin=COMPARISON_MARGIN)] if same else small)
+        save_linear(
+            folder / relit_file(name), small[view.crop(margin=COMPARISON_MARGIN)] if same else small
+        )
     draw_trace(folder / "trace.png", data.trace)
     draw_weights(folder / "weights.png", data.result)
     if DEVIATION in data.result.arrays:

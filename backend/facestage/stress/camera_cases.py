@@ -10,7 +10,16 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.stress.case import DOUBT, Suite
-from facestage.stress.scene import DISTANCE, FOCAL_PER_SIDE, SIDE_PX, Scene, plain_scene, render, turn, write_job
+from facestage.stress.scene import (
+    DISTANCE,
+    FOCAL_PER_SIDE,
+    SIDE_PX,
+    Scene,
+    plain_scene,
+    render,
+    turn,
+    write_job,
+)
 
 suite = Suite()
 
@@ -57,34 +66,55 @@ def _far(folder: Path, metres: float) -> Job:
     centre = matrix[:3, :3] @ scene.translation + offset
     to_stage = np.eye(4)
     to_stage[:3, :3], to_stage[:3, 3] = matrix[:3, :3], centre
-    return _job(folder, replace(scene, stage=scene.stage.transformed(to_stage), camera_to_stage=matrix))
+    return _job(
+        folder, replace(scene, stage=scene.stage.transformed(to_stage), camera_to_stage=matrix)
+    )
 
 
-@suite.add("stage-far-10km", "face and lights 10 km from the stage's origin", worst_mm=0.6, worst_psnr=36)
+@suite.add(
+    "stage-far-10km", "face and lights 10 km from the stage's origin", worst_mm=0.6, worst_psnr=36
+)
 def stage_far_10km(folder: Path) -> Job:
     """float32 would keep a millimetre."""
     return _far(folder, 1e4)
 
 
-@suite.add("stage-far-1000km", "face and lights 1000 km from the stage's origin", worst_mm=0.6, worst_psnr=36)
+@suite.add(
+    "stage-far-1000km",
+    "face and lights 1000 km from the stage's origin",
+    worst_mm=0.6,
+    worst_psnr=36,
+)
 def stage_far_1000km(folder: Path) -> Job:
     """float32 would keep six centimetres."""
     return _far(folder, 1e6)
 
 
-@suite.add("telescope", "a focal length of 1000 photo widths, the face 240 m away", worst_mm=1.0, worst_psnr=32)
+@suite.add(
+    "telescope",
+    "a focal length of 1000 photo widths, the face 240 m away",
+    worst_mm=1.0,
+    worst_psnr=32,
+)
 def telescope(folder: Path) -> Job:
     """Parallel rays: depth and size look the same."""
     return _job(folder, _zoomed(plain_scene(), 1000.0))
 
 
-@suite.add("wide-lens", "a focal length of half the photo's width, the lens 12 cm from the face", 1.5, 30)
+@suite.add(
+    "wide-lens", "a focal length of half the photo's width, the lens 12 cm from the face", 1.5, 30
+)
 def wide_lens(folder: Path) -> Job:
     """The nose is twice as near as the ears."""
     return _job(folder, _zoomed(plain_scene(), 0.5))
 
 
-@suite.add("lens-unknown", "the focal length is fitted, from a guess of half of it", worst_mm=1.5, worst_psnr=32)
+@suite.add(
+    "lens-unknown",
+    "the focal length is fitted, from a guess of half of it",
+    worst_mm=1.5,
+    worst_psnr=32,
+)
 def lens_unknown(folder: Path) -> Job:
     """Depth, size and focal length are one null direction, nearly."""
     return replace(_job(folder, plain_scene()), camera=None)
@@ -94,7 +124,9 @@ def lens_unknown(folder: Path) -> Job:
 def lens_wrong(folder: Path) -> Job:
     """The fit may only say how well it does with it."""
     scene = plain_scene()
-    return replace(_job(folder, scene), camera=replace(scene.camera, focal_px=10 * scene.camera.focal_px))
+    return replace(
+        _job(folder, scene), camera=replace(scene.camera, focal_px=10 * scene.camera.focal_px)
+    )
 
 
 @suite.add("tiny-face", "a face of 12 pixels", worst_mm=4.0)
@@ -104,10 +136,15 @@ def tiny_face(folder: Path) -> Job:
     return _job(folder, replace(scene, translation=np.array([0.0, 0.0, -3.2])))
 
 
-@suite.add("corner-crop", "a crop whose optical axis lies far outside of it", worst_mm=1.0, worst_psnr=32)
+@suite.add(
+    "corner-crop", "a crop whose optical axis lies far outside of it", worst_mm=1.0, worst_psnr=32
+)
 def corner_crop(folder: Path) -> Job:
     """Principal point 400 pixels to the left."""
     scene = plain_scene()
     camera = Camera(SIDE_PX, SIDE_PX, scene.camera.focal_px, (-350.0, SIDE_PX / 2))
     shift = DISTANCE * (SIDE_PX / 2 + 350.0) / camera.focal_px
-    return _job(folder, replace(scene, camera=camera, translation=scene.translation + np.array([shift, 0.0, 0.0])))
+    return _job(
+        folder,
+        replace(scene, camera=camera, translation=scene.translation + np.array([shift, 0.0, 0.0])),
+    )

@@ -10,10 +10,12 @@ from facestage.contract.job import Job
 
 Build = Callable[[Path], Job]
 
-# What is right: a fit (converged, or stopped with advice) | anything but a claim to have converged | a refusal.
+# What is right: a fit (converged, or stopped with advice) | anything but a claim to have converged
+# | a refusal.
 FIT, DOUBT, REFUSAL = "fit", "doubt", "refusal"
 DEFAULT_SECONDS = 300.0
-# A fit must never end further from the truth than its own landmark stage; this is the noise of saying so.
+# A fit must never end further from the truth than its own landmark stage; this is the noise of
+# saying so.
 SLACK_MM = 0.15
 
 
@@ -40,9 +42,14 @@ class Suite:
         self.cases: dict[str, Case] = {}
 
     def add(
-        self, name: str, about: str, worst_mm: float | None = None, worst_psnr: float | None = None,
-        right: str = FIT, seconds: float = DEFAULT_SECONDS,
-    ) -> Callable[[Build], Build]:  # fmt: skip
+        self,
+        name: str,
+        about: str,
+        worst_mm: float | None = None,
+        worst_psnr: float | None = None,
+        right: str = FIT,
+        seconds: float = DEFAULT_SECONDS,
+    ) -> Callable[[Build], Build]:
         """Decorator: the function that builds the job of case ``name``."""
 
         def register(build: Build) -> Build:

@@ -1,4 +1,6 @@
-"""One case in a process of its own: `python -m facestage.stress.child NAME FOLDER` writes FOLDER/outcome.json."""
+"""One case in a process of its own: `python -m facestage.stress.child NAME FOLDER` writes
+FOLDER/outcome.json.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def run_case(case: Case, folder: Path) -> Outcome:
         except Exception as error:  # noqa: BLE001 - a crash of any kind is what the table is there to show
             traceback.print_exc()
             sentence = f"{type(error).__name__}: {error} ({_where(error)})"
-            return Outcome(case.name, CRASHED, sentence, time.monotonic() - began, warnings=_numerical(caught))
+            return Outcome(
+                case.name, CRASHED, sentence, time.monotonic() - began, warnings=_numerical(caught)
+            )
 
 
 def _where(error: BaseException) -> str:
@@ -53,7 +57,9 @@ def _numerical(caught: list[warnings.WarningMessage]) -> tuple[str, ...]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the named case; the outcome file is the answer, so the exit code only says that it was written."""
+    """Run the named case; the outcome file is the answer, so the exit code only says that it was
+    written.
+    """
     from facestage.stress.cases import CASES
 
     name, folder = arguments[0], Path(arguments[1])

@@ -36,21 +36,35 @@ def chalk_skin(folder: Path) -> Job:
     return write_job(folder, scene, render(scene))
 
 
-@suite.add("albedo-near-zero", "a model whose skin reflects a thousandth: only highlights are seen", worst_mm=1.2)
+@suite.add(
+    "albedo-near-zero",
+    "a model whose skin reflects a thousandth: only highlights are seen",
+    worst_mm=1.2,
+)
 def albedo_near_zero(folder: Path) -> Job:
     """The diffuse part vanishes; so do the derivatives of the albedo."""
     model = load_model("default")
     return _fit_of(folder, replace(model, albedo_mean=np.full_like(model.albedo_mean, 1e-3)))
 
 
-@suite.add("albedo-near-one", "a model whose skin reflects all: the albedo's upper end", worst_mm=1.0, worst_psnr=30)
+@suite.add(
+    "albedo-near-one",
+    "a model whose skin reflects all: the albedo's upper end",
+    worst_mm=1.0,
+    worst_psnr=30,
+)
 def albedo_near_one(folder: Path) -> Job:
     """The albedo is cut off below 1, where its derivative ends."""
     model = load_model("default")
     return _fit_of(folder, replace(model, albedo_mean=np.full_like(model.albedo_mean, 0.995)))
 
 
-@suite.add("ten-sigma-face", "a true face ten standard deviations out in one mode", worst_mm=4.0, worst_psnr=26)
+@suite.add(
+    "ten-sigma-face",
+    "a true face ten standard deviations out in one mode",
+    worst_mm=4.0,
+    worst_psnr=26,
+)
 def ten_sigma_face(folder: Path) -> Job:
     """The prior's energy is 50 at the truth."""
     scene = plain_scene()
@@ -60,7 +74,12 @@ def ten_sigma_face(folder: Path) -> Job:
     return write_job(folder, scene, render(scene))
 
 
-@suite.add("ten-sigma-start", "starting values of ten standard deviations in every mode", worst_mm=1.5, worst_psnr=30)
+@suite.add(
+    "ten-sigma-start",
+    "starting values of ten standard deviations in every mode",
+    worst_mm=1.5,
+    worst_psnr=30,
+)
 def ten_sigma_start(folder: Path) -> Job:
     """The first mesh is a crumpled ball."""
     scene = plain_scene()
@@ -70,7 +89,12 @@ def ten_sigma_start(folder: Path) -> Job:
     return replace(job, initial=job.initial | {"identity": sign, "albedo": albedo})
 
 
-@suite.add("degenerate-triangles", "triangles of no area, and 400 polygons twice", worst_mm=0.8, worst_psnr=34)
+@suite.add(
+    "degenerate-triangles",
+    "triangles of no area, and 400 polygons twice",
+    worst_mm=0.8,
+    worst_psnr=34,
+)
 def degenerate_triangles(folder: Path) -> Job:
     """What careless modelling leaves in a mesh."""
     model = load_model("default")
@@ -84,7 +108,9 @@ def degenerate_triangles(folder: Path) -> Job:
             model,
             polygons=np.concatenate([model.polygons, flat, model.polygons[again]]),
             polygon_uvs=np.concatenate([model.polygon_uvs, flat_uvs, model.polygon_uvs[again]]),
-            polygon_part=np.concatenate([model.polygon_part, model.polygon_part[:200], model.polygon_part[again]]),
+            polygon_part=np.concatenate(
+                [model.polygon_part, model.polygon_part[:200], model.polygon_part[again]]
+            ),
         ),
     )
 
@@ -93,20 +119,30 @@ def degenerate_triangles(folder: Path) -> Job:
 def no_identity_modes(folder: Path) -> Job:
     """A scan of one person: only expressions move."""
     model = load_model("default")
-    return _fit_of(folder, replace(model, identity_names=(), identity_basis=model.identity_basis[:0]))
+    return _fit_of(
+        folder, replace(model, identity_names=(), identity_basis=model.identity_basis[:0])
+    )
 
 
-@suite.add("no-shape-modes", "a model with neither identity nor expression modes", worst_mm=0.1, worst_psnr=34)
+@suite.add(
+    "no-shape-modes",
+    "a model with neither identity nor expression modes",
+    worst_mm=0.1,
+    worst_psnr=34,
+)
 def no_shape_modes(folder: Path) -> Job:
     """Only the pose moves."""
     model = load_model("default")
     return _fit_of(
         folder,
         replace(
-            model, identity_names=(), identity_basis=model.identity_basis[:0], expression_names=(),
+            model,
+            identity_names=(),
+            identity_basis=model.identity_basis[:0],
+            expression_names=(),
             expression_basis=model.expression_basis[:0],
         ),
-    )  # fmt: skip
+    )
 
 
 @suite.add("no-albedo-basis", "a model with a single albedo", worst_mm=0.8, worst_psnr=34)
@@ -116,16 +152,25 @@ def no_albedo_basis(folder: Path) -> Job:
     return _fit_of(folder, replace(model, albedo_basis=model.albedo_basis[:0]))
 
 
-@suite.add("duplicate-modes", "every identity mode twice: a null direction for each", worst_mm=0.8, worst_psnr=34)
+@suite.add(
+    "duplicate-modes",
+    "every identity mode twice: a null direction for each",
+    worst_mm=0.8,
+    worst_psnr=34,
+)
 def duplicate_modes(folder: Path) -> Job:
     """Only the prior tells the twins apart."""
     model = load_model("default")
     names = tuple(f"{name}_again" for name in model.identity_names)
     basis = np.concatenate([model.identity_basis, model.identity_basis])
-    return _fit_of(folder, replace(model, identity_names=model.identity_names + names, identity_basis=basis))
+    return _fit_of(
+        folder, replace(model, identity_names=model.identity_names + names, identity_basis=basis)
+    )
 
 
-@suite.add("empty-modes", "identity modes that move nothing, and one that moves everything", 0.8, 34)
+@suite.add(
+    "empty-modes", "identity modes that move nothing, and one that moves everything", 0.8, 34
+)
 def empty_modes(folder: Path) -> Job:
     """Zero columns, and a column that is the translation once more."""
     model = load_model("default")
@@ -135,16 +180,20 @@ def empty_modes(folder: Path) -> Job:
     return _fit_of(folder, replace(model, identity_basis=basis))
 
 
-@suite.add("model-in-millimetres", "a face model in millimetres, where metres are expected", right=REFUSAL)
+@suite.add(
+    "model-in-millimetres", "a face model in millimetres, where metres are expected", right=REFUSAL
+)
 def model_in_millimetres(folder: Path) -> Job:
     """A head of 300 metres amid lights one metre away."""
     model = load_model("default")
     scene = plain_scene()
     job = write_job(folder, scene, render(scene))
     large = replace(
-        model, vertices=1e3 * model.vertices, identity_basis=1e3 * model.identity_basis,
+        model,
+        vertices=1e3 * model.vertices,
+        identity_basis=1e3 * model.identity_basis,
         expression_basis=1e3 * model.expression_basis,
-    )  # fmt: skip
+    )
     large.save(folder / "model.npz")
     return replace(job, model=f"npz:{folder / 'model.npz'}", truth=None)
 
@@ -171,7 +220,11 @@ def no_uvs(folder: Path) -> Job:
     return _fit_of(folder, replace(model, uvs=np.zeros_like(model.uvs)))
 
 
-@suite.add("landmark-in-the-void", "a model with a landmark on a vertex that no rendered polygon has", right=REFUSAL)
+@suite.add(
+    "landmark-in-the-void",
+    "a model with a landmark on a vertex that no rendered polygon has",
+    right=REFUSAL,
+)
 def landmark_in_the_void(folder: Path) -> Job:
     """The landmark's vertex does not exist for the fit."""
     scene = plain_scene()
@@ -190,13 +243,21 @@ def _with_lonely_vertex(model: FaceModel) -> FaceModel:
         return np.concatenate([array, array[..., -1:, :]], axis=-2)
 
     return replace(
-        model, vertices=more(model.vertices), identity_basis=more(model.identity_basis),
-        expression_basis=more(model.expression_basis), albedo_mean=more(model.albedo_mean),
+        model,
+        vertices=more(model.vertices),
+        identity_basis=more(model.identity_basis),
+        expression_basis=more(model.expression_basis),
+        albedo_mean=more(model.albedo_mean),
         albedo_basis=more(model.albedo_basis),
-    )  # fmt: skip
+    )
 
 
-@suite.add("landmarks-do-not-count", "a weight of 0 on the landmarks after they gave the first pose", 1.6, 30)
+@suite.add(
+    "landmarks-do-not-count",
+    "a weight of 0 on the landmarks after they gave the first pose",
+    1.6,
+    30,
+)
 def landmarks_do_not_count(folder: Path) -> Job:
     """The photo alone, from the mean face."""
     scene = plain_scene()
@@ -215,14 +276,21 @@ def everything_frozen(folder: Path) -> Job:
     """The stage's own radiance and the starting values are the answer: here, the truth."""
     scene = exposed(plain_scene())
     initial = {
-        "identity": scene.identity, "expression": scene.expression, "albedo": scene.albedo,
-        "specular": scene.state.specular, "roughness": np.array(scene.roughness),
+        "identity": scene.identity,
+        "expression": scene.expression,
+        "albedo": scene.albedo,
+        "specular": scene.state.specular,
+        "roughness": np.array(scene.roughness),
         "model_to_camera": scene.state.model_to_camera,
-    }  # fmt: skip
+    }
     return replace(write_job(folder, scene, render(scene)), freeze=PARAMETERS, initial=initial)
 
 
-@suite.add("no-priors", "no statistical prior and no light term: every weak direction is open", worst_mm=2.5)
+@suite.add(
+    "no-priors",
+    "no statistical prior and no light term: every weak direction is open",
+    worst_mm=2.5,
+)
 def no_priors(folder: Path) -> Job:
     """Damping and bounds alone hold what the photo does not say."""
     scene = plain_scene()
@@ -230,9 +298,14 @@ def no_priors(folder: Path) -> Job:
     return replace(job, weights=Weights(prior=0.0, light=0.0))
 
 
-@suite.add("fine-specular-map", "a specular map of 1024 texels, most of them unseen", 0.6, 36, seconds=600)
+@suite.add(
+    "fine-specular-map", "a specular map of 1024 texels, most of them unseen", 0.6, 36, seconds=600
+)
 def fine_specular_map(folder: Path) -> Job:
     """The usual size of the map on a face of 80 pixels."""
     scene = plain_scene()
     job = write_job(folder, scene, render(scene))
-    return replace(job, initial={name: value for name, value in job.initial.items() if len(value) != SPECULAR_SIZE})
+    return replace(
+        job,
+        initial={name: value for name, value in job.initial.items() if len(value) != SPECULAR_SIZE},
+    )

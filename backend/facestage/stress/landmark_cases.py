@@ -14,14 +14,18 @@ from facestage.stress.scene import Scene, plain_scene, project_landmarks, render
 suite = Suite()
 
 
-def _with_points(folder: Path, scene: Scene, points: np.ndarray, visible: np.ndarray | None = None) -> Job:
+def _with_points(
+    folder: Path, scene: Scene, points: np.ndarray, visible: np.ndarray | None = None
+) -> Job:
     """The scene's job with its landmarks moved to ``points`` (68, 2)."""
     landmarks = project_landmarks(scene)
     shown = landmarks.visible if visible is None else visible
     return write_job(folder, scene, render(scene), replace(landmarks, points=points, visible=shown))
 
 
-@suite.add("landmark-outliers", "12 of 68 landmarks wrong by half a face", worst_mm=1.5, worst_psnr=32)
+@suite.add(
+    "landmark-outliers", "12 of 68 landmarks wrong by half a face", worst_mm=1.5, worst_psnr=32
+)
 def landmark_outliers(folder: Path) -> Job:
     """Gross errors, scattered."""
     scene, random = plain_scene(), np.random.default_rng(8)

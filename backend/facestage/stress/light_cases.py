@@ -33,13 +33,20 @@ def _anchored(scene: Scene, stage: LightStage) -> Scene:
     return replace(scene, stage=stage, camera_to_stage=matrix)
 
 
-@suite.add("plain", "nothing extreme: what the other cases compare with", worst_mm=0.6, worst_psnr=36)
+@suite.add(
+    "plain", "nothing extreme: what the other cases compare with", worst_mm=0.6, worst_psnr=36
+)
 def plain(folder: Path) -> Job:
     """The scene that the others change."""
     return _job(folder, plain_scene())
 
 
-@suite.add("grazing-light", "a single light 88 degrees from the view axis, among twelve", worst_mm=1.2, worst_psnr=30)
+@suite.add(
+    "grazing-light",
+    "a single light 88 degrees from the view axis, among twelve",
+    worst_mm=1.2,
+    worst_psnr=30,
+)
 def grazing_light(folder: Path) -> Job:
     """The last light of the lattice is the lowest."""
     scene = plain_scene()
@@ -78,10 +85,14 @@ def all_lights_frozen_dark(folder: Path) -> Job:
     scene = plain_scene()
     job = _job(folder, scene)
     count = len(scene.stage)
-    return replace(job, stage=replace(scene.stage, state=np.full(count, FROZEN), radiance=np.zeros((count, 3))))
+    return replace(
+        job, stage=replace(scene.stage, state=np.full(count, FROZEN), radiance=np.zeros((count, 3)))
+    )
 
 
-@suite.add("identical-lights", "every light twice at the same place: singular normal equations", 0.8, 34)
+@suite.add(
+    "identical-lights", "every light twice at the same place: singular normal equations", 0.8, 34
+)
 def identical_lights(folder: Path) -> Job:
     """How two coincident lights share their radiance is a null direction."""
     scene = plain_scene()
@@ -128,7 +139,13 @@ def one_light(folder: Path) -> Job:
     return _job(folder, plain_scene(lights=1))
 
 
-@suite.add("hundred-lights", "100 lights: neighbours that look alike", worst_mm=0.8, worst_psnr=34, seconds=600)
+@suite.add(
+    "hundred-lights",
+    "100 lights: neighbours that look alike",
+    worst_mm=0.8,
+    worst_psnr=34,
+    seconds=600,
+)
 def hundred_lights(folder: Path) -> Job:
     """300 light parameters."""
     return _job(folder, plain_scene(lights=100))
@@ -141,14 +158,21 @@ def needle_light(folder: Path) -> Job:
     return _job(folder, with_stage(scene, side=np.full(len(scene.stage), 1e-4)))
 
 
-@suite.add("wall-light", "lights four metres wide: they overlap and pass through the head", worst_mm=1.2)
+@suite.add(
+    "wall-light", "lights four metres wide: they overlap and pass through the head", worst_mm=1.2
+)
 def wall_light(folder: Path) -> Job:
     """Squares larger than the stage."""
     scene = plain_scene()
     return _job(folder, with_stage(scene, side=np.full(len(scene.stage), 4.0)))
 
 
-@suite.add("uniform-color", "one color for all lights, and that color almost pure red", worst_mm=1.0, worst_psnr=32)
+@suite.add(
+    "uniform-color",
+    "one color for all lights, and that color almost pure red",
+    worst_mm=1.0,
+    worst_psnr=32,
+)
 def uniform_color(folder: Path) -> Job:
     """The product of color and intensity has a null direction."""
     scene = plain_scene()

@@ -61,7 +61,9 @@ class Verdict:
 
 
 def judge(case: Case, outcome: Outcome) -> Verdict:
-    """The faults of an outcome: crash, hang, NaN, or a claim to have converged that the truth denies."""
+    """The faults of an outcome: crash, hang, NaN, or a claim to have converged that the truth
+    denies.
+    """
     faults = []
     if outcome.kind in (CRASHED, HUNG):
         faults.append(outcome.kind)
@@ -83,11 +85,21 @@ def judge(case: Case, outcome: Outcome) -> Verdict:
 def _lies(case: Case, outcome: Outcome) -> list[str]:
     faults = []
     if case.worst_mm is not None and not _at_most(outcome.mm, case.worst_mm):
-        faults.append(f"silently wrong: {_said(outcome.mm)} mm, at most {case.worst_mm:g} mm is right")
+        faults.append(
+            f"silently wrong: {_said(outcome.mm)} mm, at most {case.worst_mm:g} mm is right"
+        )
     if case.worst_psnr is not None and not _at_most(case.worst_psnr, outcome.psnr):
-        faults.append(f"silently wrong: {_said(outcome.psnr)} dB, at least {case.worst_psnr:g} dB is right")
-    if outcome.mm is not None and outcome.start_mm is not None and not outcome.mm <= outcome.start_mm + SLACK_MM:
-        faults.append(f"worse than its start: {_said(outcome.mm)} mm from {_said(outcome.start_mm)} mm")
+        faults.append(
+            f"silently wrong: {_said(outcome.psnr)} dB, at least {case.worst_psnr:g} dB is right"
+        )
+    if (
+        outcome.mm is not None
+        and outcome.start_mm is not None
+        and not outcome.mm <= outcome.start_mm + SLACK_MM
+    ):
+        faults.append(
+            f"worse than its start: {_said(outcome.mm)} mm from {_said(outcome.start_mm)} mm"
+        )
     return faults
 
 
@@ -99,17 +111,29 @@ def _said(value: float | None) -> str:
     return "none" if value is None else f"{value:.2f}"
 
 
-def read_outcome(name: str, result: Result, folder: Path, seconds: float, warnings: tuple[str, ...]) -> Outcome:
+def read_outcome(
+    name: str, result: Result, folder: Path, seconds: float, warnings: tuple[str, ...]
+) -> Outcome:
     """The outcome of a fit that wrote ``folder``, from its files: what a user would see."""
-    trace = [json.loads(line) for line in (folder / "trace.jsonl").read_text(encoding="utf-8").splitlines()]
+    trace = [
+        json.loads(line)
+        for line in (folder / "trace.jsonl").read_text(encoding="utf-8").splitlines()
+    ]
     errors = result.errors
     condition = float(result.arrays.get("condition", np.array(math.nan)))
     return Outcome(
-        name=name, kind=CONVERGED if result.status == CONVERGED else ADVISED, sentence=result.advice, seconds=seconds,
-        iterations=len(trace), mm=_number(errors.get("similarity_mm")),
-        start_mm=_number(errors.get("landmark_stage_similarity_mm")), psnr=_number(errors.get("psnr")),
-        condition=_number(condition), not_finite=not_finite(folder, trace), warnings=warnings,
-    )  # fmt: skip
+        name=name,
+        kind=CONVERGED if result.status == CONVERGED else ADVISED,
+        sentence=result.advice,
+        seconds=seconds,
+        iterations=len(trace),
+        mm=_number(errors.get("similarity_mm")),
+        start_mm=_number(errors.get("landmark_stage_similarity_mm")),
+        psnr=_number(errors.get("psnr")),
+        condition=_number(condition),
+        not_finite=not_finite(folder, trace),
+        warnings=warnings,
+    )
 
 
 def _number(value: Any) -> float | None:
@@ -133,7 +157,15 @@ def not_finite(folder: Path, trace: list[dict[str, Any]]) -> tuple[str, ...]:
 def _arrays(result: Result) -> dict[str, np.ndarray]:
     named = {
         name: getattr(result, name)
-        for name in ("vertices", "identity", "expression", "albedo", "specular", "model_to_camera", "camera_to_stage")
+        for name in (
+            "vertices",
+            "identity",
+            "expression",
+            "albedo",
+            "specular",
+            "model_to_camera",
+            "camera_to_stage",
+        )
     }
     named |= {"lights": result.stage.radiance, "light positions": result.stage.position}
     named |= {"roughness": np.array(result.roughness), "focal": np.array(result.camera.focal_px)}

@@ -10,7 +10,15 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.stress.case import DOUBT, REFUSAL, Suite
-from facestage.stress.scene import BACKGROUND, Scene, job_of, plain_scene, render, write_job, write_png
+from facestage.stress.scene import (
+    BACKGROUND,
+    Scene,
+    job_of,
+    plain_scene,
+    render,
+    write_job,
+    write_png,
+)
 
 suite = Suite()
 
@@ -43,7 +51,13 @@ def one_pixel(folder: Path) -> Job:
     return write_job(folder, scene, np.full((1, 1, 3), 0.3))
 
 
-@suite.add("large-photo", "4096 x 4096 pixels, the face on 300 of them", worst_mm=0.8, worst_psnr=32, seconds=600)
+@suite.add(
+    "large-photo",
+    "4096 x 4096 pixels, the face on 300 of them",
+    worst_mm=0.8,
+    worst_psnr=32,
+    seconds=600,
+)
 def large_photo(folder: Path) -> Job:
     """The plain photo four times as large, within a wide background."""
     scene, zoom, side, corner = plain_scene(), 4, 4096, np.array([1900, 1200])
@@ -51,12 +65,17 @@ def large_photo(folder: Path) -> Job:
     photo = np.full((side, side, 3), BACKGROUND, np.float32)
     photo[corner[1] : corner[1] + len(large), corner[0] : corner[0] + len(large)] = large
     principal = corner + zoom * np.array(scene.camera.principal_px)
-    camera = Camera(side, side, zoom * scene.camera.focal_px, (float(principal[0]), float(principal[1])))
+    camera = Camera(
+        side, side, zoom * scene.camera.focal_px, (float(principal[0]), float(principal[1]))
+    )
     return write_job(folder, replace(scene, camera=camera), photo)
 
 
 @suite.add(
-    "nan-and-infinity", "NaN and infinity all over the face, negative pixels beside it", worst_mm=0.8, worst_psnr=34
+    "nan-and-infinity",
+    "NaN and infinity all over the face, negative pixels beside it",
+    worst_mm=0.8,
+    worst_psnr=34,
 )
 def nan_and_infinity(folder: Path) -> Job:
     """What a renderer with a bug writes."""
@@ -94,7 +113,12 @@ def white_photo(folder: Path) -> Job:
     return _even(folder, 1.0)
 
 
-@suite.add("noise-photo", "random noise where the landmarks say that a face is", worst_mm=1.2, worst_psnr=22)
+@suite.add(
+    "noise-photo",
+    "random noise where the landmarks say that a face is",
+    worst_mm=1.2,
+    worst_psnr=22,
+)
 def noise_photo(folder: Path) -> Job:
     """Nothing to see."""
     scene = plain_scene()
@@ -120,7 +144,9 @@ def mask_beside_face(folder: Path) -> Job:
     return _png_job(folder, scene, render(scene), alpha)
 
 
-@suite.add("skin-background", "a background of exactly the skin's color", worst_mm=0.8, worst_psnr=34)
+@suite.add(
+    "skin-background", "a background of exactly the skin's color", worst_mm=0.8, worst_psnr=34
+)
 def skin_background(folder: Path) -> Job:
     """No edge between face and background."""
     scene = plain_scene()
@@ -129,9 +155,13 @@ def skin_background(folder: Path) -> Job:
     return write_job(folder, scene, render(scene, background=color))
 
 
-@suite.add("half-occluded", "an even, skin-colored board over the lower half of the face", worst_mm=1.5)
+@suite.add(
+    "half-occluded", "an even, skin-colored board over the lower half of the face", worst_mm=1.5
+)
 def half_occluded(folder: Path) -> Job:
-    """The color model cannot see it, and its evenness contradicts the shading that a face would have."""
+    """The color model cannot see it, and its evenness contradicts the shading that a face would
+    have.
+    """
     scene = plain_scene()
     photo = render(scene)
     photo[62:] = 0.8 * np.median(photo[(photo != BACKGROUND).any(axis=2)], axis=0)

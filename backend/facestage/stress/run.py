@@ -1,4 +1,6 @@
-"""Runs the cases one after another, each in a child process with a time limit, judges and reports them."""
+"""Runs the cases one after another, each in a child process with a time limit, judges and reports
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,14 @@ from typing import TextIO
 
 from facestage.child import python_module
 from facestage.contract.errors import FacestageError, InputError
-from facestage.report.stress import StressRow, head_lines, make_folder, row_lines, summary_line, write_stress_report
+from facestage.report.stress import (
+    StressRow,
+    head_lines,
+    make_folder,
+    row_lines,
+    summary_line,
+    write_stress_report,
+)
 from facestage.stress.case import Case
 from facestage.stress.cases import CASES
 from facestage.stress.child import OUTCOME
@@ -27,7 +36,8 @@ LAST_WORDS = 200  # characters of a crashed case's log that the table shows
 def run_stress(names: Sequence[str], out: Path | None, stream: TextIO) -> int:
     """Run the named cases (all when empty), print a line as each ends, and return the exit code.
 
-    ``out``: a folder for the table as text, HTML and JSON; the files of failed cases stay in its ``cases``.
+    ``out``: a folder for the table as text, HTML and JSON; the files of failed cases stay in its
+    ``cases``.
     """
     cases = select(names)
     if out is not None and out.exists() and not out.is_dir():
@@ -65,10 +75,15 @@ def _print(stream: TextIO, lines: Sequence[str]) -> None:
 
 
 def select(names: Sequence[str]) -> list[Case]:
-    """The named cases, all when ``names`` is empty. Raises InputError for a name that no case has."""
+    """The named cases, all when ``names`` is empty.
+
+    Raises InputError for a name that no case has.
+    """
     unknown = [name for name in names if name not in CASES]
     if unknown:
-        raise InputError(f"There is no stress case '{unknown[0]}'; facestage stress --list shows their names.")
+        raise InputError(
+            f"There is no stress case '{unknown[0]}'; facestage stress --list shows their names."
+        )
     return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
 
 
@@ -76,30 +91,47 @@ def table_row(verdict: Verdict) -> StressRow:
     """A verdict as a row of the table."""
     outcome = verdict.outcome
     return StressRow(
-        name=outcome.name, about=verdict.case.about, kind=outcome.kind, sentence=outcome.sentence,
-        faults=verdict.faults, mm=outcome.mm, start_mm=outcome.start_mm, psnr=outcome.psnr,
-        condition=outcome.condition, iterations=outcome.iterations, seconds=outcome.seconds,
+        name=outcome.name,
+        about=verdict.case.about,
+        kind=outcome.kind,
+        sentence=outcome.sentence,
+        faults=verdict.faults,
+        mm=outcome.mm,
+        start_mm=outcome.start_mm,
+        psnr=outcome.psnr,
+        condition=outcome.condition,
+        iterations=outcome.iterations,
+        seconds=outcome.seconds,
         warnings=outcome.warnings,
-    )  # fmt: skip
+    )
 
 
 def run_in_child(case: Case, folder: Path, command: Sequence[str] | None = None) -> Outcome:
-    """Run a case in a process of its own; one that outlives ``case.seconds`` is killed and counts as hung.
+    """Run a case in a process of its own; one that outlives ``case.seconds`` is killed and counts
+    as hung.
 
     ``command`` replaces what the child runs.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / OUTCOME).unlink(missing_ok=True)
-    arguments = command or python_module("facestage.stress.child", case.name, str(folder.absolute()))
+    arguments = command or python_module(
+        "facestage.stress.child", case.name, str(folder.absolute())
+    )
     began = time.monotonic()
     with (folder / LOG).open("wb") as log:
         try:
             # subprocess.run kills the child when the time is up.
             code = subprocess.run(
-                arguments, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=case.seconds
+                arguments,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                timeout=case.seconds,
             ).returncode
         except subprocess.TimeoutExpired:
-            return Outcome(case.name, HUNG, f"Not done after {case.seconds:g} s.", time.monotonic() - began)
+            return Outcome(
+                case.name, HUNG, f"Not done after {case.seconds:g} s.", time.monotonic() - began
+            )
     try:
         return Outcome.load(folder / OUTCOME)
     except FacestageError:

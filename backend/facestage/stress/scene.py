@@ -38,7 +38,10 @@ SPECULAR_SIZE = 8
 
 @dataclass(frozen=True)
 class Scene:
-    """The truth: a face, its camera and its light. ``stage`` is in the stage frame, its radiance the true one."""
+    """The truth: a face, its camera and its light.
+
+    ``stage`` is in the stage frame, its radiance the true one.
+    """
 
     model: FaceModel
     camera: Camera
@@ -50,7 +53,8 @@ class Scene:
     stage: LightStage
     roughness: float = 0.4
     c_spec: float = 0.8
-    camera_to_stage: np.ndarray | None = None  # (4, 4); None: centred on the face, axes parallel to the camera's
+    # (4, 4); None: centred on the face, axes parallel to the camera's
+    camera_to_stage: np.ndarray | None = None
 
     @property
     def stage_in_camera(self) -> LightStage:
@@ -65,13 +69,25 @@ class Scene:
     def state(self) -> State:
         """The truth as the fit's parameters, its lights held."""
         return State(
-            self.rotation, self.translation, self.camera, self.identity, self.expression, np.zeros(0),
-            np.zeros((len(self.stage), AXES)), self.albedo, self.roughness, np.full((4, 4), self.c_spec),
-        )  # fmt: skip
+            self.rotation,
+            self.translation,
+            self.camera,
+            self.identity,
+            self.expression,
+            np.zeros(0),
+            np.zeros((len(self.stage), AXES)),
+            self.albedo,
+            self.roughness,
+            np.full((4, 4), self.c_spec),
+        )
 
 
-def plain_scene(model: FaceModel | None = None, seed: int = 1, lights: int = LIGHTS, side_px: int = SIDE_PX) -> Scene:
-    """A face turned a little, its mouth a little open, under a key light, a fill light and dim others."""
+def plain_scene(
+    model: FaceModel | None = None, seed: int = 1, lights: int = LIGHTS, side_px: int = SIDE_PX
+) -> Scene:
+    """A face turned a little, its mouth a little open, under a key light, a fill light and dim
+    others.
+    """
     model = load_model("default") if model is None else model
     random = np.random.default_rng(seed)
     identity = np.clip(random.normal(0.0, 0.7, len(model.identity_names)), -2, 2)
@@ -101,7 +117,9 @@ def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
     return Rotation.from_euler("zxy", [roll, pitch, yaw], degrees=True).as_matrix()
 
 
-def render(scene: Scene, background: np.ndarray | float = BACKGROUND, exposure: float = EXPOSURE) -> np.ndarray:
+def render(
+    scene: Scene, background: np.ndarray | float = BACKGROUND, exposure: float = EXPOSURE
+) -> np.ndarray:
     """(h, w, 3) linear photo, exposed so that bright skin has the value ``exposure``."""
     color, skin = _radiance(scene)
     covered = np.isfinite(color).all(axis=2)
@@ -120,7 +138,9 @@ def _gain(skin: np.ndarray, exposure: float) -> float:
 
 
 def _radiance(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w, 3) radiance of the head, NaN where there is none, and (h, w) bool, where it shows fitted skin."""
+    """(h, w, 3) radiance of the head, NaN where there is none, and (h, w) bool, where it shows
+    fitted skin.
+    """
     start_renderer("cpu")
     geometry = FaceGeometry(scene.model)
     stage, state, camera = scene.stage_in_camera, scene.state, scene.camera
@@ -140,11 +160,15 @@ def _radiance(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def _shade(forward: ForwardModel, state: State, stage: LightStage, pixels: np.ndarray) -> Image:
     surface: Surface = forward.surface(state, pixels)
-    return forward.shade(state, surface, forward.light_terms(state, surface, stage, SAMPLES, seed=12345))
+    return forward.shade(
+        state, surface, forward.light_terms(state, surface, stage, SAMPLES, seed=12345)
+    )
 
 
 def project_landmarks(scene: Scene, noise_px: float = LANDMARK_NOISE_PX) -> Landmarks:
-    """The 68 landmarks of the true face with a little noise; those on the far side are marked hidden."""
+    """The 68 landmarks of the true face with a little noise; those on the far side are marked
+    hidden.
+    """
     geometry, state = FaceGeometry(scene.model), scene.state
     vertices, weights = scene.model.landmark_vertices("ibug68")
     corners = geometry.new_index[vertices]
@@ -156,8 +180,12 @@ def project_landmarks(scene: Scene, noise_px: float = LANDMARK_NOISE_PX) -> Land
     return Landmarks("ibug68", state.camera.project(points) + noise, facing)
 
 
-def write_job(folder: Path, scene: Scene, photo: np.ndarray, landmarks: Landmarks | None = None) -> Job:
-    """The job of fitting ``photo`` (h, w, 3) linear, with the scene's camera and stage; truth beside it."""
+def write_job(
+    folder: Path, scene: Scene, photo: np.ndarray, landmarks: Landmarks | None = None
+) -> Job:
+    """The job of fitting ``photo`` (h, w, 3) linear, with the scene's camera and stage; truth
+    beside it.
+    """
     path = folder / "photo.exr"
     write_float_exr(path, photo)
     return job_of(folder, scene, path, landmarks)
@@ -182,18 +210,28 @@ def write_png(path: Path, photo: np.ndarray, alpha: np.ndarray | None = None) ->
 
 
 def job_of(folder: Path, scene: Scene, photo: Path, landmarks: Landmarks | None = None) -> Job:
-    """The job of fitting the image file ``photo``; the scene's model and truth are written into ``folder``."""
+    """The job of fitting the image file ``photo``; the scene's model and truth are written into
+    ``folder``.
+    """
     model = "default"
     if scene.model is not load_model("default"):
         scene.model.save(folder / "model.npz")
         model = f"npz:{folder / 'model.npz'}"
-    vertices = scene.model.shape(scene.identity, scene.expression) @ scene.rotation.T + scene.translation
+    vertices = (
+        scene.model.shape(scene.identity, scene.expression) @ scene.rotation.T + scene.translation
+    )
     write_arrays(folder / "truth.npz", {"vertices": vertices.astype(np.float32)}, compress=False)
     return Job(
-        image=photo, model=model, landmarks=landmarks or project_landmarks(scene), camera=scene.camera,
-        stage=scene.stage, camera_to_stage=scene.camera_to_stage, truth=folder / "truth.npz", device="cpu",
+        image=photo,
+        model=model,
+        landmarks=landmarks or project_landmarks(scene),
+        camera=scene.camera,
+        stage=scene.stage,
+        camera_to_stage=scene.camera_to_stage,
+        truth=folder / "truth.npz",
+        device="cpu",
         initial={"specular": np.full((SPECULAR_SIZE, SPECULAR_SIZE), SPECULAR_MEAN)},
-    )  # fmt: skip
+    )
 
 
 def with_stage(scene: Scene, **arrays: np.ndarray) -> Scene:

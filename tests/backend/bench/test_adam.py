@@ -44,14 +44,18 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
 
     def total(step: np.ndarray) -> float:
         moved = mapping.values(layout.apply(state, step))
-        return sum(float((getattr(cost, name) * getattr(moved, name)).sum()) for name in vars(values))
+        return sum(
+            float((getattr(cost, name) * getattr(moved, name)).sum()) for name in vars(values)
+        )
 
     found = mapping.gradient(state, values, cost)
     worst = 0.0
     # Adam, as in the tutorials, moves no light.
     for name in set(BLOCKS) - {"focal", "light_position"}:
         direction = np.zeros(layout.size)
-        direction[layout.slices[name]] = random.normal(size=layout.slices[name].stop - layout.slices[name].start)
+        direction[layout.slices[name]] = random.normal(
+            size=layout.slices[name].stop - layout.slices[name].start
+        )
         expected = (total(1e-3 * direction) - total(-1e-3 * direction)) / 2e-3
         worst = max(worst, abs(float(found @ direction) - expected) / (abs(expected) + 1e-3))
     print(f"chain rule off by {worst:.1e} (allowed 1e-2)")
@@ -61,7 +65,10 @@ def test_chain_rule_agrees_with_finite_differences(scene: Scene):
 @pytest.fixture(scope="module")
 def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPathFactory) -> Start:
     problem = opened[0]
-    forward, schedule = ForwardModel(problem.geometry, problem.lights), Schedule().until("light and albedo")
+    forward, schedule = (
+        ForwardModel(problem.geometry, problem.lights),
+        Schedule().until("light and albedo"),
+    )
     run = FitRun(problem, forward, tmp_path_factory.mktemp("start"), schedule=schedule)
     fitted = run.run(float("inf"))
     stage = run.view.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
@@ -99,7 +106,8 @@ def mean_loss(adam: AdamRun, state: State) -> float:
 
 def test_adam_lowers_the_energy(start: Start):
     adam, state = start
-    # The start's lights already explain the photo to what a few paths per pixel can tell: begin in the dark.
+    # The start's lights already explain the photo to what a few paths per pixel can tell: begin in
+    # the dark.
     state = replace(state, lights=0.5 * state.lights)
     layout = adam.energy.layout
     descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.light_scale))

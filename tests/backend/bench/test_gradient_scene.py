@@ -18,7 +18,9 @@ PATHS = 128
 
 @pytest.fixture(scope="module")
 def values(scene: Scene) -> SceneValues:
-    return SceneMap(scene.forward, Layout(scene.state), len(scene.state.specular)).values(scene.state)
+    return SceneMap(scene.forward, Layout(scene.state), len(scene.state.specular)).values(
+        scene.state
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +33,16 @@ def test_both_renderers_agree(scene: Scene, values: SceneValues, mitsuba_scene: 
     expected, seen = scene.render(samples=64)
     inner = binary_erosion(seen, iterations=2)
     mean = np.abs(found[inner].mean(0) / expected[inner].mean(0) - 1).max()
-    # A picture moved by a pixel would differ more: the frames, the principal point and the lens agree.
+    # A picture moved by a pixel would differ more: the frames, the principal point and the lens
+    # agree.
     error = [
         np.sqrt(((np.roll(found, shift, (0, 1)) - expected)[inner] ** 2).mean())
         for shift in ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))
     ]
-    print(f"means differ by {mean:.4f} (allowed 0.01), RMS {error[0]:.4f}, moved by a pixel {min(error[1:]):.4f}")
+    print(
+        f"means differ by {mean:.4f} (allowed 0.01), RMS {error[0]:.4f}, moved by a pixel "
+        f"{min(error[1:]):.4f}"
+    )
     assert mean < 0.01
     assert error[0] < min(error[1:])
 
@@ -50,9 +56,12 @@ def test_derivatives_agree_with_finite_differences(
     inner = binary_erosion(scene.render(samples=1)[1], iterations=12 if what == "vertices" else 2)
     target = Target(photo, np.zeros(photo.shape, bool), inner.astype(float))
     direction = {
-        "radiance": values.radiance, "albedo": values.albedo, "c_spec": values.c_spec, "roughness": np.array(1.0),
+        "radiance": values.radiance,
+        "albedo": values.albedo,
+        "c_spec": values.c_spec,
+        "roughness": np.array(1.0),
         "vertices": 0.01 * scene.geometry.basis[:, 1].reshape(-1, 3) @ scene.state.rotation.T,
-    }[what]  # fmt: skip
+    }[what]
 
     def loss(step: float) -> float:
         moved = replace(values, **{what: getattr(values, what) + step * direction})
@@ -65,11 +74,16 @@ def test_derivatives_agree_with_finite_differences(
     _, derivative = mitsuba_scene.gradient(values, target, PATHS, seed=3)
     found = float((getattr(derivative, what) * direction).sum())
     margin = abs(found - expected) / max(abs(expected), 1e-9)
-    print(f"{what}: found {found:.4f}, expected {expected:.4f}, off by {100 * margin:.1f} % (allowed 12 %)")
+    print(
+        f"{what}: found {found:.4f}, expected {expected:.4f}, off by {100 * margin:.1f} % "
+        "(allowed 12 %)"
+    )
     assert margin < 0.12
 
 
-def test_a_clipped_pixel_only_says_at_least(scene: Scene, values: SceneValues, mitsuba_scene: GradientScene):
+def test_a_clipped_pixel_only_says_at_least(
+    scene: Scene, values: SceneValues, mitsuba_scene: GradientScene
+):
     photo, seen = scene.render(samples=16)
     weights = seen.astype(float)
     clipped = np.ones(photo.shape, bool)

@@ -1,4 +1,6 @@
-"""What the plan saves, measured on a tiny scene: both plans end alike, and the tables say what was measured."""
+"""What the plan saves, measured on a tiny scene: both plans end alike, and the tables say what was
+measured.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ import numpy as np
 import pytest
 
 from facestage.bench.cases import Case
-from facestage.bench.plan_savings import RuleSaving, Saving, measure, rule_lines, scenes, table_lines
+from facestage.bench.plan_savings import (
+    RuleSaving,
+    Saving,
+    measure,
+    rule_lines,
+    scenes,
+    table_lines,
+)
 from facestage.contract.light_stage import OFF, ON
 from facestage.fit.energy.plan import Rules
 from reference.known import known
@@ -21,10 +30,15 @@ def test_the_scenes_are_what_they_are_called(case: Case, tmp_path: Path):
     stages = [known(job.stage) for job in jobs.values()]
     assert [len(stage) for stage in stages] == [20, 20, 100]
     assert (stages[0].state == ON).sum() == 1 and (stages[0].state == OFF).sum() == 19
-    assert set(little.freeze) == {"specular", "roughness", "identity"} and not little.initial["specular"].any()
-    assert not usual.freeze and not many.freeze and np.ptp(stages[1].radiance) == 0 == np.ptp(stages[2].radiance), (
-        "the light is not told"
+    assert (
+        set(little.freeze) == {"specular", "roughness", "identity"}
+        and not little.initial["specular"].any()
     )
+    assert (
+        not usual.freeze
+        and not many.freeze
+        and np.ptp(stages[1].radiance) == 0 == np.ptp(stages[2].radiance)
+    ), "the light is not told"
 
 
 def test_both_plans_end_alike_and_every_rule_is_timed(case: Case, tmp_path: Path):

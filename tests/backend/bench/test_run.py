@@ -1,4 +1,6 @@
-"""A whole bench on a tiny case: what it prints and writes, which cases it takes, what it refuses."""
+"""A whole bench on a tiny case: what it prints and writes, which cases it takes, what it
+refuses.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,16 @@ from facestage.contract.errors import InputError
 from facestage.contract.storage import read_arrays
 from reference.tiny_bench import SHORT, TINY
 
-TRACE_COLUMNS = ["case", "family", "contender", "seconds", "stage", "psnr", "similarity_mm", "rigid_mm"]
+TRACE_COLUMNS = [
+    "case",
+    "family",
+    "contender",
+    "seconds",
+    "stage",
+    "psnr",
+    "similarity_mm",
+    "rigid_mm",
+]
 
 
 def read(path: Path) -> list[dict[str, str]]:
@@ -31,7 +42,12 @@ def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path):
     lineup = Lineup(TINY, (), sweep, warm_up=False)
     stream = io.StringIO()
     out = tmp_path / "out"
-    assert run_bench([case.folder], case.model, out, False, stream, "cpu", lineup=lineup, fineness=SHORT) == 0
+    assert (
+        run_bench(
+            [case.folder], case.model, out, False, stream, "cpu", lineup=lineup, fineness=SHORT
+        )
+        == 0
+    )
     rows = read(out / "trace.csv")
     assert list(rows[0]) == TRACE_COLUMNS
     assert {row["contender"] for row in rows} == {"Facestage", "Adam", "Harmonics", "budget 0.1 s"}
@@ -40,19 +56,29 @@ def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path):
         assert seconds == sorted(seconds)
     # All start from the same landmark stage.
     starts = {
-        [row["similarity_mm"] for row in rows if (row["contender"], row["stage"]) == (name, "landmarks")][-1]
+        [
+            row["similarity_mm"]
+            for row in rows
+            if (row["contender"], row["stage"]) == (name, "landmarks")
+        ][-1]
         for name in ("Facestage", "Adam", "Harmonics")
     }
     assert len(starts) == 1
     finals = read(out / "final.csv")
-    assert [row["contender"] for row in finals] == ["Facestage", "Adam", "Harmonics", "budget 0.1 s"]
+    assert [row["contender"] for row in finals] == [
+        "Facestage",
+        "Adam",
+        "Harmonics",
+        "budget 0.1 s",
+    ]
     assert finals[0]["detail_psnr"] and not finals[2]["detail_psnr"]
     assert "ratio" in read(out / "reach.csv")[0]
     page = (out / "bench.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 2 and "http" not in page
     assert {path.name for path in out.glob("*.png")} == {
-        f"curves_{case.folder.name}.png", f"settings_{case.folder.name}.png",
-    }  # fmt: skip
+        f"curves_{case.folder.name}.png",
+        f"settings_{case.folder.name}.png",
+    }
     text = stream.getvalue()
     assert (out / "bench.txt").read_text(encoding="utf-8") in text
     assert "Facestage s" in text and "Adam s" in text
@@ -104,7 +130,12 @@ def test_command_line_refuses_in_one_sentence(tmp_path: Path, capsys: pytest.Cap
     taken.touch()
     assert cli.main(["bench", "--case", str(tmp_path), "--out", str(taken)]) == 2
     assert "is a file" in capsys.readouterr().err
-    assert cli.main(["bench", "--case", str(tmp_path), "--out", str(tmp_path / "out"), "--device", "cpu"]) == 2
+    assert (
+        cli.main(
+            ["bench", "--case", str(tmp_path), "--out", str(tmp_path / "out"), "--device", "cpu"]
+        )
+        == 2
+    )
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "photo.png" in error
 

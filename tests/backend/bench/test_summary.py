@@ -11,14 +11,19 @@ from facestage.contract.quality import BEST, DRAFT, GOOD, Expectation
 
 
 def run(case: str, contender: str, seconds: float, start: float, end: float, psnr: float) -> Final:
-    return Final(case, "ours", contender, seconds, end, end, psnr, psnr, 0.03, 0.05, start, seconds + 1)
+    return Final(
+        case, "ours", contender, seconds, end, end, psnr, psnr, 0.03, 0.05, start, seconds + 1
+    )
 
 
 FINALS = [
-    run("a", "Facestage", 9.0, 2.0, 0.8, 40.0), run("a", "draft", 3.0, 2.0, 1.2, 35.0),
-    run("a", "best", 29.0, 2.0, 0.7, 41.0), run("b", "Facestage", 11.0, 1.0, 1.1, 30.0),
-    run("b", "draft", 5.0, 1.0, 1.0, 29.0), run("b", "best", 39.0, 1.0, 1.0, 31.0),
-]  # fmt: skip
+    run("a", "Facestage", 9.0, 2.0, 0.8, 40.0),
+    run("a", "draft", 3.0, 2.0, 1.2, 35.0),
+    run("a", "best", 29.0, 2.0, 0.7, 41.0),
+    run("b", "Facestage", 11.0, 1.0, 1.1, 30.0),
+    run("b", "draft", 5.0, 1.0, 1.0, 29.0),
+    run("b", "best", 39.0, 1.0, 1.0, 31.0),
+]
 
 
 def test_medians_over_the_cases():

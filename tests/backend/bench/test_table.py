@@ -5,7 +5,15 @@ from __future__ import annotations
 import pytest
 
 from facestage.bench.charts import pareto_front
-from facestage.bench.table import PSNR, SIMILARITY, adam_text, final, ratio_text, reach_table, seconds_to_reach
+from facestage.bench.table import (
+    PSNR,
+    SIMILARITY,
+    adam_text,
+    final,
+    ratio_text,
+    reach_table,
+    seconds_to_reach,
+)
 from facestage.bench.trace import DETAIL, Row
 
 
@@ -13,15 +21,16 @@ def run(family: str, contender: str, *points: tuple[float, float, float | None])
     return [Row("c", family, contender, s, "joint", db, mm, mm + 1) for s, mm, db in points]
 
 
-OURS = run("ours", "Facestage", (1, 3.0, None), (2, 1.9, 26), (3, 2.2, 29), (4, 1.6, 31), (5, 1.4, 31.5))
+OURS = run(
+    "ours", "Facestage", (1, 3.0, None), (2, 1.9, 26), (3, 2.2, 29), (4, 1.6, 31), (5, 1.4, 31.5)
+)
 SLOW = run("adam", "Adam", (1, 3.0, None), (20, 2.4, 27), (40, 1.9, 28.5))
 FAST = run("adam", "Adam, coarse", (1, 3.0, None), (8, 2.45, 25), (12, 2.4, 25.5))
 OTHER = run("ours", "budget 2 s", (1, 3.0, None), (1.5, 1.0, 40))
 
 
 @pytest.mark.parametrize(
-    ("threshold", "seconds"),
-    [(3.0, 1), (2.5, 2), (2.0, 4), (1.5, 5), (1.3, None)],
+    ("threshold", "seconds"), [(3.0, 1), (2.5, 2), (2.0, 4), (1.5, 5), (1.3, None)]
 )
 def test_an_error_counts_once_it_is_kept(threshold: float, seconds: float | None):
     assert seconds_to_reach(OURS, SIMILARITY, threshold) == seconds
@@ -36,7 +45,10 @@ def test_higher_decibels_are_better_and_none_is_not_reached():
 
 
 def test_ratios_are_against_the_fastest_alternative():
-    table = {(item.measure.unit, item.threshold): item for item in reach_table([*OURS, *SLOW, *FAST], ["Facestage"])}
+    table = {
+        (item.measure.unit, item.threshold): item
+        for item in reach_table([*OURS, *SLOW, *FAST], ["Facestage"])
+    }
     at = table["mm", 2.5]
     assert at.seconds == {"ours": 2, "adam": 8} and at.ratio == 4.0 and not at.is_bound
     assert (adam_text(at), ratio_text(at)) == ("8.0", "4.0x")
@@ -54,13 +66,20 @@ def test_ratios_are_against_the_fastest_alternative():
 
 def test_the_albedo_detail_is_not_what_anybody_reached():
     detail = Row("c", "ours", "Facestage", 6, DETAIL, 39.0, 1.4, 2.4)
-    reached = [item.threshold for item in reach_table([*OURS, detail], ["Facestage"]) if item.measure is PSNR]
+    reached = [
+        item.threshold
+        for item in reach_table([*OURS, detail], ["Facestage"])
+        if item.measure is PSNR
+    ]
     assert max(reached) == 31.0
 
 
 def test_a_bound_below_one_is_no_ratio():
     short = [row for row in SLOW if row.seconds < 4]
-    table = {(item.measure.unit, item.threshold): item for item in reach_table([*OURS, *short], ["Facestage"])}
+    table = {
+        (item.measure.unit, item.threshold): item
+        for item in reach_table([*OURS, *short], ["Facestage"])
+    }
     assert table["mm", 1.5].ratio is None and ratio_text(table["mm", 1.5]) == "-"
 
 
@@ -73,7 +92,13 @@ def test_a_variant_of_our_own_counts_only_when_it_is_a_main_contender():
 def test_the_end_of_a_run_keeps_its_own_and_the_detail_picture_apart():
     detail = Row("c", "ours", "Facestage", 6, DETAIL, 39.0, 1.4, 2.4)
     item = final([*OURS, detail], {"albedo": 0.03})
-    assert (item.seconds, item.psnr, item.detail_psnr, item.albedo, item.light) == (5, 31.5, 39.0, 0.03, None)
+    assert (item.seconds, item.psnr, item.detail_psnr, item.albedo, item.light) == (
+        5,
+        31.5,
+        39.0,
+        0.03,
+        None,
+    )
 
 
 def test_pareto_front():

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from reference.command_line import (
-    Finished,
-    call,
-    fit_arguments,
-)
+from reference.command_line import Finished, call, fit_arguments
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import synthetic_scene
 

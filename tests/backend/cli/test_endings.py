@@ -21,22 +21,34 @@ from reference.synthetic_case import Case
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs the devices and limits of a Unix")
 # Starts the command line in a process of its own, after BEFORE was run there.
 START = (
-    "{before}\nimport sys\nsys.argv = ['facestage', *sys.argv[1:]]\nfrom facestage.cli import main\nsys.exit(main())"
+    "{before}\nimport sys\nsys.argv = ['facestage', *sys.argv[1:]]\nfrom facestage.cli "
+    "import main\nsys.exit(main())"
 )
 
 
 def start(before: str, *arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": environment, **options}
+    settings: dict[str, Any] = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "env": environment,
+        **options,
+    }
     command = child.python_code(START.format(before=before), *map(str, arguments))
-    return subprocess.run(command, stdin=subprocess.DEVNULL, text=True, timeout=240, check=False, **settings)
+    return subprocess.run(
+        command, stdin=subprocess.DEVNULL, text=True, timeout=240, check=False, **settings
+    )
 
 
 @POSIX
-@pytest.mark.parametrize("arguments", [["stress", "--list"], ["fit", "--help"], ["model", "MODEL"], ["--version"]])
+@pytest.mark.parametrize(
+    "arguments", [["stress", "--list"], ["fit", "--help"], ["model", "MODEL"], ["--version"]]
+)
 def test_a_full_standard_output_is_one_sentence(case: Case, arguments: list[str]):
     with Path("/dev/full").open("w") as full:
-        done = start("", *[case.model_option if word == "MODEL" else word for word in arguments], stdout=full)
+        done = start(
+            "", *[case.model_option if word == "MODEL" else word for word in arguments], stdout=full
+        )
     assert done.returncode == 2 and "No space left" in one_sentence(done.stderr)
 
 
@@ -98,17 +110,24 @@ def test_a_user_without_home_and_passwd_entry_can_work(case: Case, tmp_path: Pat
 @POSIX
 def test_a_cache_that_cannot_be_used_leaves_the_libraries_silent(tmp_path: Path):
     (tmp_path / "home").write_text("a file where the home folder should be")
-    environment = {name: value for name, value in os.environ.items() if name not in ("DRJIT_CACHE_DIR", "MPLCONFIGDIR")}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("DRJIT_CACHE_DIR", "MPLCONFIGDIR")
+    }
     done = start(
         "import os\nfrom facestage.folders import shelter_caches; shelter_caches()\n"
         "from facestage.render.variant import start_renderer; start_renderer('cpu')\n"
         "from facestage.report.figure import DARK, Canvas; Canvas(9, 9, DARK)\n"
         "print(os.environ['DRJIT_CACHE_DIR'], os.environ['MPLCONFIGDIR'])",
-        "--version", env={**environment, "HOME": str(tmp_path / "home")},
-    )  # fmt: skip
+        "--version",
+        env={**environment, "HOME": str(tmp_path / "home")},
+    )
     assert (done.returncode, done.stderr) == (0, "")
     for folder in done.stdout.splitlines()[0].split():
-        assert "facestage-cache-" in folder and not Path(folder).exists(), "it is removed when the process ends"
+        assert "facestage-cache-" in folder and not Path(folder).exists(), (
+            "it is removed when the process ends"
+        )
 
 
 LIMIT = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))"
@@ -125,12 +144,16 @@ def test_a_disk_that_fills_while_a_model_is_written(case: Case, tmp_path: Path, 
 
 
 @POSIX
-@pytest.mark.parametrize("size", [2000, pytest.param(90_000, marks=pytest.mark.slow)], ids=["checkpoint", "result"])
+@pytest.mark.parametrize(
+    "size", [2000, pytest.param(90_000, marks=pytest.mark.slow)], ids=["checkpoint", "result"]
+)
 def test_a_disk_that_fills_during_a_fit(case: Case, tmp_path: Path, size: int):
     done = start(LIMIT.format(size=size), *fit_arguments(case, tmp_path / "out"))
     assert done.returncode == 2, done.stderr
     assert "File too large" in one_sentence(done.stderr) or "disk full" in one_sentence(done.stderr)
-    assert {path.name for path in tmp_path.iterdir()} <= {"out.partial"}, "no result, nor half of one"
+    assert {path.name for path in tmp_path.iterdir()} <= {"out.partial"}, (
+        "no result, nor half of one"
+    )
     assert not list((tmp_path / "out.partial").glob(f"{PREFIX}*")), "nothing half written"
 
 
@@ -148,7 +171,15 @@ sys.addaudithook(hook)
 @POSIX
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize(
-    "module", ["facestage.cli.run", "argparse", "numpy", "mitsuba", "scipy.linalg", "facestage.fit.result.run"]
+    "module",
+    [
+        "facestage.cli.run",
+        "argparse",
+        "numpy",
+        "mitsuba",
+        "scipy.linalg",
+        "facestage.fit.result.run",
+    ],
 )
 def test_a_signal_during_an_import(case: Case, tmp_path: Path, module: str, name: str):
     done = start(SIGNAL.format(module=module, name=name), *fit_arguments(case, tmp_path / "out"))
@@ -202,7 +233,10 @@ def hidden() -> BaseException:
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (OSError(errno.ENOSPC, "No space left on device", "a/b.npz"), ["Cannot write 'a/b.npz'", "free some space"]),
+        (
+            OSError(errno.ENOSPC, "No space left on device", "a/b.npz"),
+            ["Cannot write 'a/b.npz'", "free some space"],
+        ),
         (OSError(errno.EDQUOT, "Disk quota exceeded"), ["Disk quota exceeded", "free some space"]),
         (OSError(errno.EROFS, "Read-only file system", "a"), ["'a'", "Read-only", "who may"]),
         (PermissionError(errno.EACCES, "Permission denied", "a"), ["'a'", "Permission denied"]),
@@ -211,9 +245,12 @@ def hidden() -> BaseException:
         (MemoryError(), ["memory"]),
         (hidden(), ["No space left"]),
     ],
-)  # fmt: skip
+)
 def test_what_the_machine_cannot_do_is_one_sentence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException, words: list[str]
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: BaseException,
+    words: list[str],
 ):
     monkeypatch.setattr("facestage.cli.model.run", failing(error))
     assert cli.main(["model", "default"]) == 2

@@ -1,4 +1,6 @@
-"""Paths that no machine has, files that never end: exit code 2 and one sentence from every command that takes one."""
+"""Paths that no machine has, files that never end: exit code 2 and one sentence from every command
+that takes one.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +18,29 @@ COMMANDS: dict[str, list[str]] = {
     "fit --out": ["fit", "PHOTO", "--landmarks", "LANDMARKS", "--model", "MODEL", "--out", "BAD"],
     "fit --landmarks": ["fit", "PHOTO", "--landmarks", "BAD", "--out", "OUT"],
     "fit --camera": ["fit", "PHOTO", "--landmarks", "LANDMARKS", "--camera", "BAD", "--out", "OUT"],
-    "fit --truth": ["fit", "PHOTO", "--landmarks", "LANDMARKS", "--model", "MODEL", "--truth", "BAD", "--out", "OUT"],
+    "fit --truth": [
+        "fit",
+        "PHOTO",
+        "--landmarks",
+        "LANDMARKS",
+        "--model",
+        "MODEL",
+        "--truth",
+        "BAD",
+        "--out",
+        "OUT",
+    ],
     "fit --job": ["fit", "--job", "BAD", "--out", "OUT"],
-    "fit --model": ["fit", "PHOTO", "--landmarks", "LANDMARKS", "--model", "npz:BAD", "--out", "OUT"],
+    "fit --model": [
+        "fit",
+        "PHOTO",
+        "--landmarks",
+        "LANDMARKS",
+        "--model",
+        "npz:BAD",
+        "--out",
+        "OUT",
+    ],
     "detect": ["detect", "BAD", "--out", "OUT"],
     "detect --out": ["detect", "PHOTO", "--out", "BAD"],
     "detect --landmark-model": ["detect", "PHOTO", "--out", "OUT", "--landmark-model", "BAD"],
@@ -40,9 +62,13 @@ COMMANDS: dict[str, list[str]] = {
 
 def arguments(command: list[str], bad: str, case: Case, folder: Path) -> list[str]:
     known = {
-        "PHOTO": case.photo, "LANDMARKS": case.landmarks, "MODEL": case.model_option, "RESULT": folder / "none",
-        "OUT": folder / "out", "OUT.png": folder / "out.png",
-    }  # fmt: skip
+        "PHOTO": case.photo,
+        "LANDMARKS": case.landmarks,
+        "MODEL": case.model_option,
+        "RESULT": folder / "none",
+        "OUT": folder / "out",
+        "OUT.png": folder / "out.png",
+    }
     return [str(known.get(word, word.replace("BAD", bad))) for word in command]
 
 
@@ -58,7 +84,15 @@ def test_a_path_that_no_machine_has_is_refused(
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are of Unix")
 @pytest.mark.parametrize(
-    "name", ["fit --landmarks", "fit --camera", "fit --truth", "fit --model", "render --lights", "model rig"]
+    "name",
+    [
+        "fit --landmarks",
+        "fit --camera",
+        "fit --truth",
+        "fit --model",
+        "render --lights",
+        "model rig",
+    ],
 )
 @pytest.mark.parametrize("device", [False, True], ids=["pipe", "device"])
 def test_a_file_that_never_ends_is_refused(

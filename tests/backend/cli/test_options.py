@@ -29,7 +29,9 @@ from reference.synthetic_case import Case
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
     ],
 )
-def test_every_option_reaches_the_job(case: Case, arguments: list[str], attribute: Callable, value: object):
+def test_every_option_reaches_the_job(
+    case: Case, arguments: list[str], attribute: Callable, value: object
+):
     parser = build_parser()
     plain = ["fit", str(case.photo), "--out", "o"]
     assert attribute(read_job(parser.parse_args(plain + arguments))) == value
@@ -40,14 +42,20 @@ def test_every_option_reaches_the_job(case: Case, arguments: list[str], attribut
 
 
 @pytest.mark.parametrize("plan", ["lean", "full"])
-def test_the_plan_of_a_job_folder_holds_unless_the_command_line_says_otherwise(case: Case, tmp_path: Path, plan: str):
+def test_the_plan_of_a_job_folder_holds_unless_the_command_line_says_otherwise(
+    case: Case, tmp_path: Path, plan: str
+):
     parser = build_parser()
-    read_job(parser.parse_args(["fit", str(case.photo), "--out", "o", "--plan", plan])).save(tmp_path / "job")
+    read_job(parser.parse_args(["fit", str(case.photo), "--out", "o", "--plan", plan])).save(
+        tmp_path / "job"
+    )
     from_folder = ["fit", "--job", str(tmp_path / "job"), "--out", "o"]
     assert read_job(parser.parse_args(from_folder)).plan == plan
     assert read_job(parser.parse_args([*from_folder, "--plan", "full"])).plan == "full"
 
 
 def test_a_bench_of_the_plan_takes_no_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["bench", "--plan", "--case", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert (
+        cli.main(["bench", "--plan", "--case", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    )
     assert "--case" in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -25,7 +25,9 @@ from reference.command_line import (
 from reference.synthetic_case import Case
 
 
-@pytest.mark.parametrize("command", [(), ("fit",), ("detect",), ("render",), ("model",), ("doctor",)])
+@pytest.mark.parametrize(
+    "command", [(), ("fit",), ("detect",), ("render",), ("model",), ("doctor",)]
+)
 def test_help(command: tuple[str, ...]):
     done = call(*command, "--help")
     assert done.returncode == 0 and done.stderr == ""
@@ -55,7 +57,9 @@ def test_a_job_folder_gives_the_same_as_its_options(case: Case, finished: Finish
     Job.load(finished[0]).save(tmp_path / "job")
     done = call("fit", "--job", tmp_path / "job", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    np.testing.assert_allclose(Result.load(tmp_path / "out").vertices, Result.load(finished[0]).vertices, atol=1e-7)
+    np.testing.assert_allclose(
+        Result.load(tmp_path / "out").vertices, Result.load(finished[0]).vertices, atol=1e-7
+    )
 
 
 def test_cancel_keeps_the_checkpoint_and_leaves_no_result(case: Case, tmp_path: Path):
@@ -70,17 +74,24 @@ def test_cancel_keeps_the_checkpoint_and_leaves_no_result(case: Case, tmp_path: 
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a system with kill -9")
-def test_kill_and_resume_matches_the_undisturbed_run(case: Case, finished: Finished, tmp_path: Path):
+def test_kill_and_resume_matches_the_undisturbed_run(
+    case: Case, finished: Finished, tmp_path: Path
+):
     process = start(*fit_arguments(case, tmp_path / "out"))
     wait_for_checkpoint(process, "geometry")
     process.kill()
     process.communicate(timeout=PATIENCE)
-    assert not (tmp_path / "out").exists() and (tmp_path / "out.partial" / "checkpoint.npz").is_file()
+    assert (
+        not (tmp_path / "out").exists() and (tmp_path / "out.partial" / "checkpoint.npz").is_file()
+    )
     done = call(*fit_arguments(case, tmp_path / "out"), "--resume")
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     found, wanted = Result.load(tmp_path / "out"), Result.load(finished[0])
-    print(f"after a kill: vertices off by {1e3 * np.abs(found.vertices - wanted.vertices).max():.1e} mm")
+    print(
+        "after a kill: vertices off by "
+        f"{1e3 * np.abs(found.vertices - wanted.vertices).max():.1e} mm"
+    )
     np.testing.assert_allclose(found.vertices, wanted.vertices, atol=1e-7)
     np.testing.assert_allclose(found.stage.radiance, wanted.stage.radiance, rtol=1e-6)
     stages = {event.stage for event in events_of(done.stdout)}

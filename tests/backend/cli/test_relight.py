@@ -1,4 +1,6 @@
-"""Relighting from the cache: the same picture as tracing, and never one of another face or stage."""
+"""Relighting from the cache: the same picture as tracing, and never one of another face or
+stage.
+"""
 
 from __future__ import annotations
 
@@ -60,18 +62,29 @@ def test_a_fit_leaves_a_cache_of_its_own_picture(folder: Path):
     result = Result.load(folder)
     cache = RelightCache.load(result)
     off = worst(cache.relight(result.stage.radiance), read_exr(folder / "render.exr"))
-    print(f"cache under the fitted lights against render.exr: {off:.1e} of the brightest, allowed {HALF:.1e}")
+    print(
+        f"cache under the fitted lights against render.exr: {off:.1e} of the brightest, "
+        f"allowed {HALF:.1e}"
+    )
     assert off < HALF
 
 
 def test_relit_from_the_cache_equals_traced(
-    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray], monkeypatch: pytest.MonkeyPatch
+    folder: Path,
+    radiance: np.ndarray,
+    render: Callable[..., np.ndarray],
+    monkeypatch: pytest.MonkeyPatch,
 ):
     samples = RelightCache.load(Result.load(folder)).samples
     expected = traced(folder, radiance, samples)
-    monkeypatch.setattr(relight, "render_picture", lambda *_, **__: pytest.fail("traced in spite of the cache"))
+    monkeypatch.setattr(
+        relight, "render_picture", lambda *_, **__: pytest.fail("traced in spite of the cache")
+    )
     picture = render(folder, radiance)
-    print(f"cached against traced: {worst(picture, expected):.1e} of the brightest, allowed {HALF:.1e}")
+    print(
+        f"cached against traced: {worst(picture, expected):.1e} of the brightest, allowed "
+        f"{HALF:.1e}"
+    )
     assert worst(picture, expected) < HALF
     np.testing.assert_allclose(render(folder, 2 * radiance), 2 * picture, rtol=2e-3, atol=1e-6)
     assert not render(folder, 0 * radiance).any()
@@ -81,7 +94,9 @@ def test_relit_from_the_cache_equals_traced(
         render(folder, radiance)
 
 
-def test_the_first_relit_picture_makes_the_cache(folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]):
+def test_the_first_relit_picture_makes_the_cache(
+    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]
+):
     (folder / RELIGHT_CACHE).unlink()
     picture = render(folder, radiance, "--spp", "2")
     cache = RelightCache.load(Result.load(folder))
@@ -100,7 +115,16 @@ def test_more_samples_than_the_cache_has_are_traced(
 
 
 @pytest.mark.parametrize(
-    "fault", ["half a file", "no npz", "texture painted", "rougher", "map lost", "light moved", "other arrays"]
+    "fault",
+    [
+        "half a file",
+        "no npz",
+        "texture painted",
+        "rougher",
+        "map lost",
+        "light moved",
+        "other arrays",
+    ],
 )
 def test_a_cache_that_does_not_fit_is_made_again(
     folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray], fault: str
@@ -124,13 +148,17 @@ def test_a_cache_that_does_not_fit_is_made_again(
         (folder / "roughness.exr").unlink()
     else:
         result = Result.load(folder)
-        replace(result, stage=replace(result.stage, position=result.stage.position + 0.3)).write_into(folder)
+        replace(
+            result, stage=replace(result.stage, position=result.stage.position + 0.3)
+        ).write_into(folder)
     picture = render(folder, radiance, "--spp", "2")
     assert worst(picture, traced(folder, radiance, 2)) < HALF
     assert RelightCache.load(Result.load(folder)).samples == 2
 
 
-def test_a_light_that_was_off_can_be_turned_on(folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]):
+def test_a_light_that_was_off_can_be_turned_on(
+    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray]
+):
     result = Result.load(folder)
     stage = replace(result.stage, state=np.array([0, OFF, 0, OFF])).with_radiance(radiance)
     replace(result, stage=stage).write_into(folder)
@@ -140,7 +168,10 @@ def test_a_light_that_was_off_can_be_turned_on(folder: Path, radiance: np.ndarra
 
 
 def test_a_folder_that_cannot_be_written_is_relit_all_the_same(
-    folder: Path, radiance: np.ndarray, render: Callable[..., np.ndarray], monkeypatch: pytest.MonkeyPatch
+    folder: Path,
+    radiance: np.ndarray,
+    render: Callable[..., np.ndarray],
+    monkeypatch: pytest.MonkeyPatch,
 ):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -155,7 +186,13 @@ def test_other_weights_are_traced_and_leave_the_cache(
 ):
     before = (folder / RELIGHT_CACHE).read_bytes()
     smile = write(tmp_path / "smile.json", json.dumps({"expression": {"smile": 1.0}}))
-    assert worst(render(folder, radiance, "--weights", str(smile), "--spp", "2"), render(folder, radiance)) > 0.02
+    assert (
+        worst(
+            render(folder, radiance, "--weights", str(smile), "--spp", "2"),
+            render(folder, radiance),
+        )
+        > 0.02
+    )
     assert (folder / RELIGHT_CACHE).read_bytes() == before
 
 
@@ -175,7 +212,9 @@ def test_large_photos_get_a_smaller_cache_and_full_size_pictures(
     assert small.sum() / small.shape[0] ** 2 == pytest.approx(picture.sum() / 96**2, rel=0.05)
 
 
-def test_nothing_to_write_is_refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_nothing_to_write_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     assert "--out FILE, or --cache" in refuse(capsys, "render", folder)
     assert "--spp is 0" in refuse(capsys, "render", folder, "--cache", "--spp", "0")
     assert "does not exist" in refuse(capsys, "render", tmp_path / "none", "--cache")

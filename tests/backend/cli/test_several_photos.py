@@ -1,4 +1,6 @@
-"""Options of a fit of several photos: one per photo in their order, and sentences for what does not fit."""
+"""Options of a fit of several photos: one per photo in their order, and sentences for what does not
+fit.
+"""
 
 from __future__ import annotations
 
@@ -45,20 +47,26 @@ def test_each_photo_has_its_own_landmarks_and_truth(case: Case, photos: list[Pat
     assert [job.image for job in jobs] == photos
     assert [known(job.landmarks).points[0, 0] for job in jobs] == [10.0, 11.0, 12.0]
     assert [job.truth for job in jobs] == [Path(f"/truth{number}.npz") for number in range(3)]
-    assert all(job.camera == jobs[0].camera and job.camera is not None and job.seed == 4 for job in jobs)
+    assert all(
+        job.camera == jobs[0].camera and job.camera is not None and job.seed == 4 for job in jobs
+    )
 
 
 def test_focal_lengths_are_for_each_photo_or_for_all(photos: list[Path]):
     each = read_jobs(parsed(*photos[:2], "--focal-px", 100, "--focal-px", 200))
     assert [known(job.camera).focal_px for job in each] == [100, 200]
-    assert [known(job.camera).focal_px for job in read_jobs(parsed(*photos, "--focal-px", 100))] == [100, 100, 100]
+    assert [
+        known(job.camera).focal_px for job in read_jobs(parsed(*photos, "--focal-px", 100))
+    ] == [100, 100, 100]
     assert [job.camera for job in read_jobs(parsed(*photos))] == [None, None, None]
 
 
 def test_job_folders_may_be_several(photos: list[Path], tmp_path: Path):
     for job, name in zip(read_jobs(parsed(*photos[:2], "--seed", 3)), "xy", strict=True):
         job.save(tmp_path / name)
-    jobs = read_jobs(parsed("--job", tmp_path / "x", tmp_path / "y", "--same-person", "--budget", "9"))
+    jobs = read_jobs(
+        parsed("--job", tmp_path / "x", tmp_path / "y", "--same-person", "--budget", "9")
+    )
     assert [job.image.parent for job in jobs] == [tmp_path / "x", tmp_path / "y"]
     assert all(job.seed == 3 and job.budget_seconds == 9 for job in jobs)
     with pytest.raises(InputError, match="leave out seed"):
@@ -70,10 +78,13 @@ def test_job_folders_may_be_several(photos: list[Path], tmp_path: Path):
     [
         (["--landmarks"], "1 landmark files were given for 3 photos"),
         (["--landmarks", "--landmarks"], "2 landmark files were given for 3 photos"),
-        (["--truth", "--truth"], "2 truth files"), (["--camera", "--camera"], "2 camera files"),
+        (["--truth", "--truth"], "2 truth files"),
+        (["--camera", "--camera"], "2 camera files"),
     ],
-)  # fmt: skip
-def test_a_wrong_number_of_files_is_refused(case: Case, photos: list[Path], values: list[str], words: str):
+)
+def test_a_wrong_number_of_files_is_refused(
+    case: Case, photos: list[Path], values: list[str], words: str
+):
     arguments = [item for value in values for item in (value, case.landmarks)]
     with pytest.raises(InputError, match=words):
         read_jobs(parsed(*photos, *arguments, "--same-person"))
@@ -86,6 +97,8 @@ def test_several_photos_without_a_word_about_them_are_refused(
     assert "3 photos were given; add --same-person" in capsys.readouterr().err
 
 
-def test_one_photo_is_not_several(photos: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_one_photo_is_not_several(
+    photos: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     assert cli.main(["fit", str(photos[0]), "--same-person", "--out", str(tmp_path / "out")]) == 2
     assert "expected 2 to 8" in capsys.readouterr().err and not (tmp_path / "out").exists()

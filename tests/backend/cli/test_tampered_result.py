@@ -13,7 +13,9 @@ from facestage.contract.storage import read_arrays
 from reference.command_line import Finished, listing, refuse
 
 
-def spoiled(finished: Finished, tmp_path: Path, arrays: dict | None = None, **values: object) -> Path:
+def spoiled(
+    finished: Finished, tmp_path: Path, arrays: dict | None = None, **values: object
+) -> Path:
     folder = Path(shutil.copytree(finished[0], tmp_path / "result"))
     data = json.loads((folder / "result.json").read_text())
     (folder / "result.json").write_text(json.dumps(data | values))
@@ -30,7 +32,12 @@ def spoiled(finished: Finished, tmp_path: Path, arrays: dict | None = None, **va
     ],
 )
 def test_a_picture_of_gigabytes_is_refused(
-    finished: Finished, tmp_path: Path, capsys: pytest.CaptureFixture[str], width: int, height: int, words: str
+    finished: Finished,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    width: int,
+    height: int,
+    words: str,
 ):
     camera = {"width": width, "height": height, "focal_px": 100.0, "principal_px": [1.0, 1.0]}
     folder = spoiled(finished, tmp_path, camera=camera)
@@ -41,7 +48,10 @@ def test_a_picture_of_gigabytes_is_refused(
 
 
 def test_a_picture_beyond_this_machines_memory_is_refused(
-    finished: Finished, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    finished: Finished,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ):
     folder = spoiled(finished, tmp_path)
     (folder / "relight.npz").unlink(missing_ok=True)
@@ -52,7 +62,7 @@ def test_a_picture_beyond_this_machines_memory_is_refused(
 
 def test_a_result_of_another_model_is_refused(
     finished: Finished, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):  # fmt: skip
+):
     arrays = read_arrays(finished[0] / "result.npz", "arrays")
     folder = spoiled(finished, tmp_path, {"albedo": np.zeros(len(arrays["albedo"]) + 1)})
     (folder / "relight.npz").unlink(missing_ok=True)

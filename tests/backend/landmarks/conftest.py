@@ -17,7 +17,10 @@ def bundle() -> Bundle:
     """The landmark model; tests never fetch it."""
     path = find_model()
     if path is None:
-        pytest.skip("needs face_landmarker.task; put it in shared/data beside the project or run: facestage detect")
+        pytest.skip(
+            "needs face_landmarker.task; put it in shared/data beside the project or run: "
+            "facestage detect"
+        )
     return open_model(path)
 
 

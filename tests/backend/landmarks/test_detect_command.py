@@ -30,7 +30,9 @@ def group(bundle: Bundle, astronaut: np.ndarray, tmp_path_factory: pytest.TempPa
     import cv2
     from PIL import Image
 
-    small = cv2.resize(astronaut[:300, 100:350], None, fx=0.66, fy=0.66, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(
+        astronaut[:300, 100:350], None, fx=0.66, fy=0.66, interpolation=cv2.INTER_AREA
+    )
     photo = np.full((320, 420, 3), 60, np.uint8)
     photo[20 : 20 + len(small), : small.shape[1]] = small
     photo[:, 180:] = astronaut[:320, 100:340]
@@ -45,7 +47,9 @@ def detect(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> dict[s
     return dict(json.loads(capsys.readouterr().out))
 
 
-def test_the_file_can_be_given_to_a_fit(group: Path, found: Face, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_the_file_can_be_given_to_a_fit(
+    group: Path, found: Face, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     summary = detect(capsys, group, "--out", tmp_path / "points.json")
     landmarks = Landmarks.read(tmp_path / "points.json")
     landmarks.check_inside(420, 320)
@@ -56,19 +60,38 @@ def test_the_file_can_be_given_to_a_fit(group: Path, found: Face, tmp_path: Path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["points.json"]
 
 
-def test_another_face_all_faces_and_the_picture(group: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_another_face_all_faces_and_the_picture(
+    group: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     from PIL import Image
 
     first = detect(capsys, group, "--out", tmp_path / "1.json")
     second = detect(
-        capsys, group, "--out", tmp_path / "2.json", "--face", "2", "--all", "--picture", tmp_path / "2.png"
+        capsys,
+        group,
+        "--out",
+        tmp_path / "2.json",
+        "--face",
+        "2",
+        "--all",
+        "--picture",
+        tmp_path / "2.png",
     )
-    assert second["face"] == 2 and second["size_px"] < 0.8 * first["size_px"] and second["box"][2] < 180
+    assert (
+        second["face"] == 2
+        and second["size_px"] < 0.8 * first["size_px"]
+        and second["box"][2] < 180
+    )
     data = json.loads((tmp_path / "2.json").read_text())
     assert [face["face"] for face in data["faces"]] == [1, 2]
-    assert data["points"] == data["faces"][1]["points"] and data["visible"] == data["faces"][1]["visible"]
+    assert (
+        data["points"] == data["faces"][1]["points"]
+        and data["visible"] == data["faces"][1]["visible"]
+    )
     assert "points" not in json.loads((tmp_path / "1.json").read_text())["faces"][1]
-    np.testing.assert_allclose(data["faces"][0]["points"], Landmarks.read(tmp_path / "1.json").points)
+    np.testing.assert_allclose(
+        data["faces"][0]["points"], Landmarks.read(tmp_path / "1.json").points
+    )
 
     with Image.open(tmp_path / "2.png") as image:
         drawn = np.asarray(image.convert("RGB")).astype(int)
@@ -94,7 +117,9 @@ def test_refusals_write_nothing(group: Path, tmp_path: Path, capsys: pytest.Capt
         ((group, "--picture", out / "p.jpg"), ("p.jpg", ".png")),
         ((group, "--landmark-model", group), ("group.png", "not the expected file")),
     ):
-        sentence = refuse(capsys, "detect", arguments[0], "--out", out / "points.json", *arguments[1:])
+        sentence = refuse(
+            capsys, "detect", arguments[0], "--out", out / "points.json", *arguments[1:]
+        )
         assert all(word in sentence for word in words), sentence
     assert listing(out) == []
 
@@ -112,14 +137,18 @@ def test_a_job_without_landmarks_gets_those_of_the_face_it_names(group: Path, tm
     assert problem.landmarks.scheme == "ibug68"
     np.testing.assert_array_equal(problem.landmarks.points, to_ibug68(used).points)
     again = read_problem(replace(problem.job, face=None), events.append)
-    assert len(events) == 1 and again.fingerprint == problem.fingerprint, "the job can be repeated as it was"
+    assert len(events) == 1 and again.fingerprint == problem.fingerprint, (
+        "the job can be repeated as it was"
+    )
     with pytest.raises(InputError, match="Face 3 was asked for but 2 faces"):
         read_problem(replace(job, face=3))
 
 
 def test_landmarks_that_the_model_knows_are_taken_as_they_are():
     model = synthetic_face()
-    points = Landmarks("mediapipe478", np.random.default_rng(0).uniform(0, 9, (478, 2)), np.ones(478, bool))
+    points = Landmarks(
+        "mediapipe478", np.random.default_rng(0).uniform(0, 9, (478, 2)), np.ones(478, bool)
+    )
     first_corners = np.tile([0, 0, 0, 1, 0, 0], (478, 1))
     knows_both = replace(model, landmarks=dict(model.landmarks) | {"mediapipe478": first_corners})
     assert known_to(knows_both, points) is points

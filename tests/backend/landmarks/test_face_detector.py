@@ -6,13 +6,22 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facestage.landmarks.face_detector import OVERLAP_MAX, Detections, anchors, concatenate, merge_overlapping, overlap
+from facestage.landmarks.face_detector import (
+    OVERLAP_MAX,
+    Detections,
+    anchors,
+    concatenate,
+    merge_overlapping,
+    overlap,
+)
 
 
 def test_anchors_are_the_centres_of_two_grids():
     found = anchors()
     assert found.shape == (16 * 16 * 2 + 8 * 8 * 6, 2)
-    np.testing.assert_allclose(found[:4], [[1 / 32, 1 / 32], [1 / 32, 1 / 32], [3 / 32, 1 / 32], [3 / 32, 1 / 32]])
+    np.testing.assert_allclose(
+        found[:4], [[1 / 32, 1 / 32], [1 / 32, 1 / 32], [3 / 32, 1 / 32], [3 / 32, 1 / 32]]
+    )
     np.testing.assert_allclose(found[512:519, 0], [1 / 16] * 6 + [3 / 16])
     np.testing.assert_allclose(found[-1], [15 / 16, 15 / 16])
 
@@ -21,7 +30,9 @@ squares = st.tuples(st.integers(0, 30), st.integers(0, 30), st.integers(1, 12))
 
 
 @given(squares, st.lists(squares, max_size=5))
-def test_overlap_is_that_of_counted_pixels(first: tuple[int, int, int], others: list[tuple[int, int, int]]):
+def test_overlap_is_that_of_counted_pixels(
+    first: tuple[int, int, int], others: list[tuple[int, int, int]]
+):
     def pixels(square: tuple[int, int, int]) -> set[tuple[int, int]]:
         left, top, side = square
         return {(x, y) for x in range(left, left + side) for y in range(top, top + side)}
@@ -29,7 +40,9 @@ def test_overlap_is_that_of_counted_pixels(first: tuple[int, int, int], others: 
     def box(square: tuple[int, int, int]) -> list[float]:
         return [square[0] + square[2] / 2, square[1] + square[2] / 2, square[2]]
 
-    expected = [len(pixels(first) & pixels(other)) / len(pixels(first) | pixels(other)) for other in others]
+    expected = [
+        len(pixels(first) & pixels(other)) / len(pixels(first) | pixels(other)) for other in others
+    ]
     found = overlap(np.array(box(first)), np.array([box(other) for other in others]).reshape(-1, 3))
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
@@ -41,13 +54,19 @@ def slow_merge(found: Detections) -> list[tuple[float, list[float], list[list[fl
     while left:
         best = left[0]
         same = [
-            number for number in left
-            if number == best or overlap(found.boxes[best], found.boxes[number : number + 1])[0] > OVERLAP_MAX
-        ]  # fmt: skip
+            number
+            for number in left
+            if number == best
+            or overlap(found.boxes[best], found.boxes[number : number + 1])[0] > OVERLAP_MAX
+        ]
         total = sum(found.scores[number] for number in same)
         box = [sum(found.scores[n] * found.boxes[n, i] for n in same) / total for i in range(3)]
         points = [
-            [sum(found.scores[n] * found.keypoints[n, k, i] for n in same) / total for i in range(2)] for k in range(6)
+            [
+                sum(found.scores[n] * found.keypoints[n, k, i] for n in same) / total
+                for i in range(2)
+            ]
+            for k in range(6)
         ]
         merged.append((found.scores[best], box, points))
         left = [number for number in left if number not in same]
@@ -76,4 +95,6 @@ def test_roll_is_the_direction_of_the_eyes():
     keypoints = np.zeros((2, 6, 2))
     keypoints[0, 1] = [1, 1]
     keypoints[1, 1] = [-2, 0]
-    np.testing.assert_allclose(Detections(np.zeros((2, 3)), keypoints, np.ones(2)).roll, [np.pi / 4, np.pi])
+    np.testing.assert_allclose(
+        Detections(np.zeros((2, 3)), keypoints, np.ones(2)).roll, [np.pi / 4, np.pi]
+    )

@@ -1,4 +1,6 @@
-"""Faces are found wherever, however large and however turned they are; what is no face is refused."""
+"""Faces are found wherever, however large and however turned they are; what is no face is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +36,17 @@ def distance(points: np.ndarray, expected: np.ndarray, face: Face) -> np.ndarray
     return np.linalg.norm(points - expected, axis=1) / np.linalg.norm(eyes[1] - eyes[0])
 
 
-def test_the_astronaut_agrees_with_the_landmarks_that_ship_with_the_demo(found: Face, repository: Path):
-    shipped = json.loads((repository / "addon/facestage_blender/data/astronaut_landmarks.json").read_text())
+def test_the_astronaut_agrees_with_the_landmarks_that_ship_with_the_demo(
+    found: Face, repository: Path
+):
+    shipped = json.loads(
+        (repository / "addon/facestage_blender/data/astronaut_landmarks.json").read_text()
+    )
     error = distance(to_ibug68(found.landmarks).points, np.array(shipped["points"]), found)
-    print(f"median {np.median(error):.3f}, worst inside {error[INNER].max():.3f}, worst {error.max():.3f}")
+    print(
+        f"median {np.median(error):.3f}, worst inside {error[INNER].max():.3f}, worst "
+        f"{error.max():.3f}"
+    )
     assert np.median(error) < 0.02 and error[INNER].max() < 0.06 and error.max() < 0.12
     assert found.confidence > 0.8 and found.visible.mean() > 0.9
 
@@ -68,15 +77,23 @@ def test_another_size_gives_the_same_points(
     import cv2
 
     how = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    face = only(finder, photo_of(cv2.resize(astronaut, None, fx=factor, fy=factor, interpolation=how)))
+    face = only(
+        finder, photo_of(cv2.resize(astronaut, None, fx=factor, fy=factor, interpolation=how))
+    )
     error = distance(face.mesh.points[:, :2] / factor, found.mesh.points[:, :2], found)
     print(f"x {factor}: mean {error.mean():.4f}, worst {error.max():.4f}")
-    assert error.mean() < (0.01 if factor >= 0.5 else 0.03), "at a quarter the face is 27 pixels wide"
+    assert error.mean() < (0.01 if factor >= 0.5 else 0.03), (
+        "at a quarter the face is 27 pixels wide"
+    )
 
 
 @pytest.mark.parametrize("place", [(0, 0), (900, 400)])
 def test_a_face_of_a_twelfth_of_the_photo_is_found(
-    finder: FaceFinder, astronaut: np.ndarray, photo_of: AsPhoto, found: Face, place: tuple[int, int]
+    finder: FaceFinder,
+    astronaut: np.ndarray,
+    photo_of: AsPhoto,
+    found: Face,
+    place: tuple[int, int],
 ):
     # 92 pixels wide on 1160: 8 %.
     photo = np.full((800, 1160, 3), 110, np.uint8)
@@ -94,15 +111,21 @@ def test_a_portrait_that_fills_or_leaves_the_frame_is_found(
 ):
     face = only(finder, photo_of(astronaut[75:180, left:right]))
     points = found.mesh.points[:, :2]
-    inside = (points[:, 0] > left) & (points[:, 0] < right) & (points[:, 1] > 75) & (points[:, 1] < 180)
+    inside = (
+        (points[:, 0] > left) & (points[:, 0] < right) & (points[:, 1] > 75) & (points[:, 1] < 180)
+    )
     error = distance(face.mesh.points[:, :2] + [left, 75], points, found)
     print(f"{inside.mean():.2f} inside, mean error {error[inside].mean():.4f}")
     assert error[inside].mean() < 0.03
     seen = face.mesh.points[face.visible, :2]
-    assert (seen > 0).all() and (seen < [right - left, 105]).all(), "what the frame cuts off is not seen"
+    assert (seen > 0).all() and (seen < [right - left, 105]).all(), (
+        "what the frame cuts off is not seen"
+    )
 
 
-def test_two_faces_are_told_apart_by_size(finder: FaceFinder, astronaut: np.ndarray, photo_of: AsPhoto, found: Face):
+def test_two_faces_are_told_apart_by_size(
+    finder: FaceFinder, astronaut: np.ndarray, photo_of: AsPhoto, found: Face
+):
     import cv2
 
     small = cv2.resize(astronaut, (256, 256), interpolation=cv2.INTER_AREA)
@@ -111,8 +134,13 @@ def test_two_faces_are_told_apart_by_size(finder: FaceFinder, astronaut: np.ndar
     assert len(faces) == 2 and faces[0].size > 1.5 * faces[1].size
     first, second = (choose_face(faces, number) for number in (1, 2))
     assert choose_face(faces, None) is first
-    assert distance(first.mesh.points[:, :2] - [256, 0], found.mesh.points[:, :2], found).mean() < 0.01
-    assert distance(second.mesh.points[:, :2] * 2 - [0, 512], found.mesh.points[:, :2], found).mean() < 0.015
+    assert (
+        distance(first.mesh.points[:, :2] - [256, 0], found.mesh.points[:, :2], found).mean() < 0.01
+    )
+    assert (
+        distance(second.mesh.points[:, :2] * 2 - [0, 512], found.mesh.points[:, :2], found).mean()
+        < 0.015
+    )
     for number in (0, 3, -1):
         with pytest.raises(InputError, match=f"Face {number} was asked for but 2 faces were found"):
             choose_face(faces, number)
@@ -138,15 +166,32 @@ def no_face(name: str) -> np.ndarray:
         "one pixel": lambda: np.full((1, 1, 3), 90, np.uint8),
         "tiny": lambda: rng.integers(0, 256, (5, 8, 3), np.uint8),
         "thin": lambda: rng.integers(0, 256, (3, 3000, 3), np.uint8),
-        "cat": skimage.data.chelsea, "coffee": skimage.data.coffee, "rocket": skimage.data.rocket,
-        "cells": skimage.data.cell, "coins": skimage.data.coins, "page": skimage.data.page,
-    }  # fmt: skip
+        "cat": skimage.data.chelsea,
+        "coffee": skimage.data.coffee,
+        "rocket": skimage.data.rocket,
+        "cells": skimage.data.cell,
+        "coins": skimage.data.coins,
+        "page": skimage.data.page,
+    }
     return made[name]()
 
 
 @pytest.mark.parametrize(
     "name",
-    ["noise", "black", "white", "one pixel", "tiny", "thin", "cat", "coffee", "rocket", "cells", "coins", "page"],
+    [
+        "noise",
+        "black",
+        "white",
+        "one pixel",
+        "tiny",
+        "thin",
+        "cat",
+        "coffee",
+        "rocket",
+        "cells",
+        "coins",
+        "page",
+    ],
 )
 def test_what_is_no_face_is_refused(finder: FaceFinder, photo_of: AsPhoto, name: str):
     search = finder.find(photo_of(no_face(name)))
@@ -155,7 +200,9 @@ def test_what_is_no_face_is_refused(finder: FaceFinder, photo_of: AsPhoto, name:
         require_faces(search)
 
 
-def test_a_transparent_face_is_not_there(finder: FaceFinder, astronaut: np.ndarray, photo_of: AsPhoto):
+def test_a_transparent_face_is_not_there(
+    finder: FaceFinder, astronaut: np.ndarray, photo_of: AsPhoto
+):
     photo = photo_of(astronaut)
     mask = photo.mask.copy()
     mask[60:190, 160:290] = False
@@ -164,7 +211,9 @@ def test_a_transparent_face_is_not_there(finder: FaceFinder, astronaut: np.ndarr
 
 @pytest.mark.parametrize("name", ["soft", "hard_side"])
 @pytest.mark.parametrize("suffix", ["png", "exr"])
-def test_reference_cases_are_near_their_true_landmarks(finder: FaceFinder, shared_data: Path, name: str, suffix: str):
+def test_reference_cases_are_near_their_true_landmarks(
+    finder: FaceFinder, shared_data: Path, name: str, suffix: str
+):
     folder = shared_data / "cases" / name
     face = only(finder, read_photograph(folder / f"photo.{suffix}"))
     true = json.loads((folder / "landmarks.json").read_text())
@@ -187,6 +236,7 @@ def test_windows_cover_the_photo_and_their_number_is_bounded():
         for side in sides:
             inside = [
                 np.abs(window.from_photo(places) - 0.5).max(axis=1) <= 0.5 + 1e-9
-                for window in windows if window.angle == 0 and round(window.side, 6) == side
-            ]  # fmt: skip
+                for window in windows
+                if window.angle == 0 and round(window.side, 6) == side
+            ]
             assert np.any(inside, axis=0).all(), (width, height, side)

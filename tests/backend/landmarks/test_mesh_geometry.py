@@ -23,7 +23,9 @@ def canonical(bundle: Bundle) -> CanonicalFace:
 
 
 def turned(face: CanonicalFace, yaw: float) -> np.ndarray:
-    """(478, 3) the canonical face with flat irises, turned by ``yaw`` degrees to the picture's right, as a mesh."""
+    """(478, 3) the canonical face with flat irises, turned by ``yaw`` degrees to the picture's
+    right, as a mesh.
+    """
     points = np.zeros((COUNT, 3))
     points[:SURFACE_COUNT] = face.vertices
     for start, corners in ((468, (33, 133)), (473, (263, 362))):
@@ -36,7 +38,9 @@ def turned(face: CanonicalFace, yaw: float) -> np.ndarray:
 def test_the_canonical_face_looks_out_of_the_picture(canonical: CanonicalFace):
     vertices = canonical.vertices
     assert vertices[:, 2].argmax() in (NOSE_TIP, 4) and vertices[CHIN, 1] < vertices[NOSE_TIP, 1]
-    assert vertices[RIGHT_EYE, 0] < 0 < vertices[LEFT_EYE, 0], "the person's right is the picture's left"
+    assert vertices[RIGHT_EYE, 0] < 0 < vertices[LEFT_EYE, 0], (
+        "the person's right is the picture's left"
+    )
     a, b, c = vertices[canonical.triangles].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0).mean() > 0.85, "triangles turn outward"
 
@@ -44,24 +48,38 @@ def test_the_canonical_face_looks_out_of_the_picture(canonical: CanonicalFace):
 def test_mirroring_pairs_left_and_right(canonical: CanonicalFace):
     mirror = canonical.mirror
     np.testing.assert_array_equal(mirror[mirror], np.arange(COUNT))
-    assert mirror[RIGHT_EYE] == LEFT_EYE and mirror[NOSE_TIP] == NOSE_TIP and mirror[RIGHT_EAR] == LEFT_EAR
+    assert (
+        mirror[RIGHT_EYE] == LEFT_EYE
+        and mirror[NOSE_TIP] == NOSE_TIP
+        and mirror[RIGHT_EAR] == LEFT_EAR
+    )
     assert mirror[468] == 473 and mirror[469] == 476 and mirror[470] == 475
     # The conversion to ibug68 is as symmetric as its scheme.
-    swap = [*range(16, -1, -1), *range(26, 16, -1), 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38,
-            37, 36, 41, 40, 54, 53, 52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65]  # fmt: skip
-    np.testing.assert_array_equal(np.where(SHARE < 1, mirror[FIRST], -1)[swap], np.where(SHARE < 1, FIRST, -1))
-    np.testing.assert_array_equal(np.where(SHARE > 0, mirror[SECOND], -1)[swap], np.where(SHARE > 0, SECOND, -1))
+    swap = [*range(16, -1, -1), *range(26, 16, -1), 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44,
+    43, 42, 47, 46, 39, 38,
+            37, 36, 41, 40, 54, 53, 52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60,
+            67, 66, 65]  # fmt: skip
+    np.testing.assert_array_equal(
+        np.where(SHARE < 1, mirror[FIRST], -1)[swap], np.where(SHARE < 1, FIRST, -1)
+    )
+    np.testing.assert_array_equal(
+        np.where(SHARE > 0, mirror[SECOND], -1)[swap], np.where(SHARE > 0, SECOND, -1)
+    )
     np.testing.assert_array_equal(SHARE[swap], SHARE)
 
 
 def test_edges_are_those_of_the_triangles(canonical: CanonicalFace):
     expected = {
-        frozenset((int(triangle[i]), int(triangle[i - 1]))) for triangle in canonical.triangles for i in range(3)
+        frozenset((int(triangle[i]), int(triangle[i - 1])))
+        for triangle in canonical.triangles
+        for i in range(3)
     }
     assert {frozenset(edge) for edge in canonical.edges.tolist()} == expected
 
 
-@pytest.mark.parametrize("damage", [lambda data: data[:100], lambda data: b"", lambda data: b"\xff" * 50])
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:100], lambda data: b"", lambda data: b"\xff" * 50]
+)
 def test_damaged_geometry_is_refused(bundle: Bundle, damage):
     with pytest.raises(InputError, match="landmark model"):
         read_canonical(damage(bundle.geometry))

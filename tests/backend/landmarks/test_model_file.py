@@ -1,4 +1,6 @@
-"""Where the model is looked for, in which order, and what is said when it is not there or is another file."""
+"""Where the model is looked for, in which order, and what is said when it is not there or is
+another file.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from facestage.landmarks import model_file
 
 @pytest.fixture(autouse=True)
 def content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
-    """The bytes that count as the model, with every place to look at in a folder of the test's own, and no network."""
+    """The bytes that count as the model, with every place to look at in a folder of the test's own,
+    and no network.
+    """
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name in (model_file.DETECTOR, model_file.MESH, model_file.GEOMETRY):
@@ -59,8 +63,12 @@ def test_the_members_are_read(tmp_path: Path, content: bytes):
     assert bundle.detector != bundle.geometry
 
 
-@pytest.mark.parametrize("damage", [lambda data: data[:-7], lambda data: data + b"x", lambda _: b""])
-def test_another_file_is_refused(tmp_path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch, damage):
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:-7], lambda data: data + b"x", lambda _: b""]
+)
+def test_another_file_is_refused(
+    tmp_path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch, damage
+):
     wrong = put(tmp_path / "wrong.task", damage(content))
     for message in ("wrong.task", "not the expected file", "SHA-256", model_file.URL):
         with pytest.raises(InputError, match=message):
@@ -87,7 +95,13 @@ def test_damaged_copies_that_nobody_named_are_passed_over(tmp_path: Path, conten
 def test_offline_says_what_to_fetch_and_where_to_put_it():
     with pytest.raises(InputError) as caught:
         model_file.open_model()
-    for word in (model_file.URL, str(model_file.cached_path()), "--landmark-model", "--landmarks", "network"):
+    for word in (
+        model_file.URL,
+        str(model_file.cached_path()),
+        "--landmark-model",
+        "--landmarks",
+        "network",
+    ):
         assert word in str(caught.value)
     assert not model_file.cached_path().exists()
 
@@ -111,9 +125,13 @@ def test_a_download_goes_to_the_cache(content: bytes, monkeypatch: pytest.Monkey
     assert model_file.find_model() == model_file.cached_path()
 
 
-def test_doctor_says_whether_it_is_there(content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_doctor_says_whether_it_is_there(
+    content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     finding = doctor.landmark_finding()
-    assert not finding.works and not finding.needed and str(model_file.cached_path()) in finding.remedy
+    assert (
+        not finding.works and not finding.needed and str(model_file.cached_path()) in finding.remedy
+    )
     path = put(model_file.cached_path(), content)
     assert doctor.landmark_finding().works and str(path) in doctor.landmark_finding().found
     monkeypatch.setenv(model_file.VARIABLE, str(tmp_path / "none.task"))

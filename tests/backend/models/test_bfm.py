@@ -1,4 +1,6 @@
-"""The Basel Face Model: files of the published structures are read exactly, in metres and linear light."""
+"""The Basel Face Model: files of the published structures are read exactly, in metres and linear
+light.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,12 @@ def test_statismo_files_are_read_exactly(model: FaceModel, held: dict[str, np.nd
     np.testing.assert_allclose(model.identity_basis, held["shape"], atol=1e-8)
     np.testing.assert_allclose(model.expression_basis[0], held["expression_mean"], atol=1e-8)
     np.testing.assert_allclose(model.expression_basis[1:], held["expression"], atol=1e-8)
-    assert model.expression_names == ("expressionMean", "expression000", "expression001", "expression002")
+    assert model.expression_names == (
+        "expressionMean",
+        "expression000",
+        "expression001",
+        "expression002",
+    )
     assert model.expression_box.tolist() == [True, False, False, False]
     assert (model.name, model.license) == ("Basel Face Model 2019", LICENSE)
 
@@ -73,7 +80,10 @@ def test_the_mean_color_is_linear_and_modes_are_log_albedo():
                 exact = srgb_to_linear(np.clip(color + sign * sigma * modes[k], 1 / 255, 0.99))
                 ratio = np.exp(np.log(mean) + sign * sigma * basis[k]) / exact
                 worst[sigma] = max(worst.get(sigma, 0), float(np.abs(np.log(ratio)).max()))
-    print(f"log albedo is off by at most {worst[1.0]:.3f} at one standard deviation, {worst[2.0]:.3f} at two")
+    print(
+        f"log albedo is off by at most {worst[1.0]:.3f} at one standard deviation, "
+        f"{worst[2.0]:.3f} at two"
+    )
     assert worst[1.0] < 0.1 and worst[2.0] < 0.5
 
 
@@ -93,7 +103,9 @@ def test_the_2009_file_of_true_size(tmp_path: Path):
     np.testing.assert_array_equal(model.triangles, face.triangles)
     basis = (arrays["shapePC"] * arrays["shapeEV"].T).T.reshape(3, -1, 3) * 1e-6
     np.testing.assert_allclose(model.identity_basis, basis, atol=1e-8)
-    np.testing.assert_allclose(model.albedo_mean, srgb_to_linear(skin_srgb(face.vertices)), rtol=1e-4)
+    np.testing.assert_allclose(
+        model.albedo_mean, srgb_to_linear(skin_srgb(face.vertices)), rtol=1e-4
+    )
     np.testing.assert_array_equal(model.landmarks["ibug68"][:, 0], wanted)
     assert model.expression_names == () and model.name == "Basel Face Model 2009"
     assert not flipped(model.uvs.astype(float), model.triangle_uvs).any()
@@ -110,7 +122,11 @@ def test_files_without_expressions_or_landmarks(tmp_path: Path, face: Head):
         del file["expression"], file["metadata"]
         file.move("shape/representer", "representer")
     model = load_bfm(path)
-    assert model.expression_names == () and model.name == "Basel Face Model 2009" and "ibug68" in model.landmarks
+    assert (
+        model.expression_names == ()
+        and model.name == "Basel Face Model 2009"
+        and "ibug68" in model.landmarks
+    )
 
 
 def damage(path: Path, name: str, value) -> None:
@@ -124,7 +140,11 @@ def damage(path: Path, name: str, value) -> None:
     ("name", "value", "words"),
     [
         ("shape/model/pcaBasis", None, "lacks shape/model/pcaBasis"),
-        ("shape/model/pcaBasis", np.zeros((5, 4)), r"pcaBasis has shape \(5, 4\), not \(12000, 4\)"),
+        (
+            "shape/model/pcaBasis",
+            np.zeros((5, 4)),
+            r"pcaBasis has shape \(5, 4\), not \(12000, 4\)",
+        ),
         ("shape/model/mean", np.zeros(12000), "its face is 0 mm high"),
         ("shape/model/mean", np.full(12000, np.nan), "mean holds NaN"),
         ("color/model/mean", np.zeros(30), "color/model/mean has 30 entries"),
@@ -144,10 +164,14 @@ def test_wrong_arrays_are_named(tmp_path: Path, face: Head, name: str, value, wo
 
 
 @pytest.mark.parametrize("name", ["01_MorphableModel.mat", "model2019_bfm.h5"])
-@pytest.mark.parametrize("content", [b"", b"text", b"\x89HDF\r\n\x1a\n broken", b"MATLAB 5.0 MAT-file" + bytes(300)])
+@pytest.mark.parametrize(
+    "content", [b"", b"text", b"\x89HDF\r\n\x1a\n broken", b"MATLAB 5.0 MAT-file" + bytes(300)]
+)
 def test_what_is_no_model_is_named(tmp_path: Path, name: str, content: bytes):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=rf"{name}' .*expected 01_MorphableModel\.mat, model2017") as caught:
+    with pytest.raises(
+        InputError, match=rf"{name}' .*expected 01_MorphableModel\.mat, model2017"
+    ) as caught:
         load_bfm(tmp_path)
     assert "\n" not in str(caught.value)
 

@@ -1,4 +1,6 @@
-"""The default head: counts and names, a sound mesh and atlas, published measurements, well-behaved deformations."""
+"""The default head: counts and names, a sound mesh and atlas, published measurements, well-behaved
+deformations.
+"""
 
 from functools import cache
 
@@ -66,7 +68,18 @@ def test_sizes_and_names():
     assert len(m.albedo_basis) == 80
     assert m.expression_prior == "box"
     assert set(np.unique(m.polygon_part)) == {SKIN, EYES, MOUTH, TEETH}
-    wanted = {"narrow_face", "face", "skin", "eye_left", "eye_right", "lips", "scalp", "neck", "brows", "ears"}
+    wanted = {
+        "narrow_face",
+        "face",
+        "skin",
+        "eye_left",
+        "eye_right",
+        "lips",
+        "scalp",
+        "neck",
+        "brows",
+        "ears",
+    }
     assert wanted <= set(m.regions)
     assert all(len(m.regions[name]) > 20 for name in wanted)
     assert all(np.abs(basis).max() > 0.3 * MM for basis in m.identity_basis)
@@ -77,7 +90,11 @@ def test_frame():
     m = model()
     narrow = m.vertices[m.regions["narrow_face"]]
     np.testing.assert_allclose(narrow.mean(axis=0), 0, atol=2e-4)
-    assert m.vertices[m.regions["eye_left"], 0].mean() > 0 > m.vertices[m.regions["eye_right"], 0].mean()
+    assert (
+        m.vertices[m.regions["eye_left"], 0].mean()
+        > 0
+        > m.vertices[m.regions["eye_right"], 0].mean()
+    )
     points = landmarks()
     assert points[30, 2] == points[:, 2].max(), "the nose tip points along +Z"
     assert points[27, 1] > points[8, 1]
@@ -86,7 +103,15 @@ def test_frame():
 
 def test_building_again_gives_the_same_model():
     first, second = model(), build_default_model.__wrapped__()
-    for name in ("vertices", "polygons", "uvs", "identity_basis", "expression_basis", "albedo_mean", "albedo_basis"):
+    for name in (
+        "vertices",
+        "polygons",
+        "uvs",
+        "identity_basis",
+        "expression_basis",
+        "albedo_mean",
+        "albedo_basis",
+    ):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
 
@@ -222,7 +247,9 @@ def test_landmarks_are_symmetric_and_sensible():
     assert (np.diff(points[:17, 0]) > 0).all(), "the jaw runs from the subject's right to the left"
     assert points[8, 1] == points[:, 1].min()
     assert (points[17:27, 1] > points[36:48, 1].max()).all(), "brows above eyes"
-    assert points[37, 1] > points[41, 1] and points[44, 1] > points[46, 1], "upper lid above lower lid"
+    assert points[37, 1] > points[41, 1] and points[44, 1] > points[46, 1], (
+        "upper lid above lower lid"
+    )
     assert points[36, 0] < points[39, 0] < 0 < points[42, 0] < points[45, 0]
     assert points[51, 1] > points[62, 1] >= points[66, 1] > points[57, 1]
     assert len(np.unique(model().landmark_vertices("ibug68")[0][:, 0])) == 68
@@ -233,9 +260,9 @@ def test_brow_landmarks_follow_the_middle_of_the_hair():
     points = landmarks()[22:27] / MM
     hair = m.vertices[m.regions["brows"]] / MM
     hair = hair[hair[:, 0] > 0]
-    assert hair[:, 0].min() == pytest.approx(points[0, 0], abs=4) and hair[:, 0].max() == pytest.approx(
-        points[4, 0], abs=4
-    )
+    assert hair[:, 0].min() == pytest.approx(points[0, 0], abs=4) and hair[
+        :, 0
+    ].max() == pytest.approx(points[4, 0], abs=4)
     for point in points[1:4]:
         here = hair[np.abs(hair[:, 0] - point[0]) < 3]
         assert point[1] == pytest.approx(0.5 * (here[:, 1].min() + here[:, 1].max()), abs=1.2)
@@ -252,7 +279,9 @@ def test_jaw_landmarks_lie_on_the_outline_seen_from_the_front():
 
 
 def test_ears_move_as_a_whole():
-    """The breadth of the head does not spread the upper rim of the ears: at two deviations by less than 8 mm."""
+    """The breadth of the head does not spread the upper rim of the ears: at two deviations by less
+    than 8 mm.
+    """
     m = model()
     ear = m.regions["ears"][m.vertices[m.regions["ears"], 0] > 0]
     for name, basis in zip(m.identity_names, m.identity_basis, strict=True):
@@ -295,7 +324,9 @@ def measured() -> dict[str, float]:
 def test_mean_has_published_measurements(name):
     published = MEASUREMENTS[name]
     value = measured()[name]
-    assert abs(value - published.mean) < 1.2 * published.sd, f"{name}: {value:.1f} mm, published {published}"
+    assert abs(value - published.mean) < 1.2 * published.sd, (
+        f"{name}: {value:.1f} mm, published {published}"
+    )
 
 
 def test_identity_modes_change_their_measurement_by_the_published_deviation():
@@ -304,11 +335,17 @@ def test_identity_modes_change_their_measurement_by_the_published_deviation():
 
     def change(name: str, a: int, b: int) -> float:
         moved = points + model().identity_basis[model().identity_names.index(name)][index]
-        return float(np.linalg.norm(moved[a] - moved[b]) - np.linalg.norm(points[a] - points[b])) / MM
+        return (
+            float(np.linalg.norm(moved[a] - moved[b]) - np.linalg.norm(points[a] - points[b])) / MM
+        )
 
-    assert change("face_height", 27, 8) == pytest.approx(MEASUREMENTS["menton_sellion_length"].sd, rel=0.15)
+    assert change("face_height", 27, 8) == pytest.approx(
+        MEASUREMENTS["menton_sellion_length"].sd, rel=0.15
+    )
     assert change("mouth_width", 48, 54) == pytest.approx(MEASUREMENTS["lip_length"].sd, rel=0.25)
-    assert change("nose_length", 27, 33) == pytest.approx(MEASUREMENTS["subnasale_sellion_length"].sd, rel=0.2)
+    assert change("nose_length", 27, 33) == pytest.approx(
+        MEASUREMENTS["subnasale_sellion_length"].sd, rel=0.2
+    )
 
 
 def test_eyeballs_move_rigidly_with_every_identity_mode():
@@ -355,7 +392,9 @@ def test_blink_closes_the_lids_over_the_eyeball(side):
     for weight in (0.0, 0.25, 0.5, 0.75, 1.0):
         lids = expression(**{f"eyeBlink{side}": weight})[face]
         nearest = np.linalg.norm(lids - center, axis=1).min()
-        assert nearest > radius - 0.1 * MM, f"at weight {weight} a lid is {(radius - nearest) / MM:.2f} mm in the eye"
+        assert nearest > radius - 0.1 * MM, (
+            f"at weight {weight} a lid is {(radius - nearest) / MM:.2f} mm in the eye"
+        )
 
 
 def test_lips_rest_closed_and_the_jaw_opens_them():
@@ -369,11 +408,17 @@ def test_lips_rest_closed_and_the_jaw_opens_them():
     assert abs(gap(expression(jawOpen=1.0, mouthClose=1.0))) < 4
     teeth = np.unique(part_triangles(TEETH))
     fallen = (model().vertices - expression(jawOpen=1.0))[teeth, 1] / MM
-    assert (fallen > 20).any() and (fallen < 0.01).any(), "lower teeth follow the jaw, upper teeth stay"
+    assert (fallen > 20).any() and (fallen < 0.01).any(), (
+        "lower teeth follow the jaw, upper teeth stay"
+    )
 
 
 def test_eye_look_turns_the_eyeballs():
-    for name, axis, sign in (("eyeLookUpLeft", 1, 1), ("eyeLookDownLeft", 1, -1), ("eyeLookOutLeft", 0, 1)):
+    for name, axis, sign in (
+        ("eyeLookUpLeft", 1, 1),
+        ("eyeLookDownLeft", 1, -1),
+        ("eyeLookOutLeft", 0, 1),
+    ):
         eye = model().regions["eye_left"]
         pupil = eye[model().vertices[eye, 2].argmax()]
         moved = expression(**{name: 1.0})[pupil] - model().vertices[pupil]

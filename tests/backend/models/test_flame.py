@@ -1,4 +1,6 @@
-"""FLAME: a file of the published structure is read exactly; jaw and eyes turn as skinning says; the rest is refused."""
+"""FLAME: a file of the published structure is read exactly; jaw and eyes turn as skinning says; the
+rest is refused.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,15 @@ from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.models.flame import LICENSE, OPEN_LICENSE, load_flame
 from facestage.models.unwrap import flipped
 from reference.model_scene import fewer_modes, fit_error, model_scene
-from reference.published_flame import EYE, EYE_RADIUS, HEAD, embedding, flame_arrays, write_embedding, write_flame
+from reference.published_flame import (
+    EYE,
+    EYE_RADIUS,
+    HEAD,
+    embedding,
+    flame_arrays,
+    write_embedding,
+    write_flame,
+)
 
 
 @pytest.fixture(scope="module")
@@ -73,17 +83,24 @@ def skinned(arrays: dict, joint: int, rotation: tuple[float, float, float]) -> n
         back[:3, 3] = -joints[k]
         rest.append(transform @ back)
     blended = np.einsum("nj,jab->nab", arrays["weights"], np.array(rest))
-    return np.einsum("nab,nb->na", blended, np.append(posed, np.ones((len(posed), 1)), axis=1))[:, :3] - vertices
+    return (
+        np.einsum("nab,nb->na", blended, np.append(posed, np.ones((len(posed), 1)), axis=1))[:, :3]
+        - vertices
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "joint", "rotation"),
     [
-        ("jawOpen", 2, (np.pi / 8, 0, 0)), ("jawLeft", 2, (0, 0.1, 0)),
-        ("eyeLookDown_L", 3, (np.radians(25), 0, 0)), ("eyeLookIn_R", 4, (0, np.pi / 6, 0)),
+        ("jawOpen", 2, (np.pi / 8, 0, 0)),
+        ("jawLeft", 2, (0, 0.1, 0)),
+        ("eyeLookDown_L", 3, (np.radians(25), 0, 0)),
+        ("eyeLookIn_R", 4, (0, np.pi / 6, 0)),
     ],
-)  # fmt: skip
-def test_turned_joints_are_exact_shapes(model: FaceModel, arrays: dict, name: str, joint: int, rotation):
+)
+def test_turned_joints_are_exact_shapes(
+    model: FaceModel, arrays: dict, name: str, joint: int, rotation
+):
     shape = model.expression_basis[model.expression_names.index(name)]
     np.testing.assert_allclose(shape, skinned(arrays, joint, rotation), atol=1e-7)
 
@@ -101,10 +118,16 @@ def test_jaw_and_eyes_go_where_their_names_say(model: FaceModel):
         ball = model.vertices[start : start + EYE]
         front = start + int(ball[:, 2].argmax())
         for word, axis, sign in (("Up", 1, 1), ("Down", 1, -1)):
-            offset = model.expression_basis[model.expression_names.index(f"eyeLook{word}_{side}")][front]
+            offset = model.expression_basis[model.expression_names.index(f"eyeLook{word}_{side}")][
+                front
+            ]
             assert sign * offset[axis] == pytest.approx(EYE_RADIUS * 0.42, rel=0.15)
         inward = -1 if side == "L" else 1
-        assert inward * model.expression_basis[model.expression_names.index(f"eyeLookIn_{side}")][front, 0] > 0.004
+        assert (
+            inward
+            * model.expression_basis[model.expression_names.index(f"eyeLookIn_{side}")][front, 0]
+            > 0.004
+        )
 
 
 def test_parts_regions_and_colors(model: FaceModel):
@@ -114,10 +137,16 @@ def test_parts_regions_and_colors(model: FaceModel):
     ).all()
     assert set(model.regions) == {"narrow_face", "face", "skin", "eye_left", "eye_right"}
     assert (
-        model.vertices[model.regions["eye_left"], 0].mean() > 0 > model.vertices[model.regions["eye_right"], 0].mean()
+        model.vertices[model.regions["eye_left"], 0].mean()
+        > 0
+        > model.vertices[model.regions["eye_right"], 0].mean()
     )
     narrow = model.vertices[model.regions["narrow_face"]]
-    assert 0.08 < np.ptp(narrow[:, 0]) < 0.14 and 0.10 < np.ptp(narrow[:, 1]) < 0.18 and narrow[:, 2].min() > -0.06
+    assert (
+        0.08 < np.ptp(narrow[:, 0]) < 0.14
+        and 0.10 < np.ptp(narrow[:, 1]) < 0.18
+        and narrow[:, 2].min() > -0.06
+    )
     assert set(model.regions["narrow_face"]) <= set(model.regions["face"])
     eye = model.albedo_mean[model.regions["eye_left"]]
     assert eye.min() < 0.02 and eye.max() > 0.5
@@ -131,7 +160,9 @@ def test_the_chart_made_here_does_not_overlap(model: FaceModel):
     # Triangles that all face up cover no more than the disc's area unless they overlap.
     corners = model.uvs[model.triangle_uvs[skin]].astype(float)
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    assert 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() <= np.pi / 4 * model.face_tile[2] ** 2
+    assert (
+        0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() <= np.pi / 4 * model.face_tile[2] ** 2
+    )
 
 
 def test_the_npz_and_the_2023_files(tmp_path: Path, arrays: dict):
@@ -163,7 +194,9 @@ def test_the_authors_uvs_are_taken_from_beside(tmp_path: Path, arrays: dict):
         load_flame(tmp_path)
 
 
-def test_the_51_landmarks_keep_their_places_and_the_jaw_is_carried_over(tmp_path: Path, arrays: dict):
+def test_the_51_landmarks_keep_their_places_and_the_jaw_is_carried_over(
+    tmp_path: Path, arrays: dict
+):
     (tmp_path / "generic_model.pkl").write_bytes(pickle.dumps(small(arrays)))
     full = embedding()
     rows, weights = full["static_lmk_faces_idx"], full["static_lmk_bary_coords"]
@@ -171,7 +204,9 @@ def test_the_51_landmarks_keep_their_places_and_the_jaw_is_carried_over(tmp_path
     (tmp_path / "flame_static_embedding.pkl").write_bytes(pickle.dumps(static, 2))
     table = load_flame(tmp_path).landmarks["ibug68"]
     np.testing.assert_array_equal(table[17:, :3], arrays["f"][rows])
-    found = np.einsum("mk,mkc->mc", table[:17, 3:], arrays["v_template"][table[:17, :3].astype(int)])
+    found = np.einsum(
+        "mk,mkc->mc", table[:17, 3:], arrays["v_template"][table[:17, :3].astype(int)]
+    )
     truth = np.einsum(
         "mk,mkc->mc",
         full["full_lmk_bary_coords"][0, :17],
@@ -183,10 +218,16 @@ def test_the_51_landmarks_keep_their_places_and_the_jaw_is_carried_over(tmp_path
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"v_template": np.zeros((6890, 3))}, r"v_template is float64 \(6890, 3\), not \(5023, 3\)"),
+        (
+            {"v_template": np.zeros((6890, 3))},
+            r"v_template is float64 \(6890, 3\), not \(5023, 3\)",
+        ),
         ({"f": np.full((9976, 3), 5023, np.uint32)}, r"f refers to vertices outside 0\.\.5022"),
         ({"weights": np.full((5023, 5), np.nan)}, "weights holds NaN"),
-        ({"kintree_table": np.array([[0, 4, 1, 1, 1], [0, 1, 2, 3, 4]])}, "kintree_table orders its joints wrongly"),
+        (
+            {"kintree_table": np.array([[0, 4, 1, 1, 1], [0, 1, 2, 3, 4]])},
+            "kintree_table orders its joints wrongly",
+        ),
         ({"posedirs": np.zeros((5023, 3, 36)).astype(str)}, "array of type"),
     ],
 )
@@ -198,7 +239,9 @@ def test_wrong_arrays_are_named(tmp_path: Path, arrays: dict, change: dict, word
 
 
 def test_other_files_are_refused_in_a_sentence(tmp_path: Path):
-    with pytest.raises(InputError, match=r"holds no FLAME model; expected .* from https://flame\.is\.tue\.mpg\.de"):
+    with pytest.raises(
+        InputError, match=r"holds no FLAME model; expected .* from https://flame\.is\.tue\.mpg\.de"
+    ):
         load_flame(tmp_path)
     with pytest.raises(InputError, match=r"none\.pkl' does not exist; expected FLAME's"):
         load_flame(tmp_path / "none.pkl")
@@ -219,7 +262,10 @@ def test_other_files_are_refused_in_a_sentence(tmp_path: Path):
         ({"lmk": np.zeros(3)}, "lacks full_lmk_faces_idx"),
         ({"full_lmk_faces_idx": np.full((1, 68), 9976)}, "of another mesh"),
         (
-            {"full_lmk_faces_idx": np.zeros((1, 30), int), "full_lmk_bary_coords": np.ones((1, 30, 3)) / 3},
+            {
+                "full_lmk_faces_idx": np.zeros((1, 30), int),
+                "full_lmk_bary_coords": np.ones((1, 30, 3)) / 3,
+            },
             "30 landmarks",
         ),
         ({"full_lmk_bary_coords": np.ones((1, 68, 3))}, "do not add up to 1"),
@@ -227,14 +273,18 @@ def test_other_files_are_refused_in_a_sentence(tmp_path: Path):
 )
 def test_wrong_landmark_files_are_named(tmp_path: Path, arrays: dict, entries: dict, words: str):
     (tmp_path / "generic_model.pkl").write_bytes(pickle.dumps(small(arrays)))
-    write_embedding(tmp_path / "landmark_embedding.npy", (embedding() if "lmk" not in entries else {}) | entries)
+    write_embedding(
+        tmp_path / "landmark_embedding.npy", (embedding() if "lmk" not in entries else {}) | entries
+    )
     with pytest.raises(InputError, match=words):
         load_flame(tmp_path)
 
 
 def test_a_small_fit_goes_all_the_way(tmp_path: Path, model: FaceModel):
     quick = fewer_modes(model, 8, ("expression000", "expression001", "jawOpen", "eyeLookUp_L"))
-    error, result = fit_error(tmp_path, model_scene(quick, yaw=0.3, expression={"jawOpen": 0.6, "expression000": -0.8}))
+    error, result = fit_error(
+        tmp_path, model_scene(quick, yaw=0.3, expression={"jawOpen": 0.6, "expression000": -0.8})
+    )
     assert error < 0.002
     jaw, first = result.expression[2], result.expression[0]
     assert 0.3 < jaw <= 1 and first < 0

@@ -1,4 +1,6 @@
-"""An .h5 or .mat file of somebody else: it opens no other file, takes no more than it may, and crashes nobody."""
+"""An .h5 or .mat file of somebody else: it opens no other file, takes no more than it may, and
+crashes nobody.
+"""
 
 from __future__ import annotations
 
@@ -64,12 +66,17 @@ def test_a_link_to_another_file_is_refused(model: Path, secret: Path):
 def test_the_other_file_is_not_even_opened(model: Path, tmp_path: Path):
     # Whoever opened it would wait for somebody who writes into it.
     os.mkfifo(tmp_path / "pipe")
-    replace(model, lambda file: file.__setitem__(MEAN, h5py.ExternalLink(str(tmp_path / "pipe"), "/mean")))
+    replace(
+        model,
+        lambda file: file.__setitem__(MEAN, h5py.ExternalLink(str(tmp_path / "pipe"), "/mean")),
+    )
     assert "link to another file" in refusal(model)
 
 
 def test_a_link_on_the_way_is_refused(model: Path, secret: Path):
-    replace(model, lambda file: file.__setitem__("shape", h5py.ExternalLink(str(secret), "/")), "shape")
+    replace(
+        model, lambda file: file.__setitem__("shape", h5py.ExternalLink(str(secret), "/")), "shape"
+    )
     assert "link to another file" in refusal(model)
 
 
@@ -106,7 +113,10 @@ def test_a_virtual_dataset_is_refused(model: Path, secret: Path):
 
 
 def test_a_filter_that_may_be_a_plugin_is_refused(model: Path):
-    replace(model, lambda file: file.create_dataset(MEAN, data=np.zeros(4500, np.float32), compression="lzf"))
+    replace(
+        model,
+        lambda file: file.create_dataset(MEAN, data=np.zeros(4500, np.float32), compression="lzf"),
+    )
     assert f"{MEAN} is packed by the filter lzf" in refusal(model)
 
 
@@ -126,7 +136,9 @@ def test_gzip_is_read(model: Path):
         ((2**50,), None, "expected at most 1024 MiB"),
     ],
 )
-def test_a_size_is_not_believed(model: Path, shape: tuple[int, ...], chunks: tuple[int, ...] | None, words: str):
+def test_a_size_is_not_believed(
+    model: Path, shape: tuple[int, ...], chunks: tuple[int, ...] | None, words: str
+):
     replace(model, lambda file: file.create_dataset(MEAN, shape, np.float32, chunks=chunks))
     assert model.stat().st_size < 2**20 and words in refusal(model)
 
@@ -146,7 +158,9 @@ def test_what_is_no_number_is_named(model: Path, value: object, words: str):
     assert words in refusal(model)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "[1, 2]", '[{"id": "a", "coordinates": [1, 2, NaN]}]', '{"a": 1}'])
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "[1, 2]", '[{"id": "a", "coordinates": [1, 2, NaN]}]', '{"a": 1}']
+)
 def test_damaged_landmarks_are_named(model: Path, text: str):
     name = "metadata/landmarks/json"
     replace(model, lambda file: file.__setitem__(name, text), name)
@@ -154,7 +168,9 @@ def test_damaged_landmarks_are_named(model: Path, text: str):
 
 
 def crashing_mat(path: Path, code: int = 0x7FFF) -> None:
-    """A .mat whose data have a type that is not there: scipy takes it for an index of its table, far beyond the end."""
+    """A .mat whose data have a type that is not there: scipy takes it for an index of its table,
+    far beyond the end.
+    """
     scipy.io.savemat(path, {"shapeMU": np.zeros((30, 1), np.float32)})
     content = bytearray(path.read_bytes())
     at = content.index((7).to_bytes(4, "little") + (120).to_bytes(4, "little"))
@@ -164,7 +180,9 @@ def crashing_mat(path: Path, code: int = 0x7FFF) -> None:
 
 @pytest.mark.parametrize("code", [20, 0x100, 0x600, 0x2000, 0x4007, 0x7FFF, 0xFFFF])
 def test_a_mat_file_that_crashes_its_reader_is_a_sentence(tmp_path: Path, code: int):
-    """What lies beyond the table differs from run to run; most of these end the reader by a signal."""
+    """What lies beyond the table differs from run to run; most of these end the reader by a
+    signal.
+    """
     crashing_mat(tmp_path / "01_MorphableModel.mat", code)
     assert "cannot be read as a MATLAB file (" in refusal(tmp_path / "01_MorphableModel.mat")
 

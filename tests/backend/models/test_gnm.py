@@ -1,4 +1,6 @@
-"""GNM Head: a file of the published structure is read exactly; eyes turn as skinning says; the rest is refused."""
+"""GNM Head: a file of the published structure is read exactly; eyes turn as skinning says; the rest
+is refused.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def arrays() -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, arrays: dict[str, np.ndarray]) -> Path:
-    """As in the repository: data/versions/v3_0/gnm_head.npz and data/landmarks/head_sparse_68.txt."""
+    """As in the repository: data/versions/v3_0/gnm_head.npz and
+    data/landmarks/head_sparse_68.txt.
+    """
     data = tmp_path_factory.mktemp("gnm") / "data"
     folder = data / "versions" / "v3_0"
     folder.mkdir(parents=True)
@@ -40,7 +44,9 @@ def model(folder: Path) -> FaceModel:
 
 def test_everything_published_is_there(model: FaceModel, arrays: dict[str, np.ndarray]):
     shift = model.vertices[0] - arrays["template_vertex_positions"][0]
-    np.testing.assert_allclose(model.vertices, arrays["template_vertex_positions"] + shift, atol=1e-6)
+    np.testing.assert_allclose(
+        model.vertices, arrays["template_vertex_positions"] + shift, atol=1e-6
+    )
     np.testing.assert_array_equal(model.polygons, arrays["quads"])
     np.testing.assert_allclose(model.identity_basis, arrays["vertex_identity_basis"], atol=1e-8)
     np.testing.assert_allclose(model.expression_basis[:7], arrays["expression_basis"], atol=1e-8)
@@ -62,7 +68,9 @@ def test_gaze_is_exact_with_correctives(model: FaceModel, arrays: dict[str, np.n
     features = np.zeros((4, 3, 3))
     features[2] = turn - np.eye(3)
     place = arrays["template_vertex_positions"].astype(float)
-    posed = place + (features.ravel() @ arrays["pose_correctives_regressor"].astype(float)).reshape(-1, 3)
+    posed = place + (features.ravel() @ arrays["pose_correctives_regressor"].astype(float)).reshape(
+        -1, 3
+    )
     joint = arrays["template_joint_positions"][2].astype(float)
     weight = arrays["skinning_weights"].T.astype(float)
     rest = (weight[:, [0]] + weight[:, [1]] + weight[:, [3]]) * posed
@@ -80,10 +88,16 @@ def test_parts_colors_and_atlas(model: FaceModel, arrays: dict[str, np.ndarray])
 
     assert parts("skin") == {SKIN} and parts("teeth") == {TEETH} and parts("tongue") == {MOUTH}
     assert parts("eye_interiors") == {EYES} and parts("eye_exteriors") == {OTHER}
-    np.testing.assert_allclose(model.albedo_mean[group["pupils"]], [PUPIL] * int(group["pupils"].sum()), atol=1e-6)
-    np.testing.assert_allclose(model.albedo_mean[group["irises"] & ~group["pupils"]][0], IRIS, atol=1e-6)
+    np.testing.assert_allclose(
+        model.albedo_mean[group["pupils"]], [PUPIL] * int(group["pupils"].sum()), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        model.albedo_mean[group["irises"] & ~group["pupils"]][0], IRIS, atol=1e-6
+    )
     assert (
-        model.vertices[model.regions["eye_left"], 0].mean() > 0 > model.vertices[model.regions["eye_right"], 0].mean()
+        model.vertices[model.regions["eye_left"], 0].mean()
+        > 0
+        > model.vertices[model.regions["eye_right"], 0].mean()
     )
     # Each region has a square of its own, in which it lies as published.
     u, v, side = model.face_tile
@@ -93,7 +107,9 @@ def test_parts_colors_and_atlas(model: FaceModel, arrays: dict[str, np.ndarray])
     cells = [
         {
             tuple(cell)
-            for cell in np.floor(model.uvs[model.polygon_uvs[model.polygon_part == label]] * 19.9).reshape(-1, 2)
+            for cell in np.floor(
+                model.uvs[model.polygon_uvs[model.polygon_part == label]] * 19.9
+            ).reshape(-1, 2)
         }
         for label in (SKIN, EYES, TEETH)
     ]
@@ -106,7 +122,10 @@ def test_parts_colors_and_atlas(model: FaceModel, arrays: dict[str, np.ndarray])
         ({"quads": None}, "is no GNM head, it lacks quads"),
         ({"variant": np.array("hand")}, "is the GNM variant 'hand' of version 3.0"),
         ({"version": np.array("2.1")}, "is the GNM variant 'head' of version 2.1"),
-        ({"expression_basis": np.zeros((7, 5, 3))}, r"expression_basis is float64 \(7, 5, 3\), not \(7, \d+, 3\)"),
+        (
+            {"expression_basis": np.zeros((7, 5, 3))},
+            r"expression_basis is float64 \(7, 5, 3\), not \(7, \d+, 3\)",
+        ),
         ({"vertex_groups": np.full((15, 3), np.nan)}, "vertex_groups is float64"),
         ({"joint_names": np.array(["a", "b", "c", "d"])}, "its joints are a, b, c, d"),
         (
@@ -115,7 +134,9 @@ def test_parts_colors_and_atlas(model: FaceModel, arrays: dict[str, np.ndarray])
         ),
     ],
 )
-def test_wrong_arrays_are_named(tmp_path: Path, arrays: dict[str, np.ndarray], change: dict, words: str):
+def test_wrong_arrays_are_named(
+    tmp_path: Path, arrays: dict[str, np.ndarray], change: dict, words: str
+):
     entries = {name: array for name, array in (arrays | change).items() if array is not None}
     np.savez(tmp_path / "gnm_head.npz", **entries)
     write_landmarks(tmp_path / "head_sparse_68.txt")
@@ -125,12 +146,18 @@ def test_wrong_arrays_are_named(tmp_path: Path, arrays: dict[str, np.ndarray], c
 
 
 def test_other_files_are_refused_in_a_sentence(tmp_path: Path, arrays: dict[str, np.ndarray]):
-    with pytest.raises(InputError, match=r"holds no GNM head; expected gnm_head\.npz \(v3\) from https://github\.com"):
+    with pytest.raises(
+        InputError,
+        match=r"holds no GNM head; expected gnm_head\.npz \(v3\) from https://github\.com",
+    ):
         load_gnm(tmp_path)
     with pytest.raises(InputError, match="does not exist; expected"):
         load_gnm(tmp_path / "gnm_head.npz")
     path = tmp_path / "gnm_head.npz"
-    for content in (b"<html>sign in</html>", b"version https://git-lfs.github.com/spec/v1\noid sha256:61d7\nsize 53\n"):
+    for content in (
+        b"<html>sign in</html>",
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:61d7\nsize 53\n",
+    ):
         path.write_bytes(content)
         with pytest.raises(InputError, match=r"is a web page|is a Git LFS pointer"):
             load_gnm(path)
@@ -140,7 +167,9 @@ def test_other_files_are_refused_in_a_sentence(tmp_path: Path, arrays: dict[str,
         load_gnm(path)
 
 
-@pytest.mark.parametrize("text", ["a b c\n", "1 2 3\n", "0 0.5 1 0.5 2 0.5\n" * 68, "999999 1 0 0 0 0\n" * 68])
+@pytest.mark.parametrize(
+    "text", ["a b c\n", "1 2 3\n", "0 0.5 1 0.5 2 0.5\n" * 68, "999999 1 0 0 0 0\n" * 68]
+)
 def test_wrong_landmark_files_are_named(tmp_path: Path, arrays: dict[str, np.ndarray], text: str):
     np.savez(tmp_path / "gnm_head.npz", **arrays)
     (tmp_path / "head_sparse_68.txt").write_text(text)
@@ -150,5 +179,7 @@ def test_wrong_landmark_files_are_named(tmp_path: Path, arrays: dict[str, np.nda
 
 def test_a_small_fit_goes_all_the_way(tmp_path: Path, model: FaceModel):
     quick = fewer_modes(model, 4, (*model.expression_names[:2], "eyeLookUp_L"))
-    error, _ = fit_error(tmp_path, model_scene(quick, yaw=0.25, expression={model.expression_names[0]: 1.0}))
+    error, _ = fit_error(
+        tmp_path, model_scene(quick, yaw=0.25, expression={model.expression_names[0]: 1.0})
+    )
     assert error < 0.002

@@ -28,12 +28,16 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"
 
 
 def test_a_missing_path_is_named(tmp_path: Path):
-    with pytest.raises(InputError, match="ICT-FaceKit path '.*none' does not exist".replace(".*", "[^']*")):
+    with pytest.raises(
+        InputError, match="ICT-FaceKit path '.*none' does not exist".replace(".*", "[^']*")
+    ):
         load_ict(tmp_path / "none")
 
 
 def test_another_folder_is_named(tmp_path: Path):
-    with pytest.raises(InputError, match=r"has no FaceXModel/generic_neutral_mesh\.obj; expected ICT-FaceKit"):
+    with pytest.raises(
+        InputError, match=r"has no FaceXModel/generic_neutral_mesh\.obj; expected ICT-FaceKit"
+    ):
         load_ict(tmp_path)
     write_folder(tmp_path / "half", {"generic_neutral_mesh.obj": TRIANGLE})
     with pytest.raises(InputError, match=r"has no FaceXModel/vertex_indices\.json"):
@@ -42,13 +46,20 @@ def test_another_folder_is_named(tmp_path: Path):
 
 @pytest.mark.parametrize("text", [TRIANGLE, "", "v 0 0\n", "v a b c\n"])
 def test_a_truncated_or_garbled_mesh_is_named(tmp_path: Path, text: str):
-    root = write_folder(tmp_path / "cut", {"generic_neutral_mesh.obj": text, "vertex_indices.json": "{}"})
+    root = write_folder(
+        tmp_path / "cut", {"generic_neutral_mesh.obj": text, "vertex_indices.json": "{}"}
+    )
     with pytest.raises(InputError, match=r"generic_neutral_mesh\.obj"):
         load_ict(root)
 
 
 @pytest.mark.parametrize(
-    "lines", [["v 0 0 0"] * VERTEX_COUNT, ["v 0 0 x"] * VERTEX_COUNT, ["v 0 0 0"] * VERTEX_COUNT + ["f a b c"]]
+    "lines",
+    [
+        ["v 0 0 0"] * VERTEX_COUNT,
+        ["v 0 0 x"] * VERTEX_COUNT,
+        ["v 0 0 0"] * VERTEX_COUNT + ["f a b c"],
+    ],
 )
 def test_a_mesh_of_the_right_size_but_wrong_content_is_named(tmp_path: Path, lines: list[str]):
     files = {"generic_neutral_mesh.obj": "\n".join(lines), "vertex_indices.json": "{}"}
@@ -73,7 +84,10 @@ def archive(path: Path, files: dict[str, bytes]) -> Path:
 
 @pytest.mark.parametrize("suffix", [".zip", ".gz", ".xz"])
 def test_archives_are_opened(tmp_path: Path, suffix: str):
-    files = {"ICT/FaceXModel/generic_neutral_mesh.obj": TRIANGLE.encode(), "ICT/FaceXModel/vertex_indices.json": b"{}"}
+    files = {
+        "ICT/FaceXModel/generic_neutral_mesh.obj": TRIANGLE.encode(),
+        "ICT/FaceXModel/vertex_indices.json": b"{}",
+    }
     with pytest.raises(InputError, match=r"generic_neutral_mesh\.obj has 3 vertices"):
         load_ict(archive(tmp_path / f"a{suffix}", files))
     with pytest.raises(InputError, match=r"has no FaceXModel/generic_neutral_mesh\.obj"):
@@ -150,12 +164,18 @@ def test_eyes_teeth_and_mouth_move_with_the_face(published: FaceModel):
     for side, region, outward in (("L", "eye_left", 1), ("R", "eye_right", -1)):
         ball = published.regions[region]
         front = ball[published.vertices[ball, 2].argmax()]
-        assert moved(f"eyeLookUp_{side}")[front, 1] > 0.002 > moved(f"eyeLookDown_{side}")[front, 1] + 0.004
+        assert (
+            moved(f"eyeLookUp_{side}")[front, 1]
+            > 0.002
+            > moved(f"eyeLookDown_{side}")[front, 1] + 0.004
+        )
         assert outward * moved(f"eyeLookOut_{side}")[front, 0] > 0.002
         # It turns and keeps its shape: distances within the ball are those at rest.
         turned = published.vertices[ball] + moved(f"eyeLookUp_{side}")[ball]
         rest = np.linalg.norm(published.vertices[ball] - published.vertices[front], axis=1)
-        np.testing.assert_allclose(np.linalg.norm(turned - turned[ball == front], axis=1), rest, atol=1e-6)
+        np.testing.assert_allclose(
+            np.linalg.norm(turned - turned[ball == front], axis=1), rest, atol=1e-6
+        )
         assert np.abs(turned.mean(0) - published.vertices[ball].mean(0)).max() < 4e-3
 
 

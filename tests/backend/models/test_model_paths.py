@@ -1,4 +1,6 @@
-"""Face models named by paths that cannot be, or by files whose numbers are no face's: one sentence each."""
+"""Face models named by paths that cannot be, or by files whose numbers are no face's: one sentence
+each.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_paths_that_cannot_be_are_refused(kind: str):
     refusal(f"{kind}:{'x/' * 3000}")
 
 
-@pytest.mark.parametrize(("kind", "name"), [("bfm", "a.h5"), ("bfm", "a.mat"), ("gnm", "a.npz"), ("flame", "a.pkl")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("bfm", "a.h5"), ("bfm", "a.mat"), ("gnm", "a.npz"), ("flame", "a.pkl")]
+)
 def test_files_larger_than_any_model_are_refused_unread(tmp_path: Path, kind: str, name: str):
     with (tmp_path / name).open("wb") as stream:
         stream.truncate(MODEL_LIMIT + 1)
@@ -85,11 +89,13 @@ def flame() -> dict[str, object]:
 @pytest.mark.parametrize(
     ("name", "scale", "words"),
     [
-        ("v_template", 1e30, "v_template holds numbers beyond 1e"), ("v_template", 0.0, "its face is 0 mm high"),
-        ("v_template", 1e3, "mm high"), ("shapedirs", 1e200, "shapedirs holds numbers beyond"),
+        ("v_template", 1e30, "v_template holds numbers beyond 1e"),
+        ("v_template", 0.0, "its face is 0 mm high"),
+        ("v_template", 1e3, "mm high"),
+        ("shapedirs", 1e200, "shapedirs holds numbers beyond"),
         ("posedirs", np.nan, "posedirs holds NaN"),
     ],
-)  # fmt: skip
+)
 def test_absurd_flame_arrays_are_a_sentence(
     tmp_path: Path, flame: dict[str, object], name: str, scale: float, words: str
 ):
@@ -100,12 +106,15 @@ def test_absurd_flame_arrays_are_a_sentence(
 @pytest.mark.parametrize(
     "change",
     [
-        {"full_lmk_bary_coords": np.full((1, 68, 3), 1e30)}, {"full_lmk_bary_coords": np.zeros((1, 67, 3))},
-        {"full_lmk_bary_coords": np.zeros(5)}, {"full_lmk_bary_coords": [[1.0, 0.0, 0.0]] * 68},
-        {"full_lmk_faces_idx": np.zeros((0,), np.int64)}, {"full_lmk_faces_idx": np.array(["a"] * 3)},
+        {"full_lmk_bary_coords": np.full((1, 68, 3), 1e30)},
+        {"full_lmk_bary_coords": np.zeros((1, 67, 3))},
+        {"full_lmk_bary_coords": np.zeros(5)},
+        {"full_lmk_bary_coords": [[1.0, 0.0, 0.0]] * 68},
+        {"full_lmk_faces_idx": np.zeros((0,), np.int64)},
+        {"full_lmk_faces_idx": np.array(["a"] * 3)},
         {"full_lmk_bary_coords": np.full((1, 68, 3), np.nan)},
     ],
-)  # fmt: skip
+)
 def test_damaged_landmarks_beside_flame_are_a_sentence(
     tmp_path: Path, flame: dict[str, object], change: dict[str, object]
 ):
@@ -117,11 +126,8 @@ def test_damaged_landmarks_beside_flame_are_a_sentence(
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        {"vt": np.full((10, 2), np.nan)}, {"ft": np.full((9976, 3), 0.5)},
-    ],
-)  # fmt: skip
+    "change", [{"vt": np.full((10, 2), np.nan)}, {"ft": np.full((9976, 3), 0.5)}]
+)
 def test_damaged_textures_beside_flame_are_a_sentence(
     tmp_path: Path, flame: dict[str, object], change: dict[str, np.ndarray]
 ):
@@ -133,17 +139,33 @@ def test_damaged_textures_beside_flame_are_a_sentence(
         load_flame(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["joint_names", "quads", "template_vertex_positions", "identity_names", "version"])
+@pytest.mark.parametrize(
+    "name", ["joint_names", "quads", "template_vertex_positions", "identity_names", "version"]
+)
 def test_gnm_arrays_of_other_dimensions_are_a_sentence(tmp_path: Path, name: str):
     entries = {
-        key: np.zeros((1, 1, 1)) for key in (
-            "template_vertex_positions", "template_joint_positions", "vertex_identity_basis", "expression_basis",
-            "joint_parent_indices", "skinning_weights", "quads", "quad_uvs", "pose_correctives_regressor",
+        key: np.zeros((1, 1, 1))
+        for key in (
+            "template_vertex_positions",
+            "template_joint_positions",
+            "vertex_identity_basis",
+            "expression_basis",
+            "joint_parent_indices",
+            "skinning_weights",
+            "quads",
+            "quad_uvs",
+            "pose_correctives_regressor",
             "vertex_groups",
         )
-    }  # fmt: skip
-    entries |= {key: np.array(["a"]) for key in ("identity_names", "joint_names", "expression_names")}
-    entries |= {"vertex_group_names": np.array(["a"]), "version": np.array("3.0"), "variant": np.array("head")}
+    }
+    entries |= {
+        key: np.array(["a"]) for key in ("identity_names", "joint_names", "expression_names")
+    }
+    entries |= {
+        "vertex_group_names": np.array(["a"]),
+        "version": np.array("3.0"),
+        "variant": np.array("head"),
+    }
     entries["joint_parent_indices"] = np.zeros(1, int)
     np.savez(tmp_path / "gnm_head.npz", **(entries | {name: np.array(1.0)}))
     with pytest.raises(InputError, match=r"gnm_head\.npz' is") as caught:
@@ -165,7 +187,9 @@ def test_a_cache_that_cannot_be_entered_costs_only_time(
     assert load_model("default").name == "synthetic"
 
 
-def test_only_the_very_landmark_model_is_read(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch):
+def test_only_the_very_landmark_model_is_read(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("FACESTAGE_DATA", str(tmp_path / "data"))
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):

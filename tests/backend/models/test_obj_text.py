@@ -29,11 +29,22 @@ def test_coordinates_are_plausible_numbers(number: bytes):
 @pytest.mark.parametrize(
     "line",
     [
-        b"f 1/1 2/2 5/3", b"f 0/1 2/2 3/3", b"f -1/1 2/2 3/3", b"f 1/1 2/2 3/9", b"f 1/1 2/2", b"f 1 2 3", b"f ",
-        b"f 1/1 2/2 3/3 4/4 1/1", b"f 1.5/1 2/2 3/3", b"f " + b"9" * 5000 + b"/1 2/2 3/3", b"f a/1 2/2 3/3",
-        b"f 99999999999999999999/1 2/2 3/3", b"f 1/ 2/ 3/", b"f \xc3\xa9/1 2/2 3/3",
+        b"f 1/1 2/2 5/3",
+        b"f 0/1 2/2 3/3",
+        b"f -1/1 2/2 3/3",
+        b"f 1/1 2/2 3/9",
+        b"f 1/1 2/2",
+        b"f 1 2 3",
+        b"f ",
+        b"f 1/1 2/2 3/3 4/4 1/1",
+        b"f 1.5/1 2/2 3/3",
+        b"f " + b"9" * 5000 + b"/1 2/2 3/3",
+        b"f a/1 2/2 3/3",
+        b"f 99999999999999999999/1 2/2 3/3",
+        b"f 1/ 2/ 3/",
+        b"f \xc3\xa9/1 2/2 3/3",
     ],
-)  # fmt: skip
+)
 def test_polygons_are_of_points_that_are_there(line: bytes):
     with pytest.raises(ValueError, match=r"^a\.obj has a polygon"):
         parse_mesh(QUAD + line + b"\n", "a.obj")

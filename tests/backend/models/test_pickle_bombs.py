@@ -1,4 +1,6 @@
-"""Small pickles that would take all memory or time, or crash an ordinary reader, are refused in a sentence."""
+"""Small pickles that would take all memory or time, or crash an ordinary reader, are refused in a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from reference.memory import memory
 
 def refusal(folder: Path, content: bytes) -> str:
     (folder / "x.pkl").write_bytes(content)
-    with pytest.raises(InputError, match=r"x\.pkl' is refused: .*nothing in it was executed\.$") as caught:
+    with pytest.raises(
+        InputError, match=r"x\.pkl' is refused: .*nothing in it was executed\.$"
+    ) as caught:
         read_pickle(folder / "x.pkl", "model")
     assert "\n" not in str(caught.value)
     return str(caught.value)
@@ -55,7 +59,16 @@ def test_bytes_shared_by_many_arrays_are_counted_each_time(tmp_path: Path):
     one = b"cnumpy.core.multiarray\n_reconstruct\n"
     one += b"(cnumpy\nndarray\nK\0\x85K\0tR(K\x01J\0\0\0\x01\x85h\1\x89h\0tb"
     dtype = b"cnumpy\ndtype\n(X\2\0\0\0u1K\0K\1tRq\1"
-    content = b"\x80\2B" + len(raw).to_bytes(4, "little") + raw + b"q\0" + dtype + b"}X\1\0\0\0v](" + one * 60 + b"es."
+    content = (
+        b"\x80\2B"
+        + len(raw).to_bytes(4, "little")
+        + raw
+        + b"q\0"
+        + dtype
+        + b"}X\1\0\0\0v]("
+        + one * 60
+        + b"es."
+    )
     with memory(ARRAY_BYTES + 100e6):
         assert f"its arrays have more than {ARRAY_BYTES // 2**20} MiB" in refusal(tmp_path, content)
 
@@ -63,24 +76,34 @@ def test_bytes_shared_by_many_arrays_are_counted_each_time(tmp_path: Path):
 @pytest.mark.parametrize("index", [2**20, 2**28, 2**31 - 1, 2**32 - 1])
 def test_an_index_of_the_memo_costs_nothing(tmp_path: Path, index: int):
     with memory(1e6):
-        assert f"its memo has the index {index}" in refusal(tmp_path, b"\x80\2}r" + index.to_bytes(4, "little") + b".")
+        assert f"its memo has the index {index}" in refusal(
+            tmp_path, b"\x80\2}r" + index.to_bytes(4, "little") + b"."
+        )
 
 
 @pytest.mark.parametrize(
     "content",
     [
-        b"\x80\x04\x8d" + b"\xff" * 7 + b"\x0f.", b"\x80\x04\x8e" + b"\xff" * 7 + b"\x0f.",
-        b"\x80\x05\x96" + b"\xff" * 7 + b"\x0f.", b"\x80\x04\x95" + b"\xff" * 8, b"\x8b\xff\xff\xff\x7f.",
-        b"I" + b"9" * 100_000 + b"\n.", b"L" + b"9" * 100_000 + b"L\n.", b"\x80\2p-1\n.", b"\x80\2Np-1\n.",
+        b"\x80\x04\x8d" + b"\xff" * 7 + b"\x0f.",
+        b"\x80\x04\x8e" + b"\xff" * 7 + b"\x0f.",
+        b"\x80\x05\x96" + b"\xff" * 7 + b"\x0f.",
+        b"\x80\x04\x95" + b"\xff" * 8,
+        b"\x8b\xff\xff\xff\x7f.",
+        b"I" + b"9" * 100_000 + b"\n.",
+        b"L" + b"9" * 100_000 + b"L\n.",
+        b"\x80\2p-1\n.",
+        b"\x80\2Np-1\n.",
     ],
-)  # fmt: skip
+)
 def test_lengths_and_numbers_are_not_believed(tmp_path: Path, content: bytes):
     refusal(tmp_path, content)
 
 
 def test_deep_keys_do_not_overflow_the_stack(tmp_path: Path):
     assert "has a tuple as a key" in refusal(tmp_path, b"\x80\2})" + b"\x85" * 200_000 + b"Ns.")
-    assert "has a tuple as a key" in refusal(tmp_path, b"\x80\4\x8f()" + b"\x85" * 200_000 + b"\x90.")
+    assert "has a tuple as a key" in refusal(
+        tmp_path, b"\x80\4\x8f()" + b"\x85" * 200_000 + b"\x90."
+    )
 
 
 def test_shared_keys_are_not_hashed(tmp_path: Path):
@@ -100,7 +123,9 @@ def test_what_is_deep_or_contains_itself_is_named(tmp_path: Path):
 
 
 def test_steps_are_limited(tmp_path: Path):
-    assert f"more than {OPCODE_LIMIT} steps" in refusal(tmp_path, b"\x80\2" + b"N0" * OPCODE_LIMIT + b".")
+    assert f"more than {OPCODE_LIMIT} steps" in refusal(
+        tmp_path, b"\x80\2" + b"N0" * OPCODE_LIMIT + b"."
+    )
 
 
 def matrix(kind: str, shape: tuple[int, int], **change: np.ndarray) -> bytes:
@@ -112,23 +137,33 @@ def matrix(kind: str, shape: tuple[int, int], **change: np.ndarray) -> bytes:
 
 @pytest.mark.parametrize("kind", ["csc", "csr", "coo"])
 @pytest.mark.parametrize("shape", [(10**9, 10**9), (0, 10**12), (-4, -5), (10**6, 10**3)])
-def test_a_sparse_matrix_is_not_written_out_whatever_its_shape(tmp_path: Path, kind: str, shape: tuple[int, int]):
+def test_a_sparse_matrix_is_not_written_out_whatever_its_shape(
+    tmp_path: Path, kind: str, shape: tuple[int, int]
+):
     assert "sparse matrix of shape" in refusal(tmp_path, matrix(kind, shape))
 
 
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
-        ("csc", {"indices": np.full(10, 99, np.int32)}), ("csc", {"indices": np.full(10, -1, np.int32)}),
-        ("csr", {"indptr": np.array([0, 2**31 - 1, 0, 3, 10], np.int32)}), ("csc", {"data": np.zeros((10, 2))}),
-        ("csr", {"indices": np.full(10, 0.5)}), ("coo", {"data": np.zeros(3)}), ("csc", {"indptr": np.zeros(2, "i4")}),
+        ("csc", {"indices": np.full(10, 99, np.int32)}),
+        ("csc", {"indices": np.full(10, -1, np.int32)}),
+        ("csr", {"indptr": np.array([0, 2**31 - 1, 0, 3, 10], np.int32)}),
+        ("csc", {"data": np.zeros((10, 2))}),
+        ("csr", {"indices": np.full(10, 0.5)}),
+        ("coo", {"data": np.zeros(3)}),
+        ("csc", {"indptr": np.zeros(2, "i4")}),
     ],
-)  # fmt: skip
-def test_a_damaged_sparse_matrix_is_refused(tmp_path: Path, kind: str, change: dict[str, np.ndarray]):
+)
+def test_a_damaged_sparse_matrix_is_refused(
+    tmp_path: Path, kind: str, change: dict[str, np.ndarray]
+):
     refusal(tmp_path, matrix(kind, (4, 5), **change))
 
 
-@pytest.mark.parametrize("names", [b"cnumpy.ndarray\nx\n.", b"cnumpy.core.multiarray\n_reconstruct\n.", b"\x80\2N(Nb."])
+@pytest.mark.parametrize(
+    "names", [b"cnumpy.ndarray\nx\n.", b"cnumpy.core.multiarray\n_reconstruct\n.", b"\x80\2N(Nb."]
+)
 def test_names_and_states_in_odd_places_are_refused(tmp_path: Path, names: bytes):
     (tmp_path / "x.pkl").write_bytes(names)
     with pytest.raises(InputError, match=r"x\.pkl'"):

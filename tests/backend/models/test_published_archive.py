@@ -1,4 +1,6 @@
-"""Archives of a model are read piece by piece; bombs, damage and odd members are refused in a sentence."""
+"""Archives of a model are read piece by piece; bombs, damage and odd members are refused in a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,20 @@ from reference.memory import memory
 
 FOLDER = "Model"
 PACKERS: dict[str, Callable[[bytes], bytes]] = {
-    "plain": bytes, "gz": gzip.compress, "xz": lzma.compress, "bz2": bz2.compress,
+    "plain": bytes,
+    "gz": gzip.compress,
+    "xz": lzma.compress,
+    "bz2": bz2.compress,
     "lzma": lambda data: lzma.compress(data, lzma.FORMAT_ALONE),
-}  # fmt: skip
+}
 
 
 def read(path: Path) -> dict[str, bytes]:
-    return dict(published_files(path, FOLDER, lambda name: name.endswith(".obj"), "toy model", "https://toy"))
+    return dict(
+        published_files(
+            path, FOLDER, lambda name: name.endswith(".obj"), "toy model", "https://toy"
+        )
+    )
 
 
 def refusal(path: Path) -> str:
@@ -60,7 +69,12 @@ def zipped(entries: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> byt
     return stream.getvalue()
 
 
-FILES = {"toy/README": b"no" * 9000, f"toy/{FOLDER}/a.obj": b"one", f"toy/{FOLDER}/b.obj": b"", f"toy/{FOLDER}/c": b"x"}
+FILES = {
+    "toy/README": b"no" * 9000,
+    f"toy/{FOLDER}/a.obj": b"one",
+    f"toy/{FOLDER}/b.obj": b"",
+    f"toy/{FOLDER}/c": b"x",
+}
 
 
 @pytest.mark.parametrize("packer", PACKERS)
@@ -139,12 +153,16 @@ def test_a_dictionary_of_gigabytes_is_refused(tmp_path: Path):
 
 
 def test_many_files_are_refused(tmp_path: Path):
-    (tmp_path / "a.tar").write_bytes(tar({f"{FOLDER}/{k}.obj": b"" for k in range(COUNT_LIMIT + 1)}))
+    (tmp_path / "a.tar").write_bytes(
+        tar({f"{FOLDER}/{k}.obj": b"" for k in range(COUNT_LIMIT + 1)})
+    )
     assert f"more than {COUNT_LIMIT} files" in refusal(tmp_path / "a.tar")
 
 
 def test_a_directory_of_many_megabytes_is_refused(tmp_path: Path):
-    (tmp_path / "a.zip").write_bytes(zipped({"x" * 60_000 + str(k): b"" for k in range(100)}, zipfile.ZIP_STORED))
+    (tmp_path / "a.zip").write_bytes(
+        zipped({"x" * 60_000 + str(k): b"" for k in range(100)}, zipfile.ZIP_STORED)
+    )
     with memory(40e6):
         assert "its directory has more than 4 MiB" in refusal(tmp_path / "a.zip")
 
@@ -161,9 +179,13 @@ def test_encrypted_and_odd_zips_are_refused(tmp_path: Path):
     assert "it is encrypted" in refusal(tmp_path / "b.zip")
 
 
-@pytest.mark.parametrize("kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE])
+@pytest.mark.parametrize(
+    "kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE]
+)
 def test_links_and_devices_in_an_archive_are_not_files(tmp_path: Path, kind: bytes):
-    (tmp_path / "a.tar").write_bytes(tar({f"{FOLDER}/a.obj": b""}, type=kind, linkname="/etc/passwd"))
+    (tmp_path / "a.tar").write_bytes(
+        tar({f"{FOLDER}/a.obj": b""}, type=kind, linkname="/etc/passwd")
+    )
     assert read(tmp_path / "a.tar") == {}
 
 

@@ -1,4 +1,6 @@
-"""The default face laid onto other meshes: onto itself in disguise, and onto ICT-FaceKit's people."""
+"""The default face laid onto other meshes: onto itself in disguise, and onto ICT-FaceKit's
+people.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,19 @@ def places(table: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 def sphere(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """A closed unit sphere: vertices, triangles."""
-    rise, turn = np.meshgrid(np.linspace(0, np.pi, rows), np.linspace(0, 2 * np.pi, columns), indexing="ij")
-    points = np.stack([np.sin(rise) * np.cos(turn), np.cos(rise), -np.sin(rise) * np.sin(turn)], -1).reshape(-1, 3)
+    rise, turn = np.meshgrid(
+        np.linspace(0, np.pi, rows), np.linspace(0, 2 * np.pi, columns), indexing="ij"
+    )
+    points = np.stack(
+        [np.sin(rise) * np.cos(turn), np.cos(rise), -np.sin(rise) * np.sin(turn)], -1
+    ).reshape(-1, 3)
     index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1].ravel(), index[1:, :-1].ravel(), index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+    a, b, c, d = (
+        index[:-1, :-1].ravel(),
+        index[1:, :-1].ravel(),
+        index[1:, 1:].ravel(),
+        index[:-1, 1:].ravel(),
+    )
     return points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
 
 
@@ -79,14 +90,21 @@ def test_a_face_is_found_in_any_unit_and_axes(default: FaceModel, person: np.nda
     assert fit.covered > 0.9
     assert fit.similarity.scale == pytest.approx(CENTIMETRES, rel=0.15)
     table = landmark_tables(fit, vertices, default.triangles)["ibug68"]
-    error = np.linalg.norm(places(table, vertices) - places(default.landmarks["ibug68"], vertices), axis=1) * 10
+    error = (
+        np.linalg.norm(
+            places(table, vertices) - places(default.landmarks["ibug68"], vertices), axis=1
+        )
+        * 10
+    )
     print(f"landmarks: median {np.median(error):.2f} mm, worst {error.max():.2f} mm")
     assert np.median(error) < 2.5
     np.testing.assert_allclose(table[:, 3:].sum(axis=1), 1.0, atol=1e-6)
 
 
 def test_a_mask_inside_out_with_marks(default: FaceModel, person: np.ndarray):
-    """Only the face, its triangles turned over; marked landmarks come back exactly, as do all schemes."""
+    """Only the face, its triangles turned over; marked landmarks come back exactly, as do all
+    schemes.
+    """
     inside = np.zeros(len(person), bool)
     inside[default.regions["face"]] = True
     triangles = default.triangles[inside[default.triangles].all(axis=1)][:, ::-1]
@@ -120,7 +138,9 @@ def test_broken_meshes_are_refused(default: FaceModel, flaw: str):
 
 @pytest.mark.slow
 def test_ict_people_are_reached(default: FaceModel, shared_data: Path):
-    """ICT-FaceKit's narrow face lies on the fitted default face within 2 mm (median), for the mean and 20 people."""
+    """ICT-FaceKit's narrow face lies on the fitted default face within 2 mm (median), for the mean
+    and 20 people.
+    """
     ict = load_model(f"ict:{shared_data / 'ict-facekit.tar.xz'}")
     rng = np.random.default_rng(0)
     people = [np.zeros(100), *(rng.normal(size=100) for _ in range(20))]
@@ -130,13 +150,19 @@ def test_ict_people_are_reached(default: FaceModel, shared_data: Path):
         vertices = ict.shape(identity).astype(np.float64)
         fit = register(default, vertices, triangles)
         surface = Surface(fit.vertices, default.triangles)
-        medians.append(1e3 * np.median(surface.nearest(vertices[ict.regions["narrow_face"]]).distance))
-    print(f"median distance: mean {np.mean(medians):.2f}, worst {np.max(medians):.2f} mm, at most 2")
+        medians.append(
+            1e3 * np.median(surface.nearest(vertices[ict.regions["narrow_face"]]).distance)
+        )
+    print(
+        f"median distance: mean {np.mean(medians):.2f}, worst {np.max(medians):.2f} mm, at most 2"
+    )
     assert max(medians) <= 2.0
     truth = ict.landmarks["ibug68"][:, 0].astype(int)
     skin = ict.triangles[ict.triangle_part == SKIN]
     fit = register(default, ict.vertices, skin)
-    found = places(landmark_tables(fit, ict.vertices, skin)["ibug68"], ict.vertices.astype(np.float64))
+    found = places(
+        landmark_tables(fit, ict.vertices, skin)["ibug68"], ict.vertices.astype(np.float64)
+    )
     error = 1e3 * np.linalg.norm(found - ict.vertices[truth], axis=1)
     print(f"landmarks of the mean: median {np.median(error[17:]):.2f} mm without the jaw")
     assert np.median(error[17:]) < 4.0

@@ -36,9 +36,13 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return calls
 
 
-@pytest.mark.parametrize("specification", ["", "flame", "smpl:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"])
+@pytest.mark.parametrize(
+    "specification", ["", "flame", "smpl:x", "ict", "ict:", "npz:", "default:x", ":x", "DEFAULT"]
+)
 def test_unknown_specifications_are_named(specification: str):
-    with pytest.raises(InputError, match=r"unknown; expected default, ict:PATH, flame:PATH, bfm:PATH") as caught:
+    with pytest.raises(
+        InputError, match=r"unknown; expected default, ict:PATH, flame:PATH, bfm:PATH"
+    ) as caught:
         load_model(specification)
     assert f"'{specification}'" in str(caught.value)
 
@@ -49,7 +53,9 @@ def test_a_path_that_is_not_there_is_named(tmp_path: Path, kind: str):
         load_model(f"{kind}:{tmp_path / 'none'}")
 
 
-@pytest.mark.parametrize("beside", ["landmark_embedding.npy", "head_sparse_68.txt", "FLAME_texture.npz"])
+@pytest.mark.parametrize(
+    "beside", ["landmark_embedding.npy", "head_sparse_68.txt", "FLAME_texture.npz"]
+)
 def test_a_file_beside_the_model_is_noticed(tmp_path: Path, built: list[str], beside: str):
     (tmp_path / "model.pkl").write_bytes(b"one")
     load_model(f"ict:{tmp_path / 'model.pkl'}")
@@ -64,7 +70,9 @@ def test_a_file_beside_the_model_is_noticed(tmp_path: Path, built: list[str], be
 def test_a_model_file(tmp_path: Path):
     model = synthetic_face(12, 14)
     model.save(tmp_path / "face.npz")
-    np.testing.assert_array_equal(load_model(f"npz:{tmp_path / 'face.npz'}").vertices, model.vertices)
+    np.testing.assert_array_equal(
+        load_model(f"npz:{tmp_path / 'face.npz'}").vertices, model.vertices
+    )
     with pytest.raises(InputError, match=r"none\.npz' does not exist"):
         load_model(f"npz:{tmp_path / 'none.npz'}")
 
@@ -102,7 +110,10 @@ def test_a_changed_source_is_converted_again(tmp_path: Path, built: list[str]):
 
 
 def test_an_unwritable_cache_costs_only_time(
-    tmp_path: Path, built: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    built: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ):
     (tmp_path / "file").touch()
     monkeypatch.setenv("FACESTAGE_CACHE", str(tmp_path / "file"))

@@ -1,4 +1,6 @@
-"""Pickles of arrays are read; pickles that want anything else run nothing and are refused in a sentence."""
+"""Pickles of arrays are read; pickles that want anything else run nothing and are refused in a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +43,18 @@ def chumpy(monkeypatch: pytest.MonkeyPatch) -> type:
 @pytest.mark.parametrize("protocol", range(6))
 def test_arrays_of_every_protocol(tmp_path: Path, chumpy: type, protocol: int):
     data = {
-        "doubles": np.arange(12.0).reshape(3, 4), "fortran": np.asfortranarray(np.eye(2, 3, dtype=np.float32)),
-        "big_endian": np.arange(4, dtype=">i4"), "scalar": np.float64(2.5), "empty": np.zeros((0, 3)),
-        "bool": np.array([True, False]), "text": "smpl", "list": [1, np.arange(2)], "none": None,
-        "chumpy": chumpy(np.eye(2)), b"bytes": b"\xff\x00",
-    } | {kind: sparse.random(5, 40, 0.2, kind, random_state=1) for kind in ("csc", "csr", "coo")}  # fmt: skip
+        "doubles": np.arange(12.0).reshape(3, 4),
+        "fortran": np.asfortranarray(np.eye(2, 3, dtype=np.float32)),
+        "big_endian": np.arange(4, dtype=">i4"),
+        "scalar": np.float64(2.5),
+        "empty": np.zeros((0, 3)),
+        "bool": np.array([True, False]),
+        "text": "smpl",
+        "list": [1, np.arange(2)],
+        "none": None,
+        "chumpy": chumpy(np.eye(2)),
+        b"bytes": b"\xff\x00",
+    } | {kind: sparse.random(5, 40, 0.2, kind, random_state=1) for kind in ("csc", "csr", "coo")}
     path = tmp_path / "model.pkl"
     path.write_bytes(pickle.dumps(data, protocol))
     found = read_pickle(path, "model")
@@ -75,7 +84,9 @@ def test_names_that_python_2_wrote(tmp_path: Path):
 
 def test_an_npy_of_one_dictionary(tmp_path: Path):
     np.save(tmp_path / "embedding.npy", np.array({"full": np.arange(3)}, dtype=object))
-    np.testing.assert_array_equal(read_pickle(tmp_path / "embedding.npy", "embedding")["full"], [0, 1, 2])
+    np.testing.assert_array_equal(
+        read_pickle(tmp_path / "embedding.npy", "embedding")["full"], [0, 1, 2]
+    )
     np.save(tmp_path / "plain.npy", np.arange(3))
     with pytest.raises(InputError, match="it holds a single array"):
         read_pickle(tmp_path / "plain.npy", "embedding")
@@ -87,8 +98,10 @@ def test_tensors_beside_the_arrays_are_not_looked_into(tmp_path: Path):
     stream = (
         b"\x80\x03}(X\x04\x00\x00\x00faceK\x01X\x01\x00\x00\x00t"
         b"ctorch._utils\n_rebuild_tensor_v2\n(ctorch.storage\n_load_from_bytes\n(B"
-        + len(inner).to_bytes(4, "little") + inner + b"tRK\x00))\x89ccollections\nOrderedDict\n)RtRu."
-    )  # fmt: skip
+        + len(inner).to_bytes(4, "little")
+        + inner
+        + b"tRK\x00))\x89ccollections\nOrderedDict\n)RtRu."
+    )
     (tmp_path / "t.pkl").write_bytes(stream)
     assert read_pickle(tmp_path / "t.pkl", "embedding")["face"] == 1
     assert not ran.exists()
@@ -131,14 +144,16 @@ def attacks(marker: Path) -> dict[str, bytes]:
         "numpy.load": pickle.dumps(_Reduce(np.load, (str(marker), None, True))),
         "numpy's runstring": _raw(f"cnumpy.testing._private.utils\nrunstring\n(S{write!r}\n}}tR."),
         "open": pickle.dumps(_Reduce(open, (str(marker), "w"))),
-        "pickle in a pickle": pickle.dumps(_Reduce(pickle.loads, (pickle.dumps(_Reduce(os.system, (touch,))),))),
+        "pickle in a pickle": pickle.dumps(
+            _Reduce(pickle.loads, (pickle.dumps(_Reduce(os.system, (touch,))),))
+        ),
         "scipy function": b"cscipy.io\nsavemat\n(S'x'\n}tR.",
         "other chumpy name": b"cchumpy.utils\nos\n.",
         "extension registry": b"\x80\x02\x82\x01.",
         "persistent id": b"\x80\x02U\x02os" + b"Q.",
         "partial": pickle.dumps(_Reduce(__import__("functools").partial, (os.system, touch))),
         "weak deque": pickle.dumps(collections.deque([_Reduce(os.system, (touch,))])),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("name", attacks(Path("marker")))
@@ -146,7 +161,9 @@ def test_nothing_runs(tmp_path: Path, name: str):
     marker = tmp_path / "ran"
     path = tmp_path / "evil.pkl"
     path.write_bytes(attacks(marker)[name])
-    with pytest.raises(InputError, match=r"evil\.pkl' is refused: .* nothing in it was executed\.$") as caught:
+    with pytest.raises(
+        InputError, match=r"evil\.pkl' is refused: .* nothing in it was executed\.$"
+    ) as caught:
         read_pickle(path, "FLAME model")
     assert "\n" not in str(caught.value)
     assert not marker.exists() and not marker.with_suffix(".npy").exists()
@@ -175,7 +192,9 @@ def _with_state(shape: tuple, code: str, raw: bytes) -> bytes:
     array = _Reduce(np.zeros(1).__reduce__()[0], (np.ndarray, (0,), b"b"))
     dtype = _Reduce(np.dtype, (code, False, True))
     array.__class__ = type(
-        "Stated", (_Reduce,), {"__reduce__": lambda self: (self.function, self.args, (1, shape, dtype, False, raw))}
+        "Stated",
+        (_Reduce,),
+        {"__reduce__": lambda self: (self.function, self.args, (1, shape, dtype, False, raw))},
     )
     pickler.dump({"v": array})
     assert len(honest)
@@ -185,16 +204,26 @@ def _with_state(shape: tuple, code: str, raw: bytes) -> bytes:
 @pytest.mark.parametrize(
     "content",
     [
-        b"", b"\x80", b"not a pickle", b"\x80\x04N.", b"\x80\x02]q\x00.", b"<!DOCTYPE html><html></html>",
-        pickle.dumps({"v": np.arange(1000.0)})[:600], np.random.default_rng(0).bytes(4000),
+        b"",
+        b"\x80",
+        b"not a pickle",
+        b"\x80\x04N.",
+        b"\x80\x02]q\x00.",
+        b"<!DOCTYPE html><html></html>",
+        pickle.dumps({"v": np.arange(1000.0)})[:600],
+        np.random.default_rng(0).bytes(4000),
         b"\x80\x02}r\xff\xff\xff\x7f.",
-        pickle.dumps({"v": np.array([print, 1], dtype=object)}), pickle.dumps({"v": np.array(["text"])}),
-        _with_state((1000, 1000), "f8", b"12345678"), _with_state((-1,), "f8", b"12345678"),
-        _with_state((1,), "V8", b"12345678"), _with_state((2**62, 4), "f8", b""),
-        pickle.dumps({"J": sparse.csc_matrix((np.ones(1), [0], [0, 1, 1]), (2, 2))})
-        .replace(np.array([0, 1, 1], np.int32).tobytes(), np.array([0, 9, 9], np.int32).tobytes()),
+        pickle.dumps({"v": np.array([print, 1], dtype=object)}),
+        pickle.dumps({"v": np.array(["text"])}),
+        _with_state((1000, 1000), "f8", b"12345678"),
+        _with_state((-1,), "f8", b"12345678"),
+        _with_state((1,), "V8", b"12345678"),
+        _with_state((2**62, 4), "f8", b""),
+        pickle.dumps({"J": sparse.csc_matrix((np.ones(1), [0], [0, 1, 1]), (2, 2))}).replace(
+            np.array([0, 1, 1], np.int32).tobytes(), np.array([0, 9, 9], np.int32).tobytes()
+        ),
     ],
-)  # fmt: skip
+)
 def test_damaged_files_are_refused(tmp_path: Path, content: bytes):
     (tmp_path / "x.pkl").write_bytes(content)
     with pytest.raises(InputError, match=r"x\.pkl") as caught:
@@ -204,7 +233,9 @@ def test_damaged_files_are_refused(tmp_path: Path, content: bytes):
 
 def test_a_web_page_is_named_as_one(tmp_path: Path):
     (tmp_path / "flame.pkl").write_bytes(b"\n <html><body>Please log in</body></html>")
-    with pytest.raises(InputError, match="is a web page, not the file; log in there and download it again"):
+    with pytest.raises(
+        InputError, match="is a web page, not the file; log in there and download it again"
+    ):
         read_pickle(tmp_path / "flame.pkl", "FLAME model")
 
 

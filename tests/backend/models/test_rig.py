@@ -28,14 +28,22 @@ def default() -> FaceModel:
 def rig(default: FaceModel) -> RigFile:
     """The default head with some of its expressions, no identity, no word about its parts."""
     return RigFile(
-        name="Alice", license="yours", vertices=default.vertices @ TURN.T + [0.0, 2.0, 160.0],
-        polygons=default.polygons, polygon_uvs=default.polygon_uvs,
-        polygon_part=np.full(len(default.polygons), UNKNOWN_PART, np.uint8), uvs=default.uvs,
+        name="Alice",
+        license="yours",
+        vertices=default.vertices @ TURN.T + [0.0, 2.0, 160.0],
+        polygons=default.polygons,
+        polygon_uvs=default.polygon_uvs,
+        polygon_part=np.full(len(default.polygons), UNKNOWN_PART, np.uint8),
+        uvs=default.uvs,
         expression_names=default.expression_names[20 : 20 + COUNT],
         expression_offsets=(default.expression_basis[20 : 20 + COUNT] @ TURN.T).astype(np.float32),
-        identity_names=(), identity_offsets=np.zeros((0, len(default.vertices), 3), np.float32),
-        marks={name: default.landmarks["ibug68"][index, :1].astype(np.int32) for name, (_, index) in MARKS.items()},
-    )  # fmt: skip
+        identity_names=(),
+        identity_offsets=np.zeros((0, len(default.vertices), 3), np.float32),
+        marks={
+            name: default.landmarks["ibug68"][index, :1].astype(np.int32)
+            for name, (_, index) in MARKS.items()
+        },
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +58,9 @@ def test_it_stands_upright_in_metres_in_the_same_order(model: FaceModel, default
     assert np.ptp(offset, axis=0).max() < 1e-6
     assert np.abs(offset).max() < 0.01
     np.testing.assert_array_equal(model.polygons, default.polygons)
-    np.testing.assert_allclose(model.expression_basis, default.expression_basis[20 : 20 + COUNT], atol=1e-7)
+    np.testing.assert_allclose(
+        model.expression_basis, default.expression_basis[20 : 20 + COUNT], atol=1e-7
+    )
 
 
 def test_parts_of_loose_pieces_are_recognized(model: FaceModel, default: FaceModel):
@@ -84,9 +94,12 @@ def test_borrowed_identity_moves_the_mesh_as_the_default_head(model: FaceModel, 
 
 def test_own_identity_is_kept(rig: RigFile, tmp_path: Path, default: FaceModel):
     own = replace(
-        rig, identity_names=("identity/long",), identity_offsets=(default.identity_basis[:1] @ TURN.T),
-        expression_names=(), expression_offsets=rig.expression_offsets[:0],
-    )  # fmt: skip
+        rig,
+        identity_names=("identity/long",),
+        identity_offsets=(default.identity_basis[:1] @ TURN.T),
+        expression_names=(),
+        expression_offsets=rig.expression_offsets[:0],
+    )
     own.save(tmp_path / "own.npz")
     model = load_rig(tmp_path / "own.npz")
     assert (model.identity_names, model.expression_names) == (("identity/long",), ())

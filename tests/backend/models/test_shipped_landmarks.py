@@ -1,4 +1,6 @@
-"""MediaPipe's 478 landmarks on the meshes that Facestage knows: where they must lie, whichever mesh it is."""
+"""MediaPipe's 478 landmarks on the meshes that Facestage knows: where they must lie, whichever mesh
+it is.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,17 @@ SHARED = (
     (33, 2),
 )
 # Of the subject's right side and of the left.
-PARTNERS = ((33, 263), (133, 362), (61, 291), (50, 280), (234, 454), (58, 288), (70, 300), (468, 473), (159, 386))
+PARTNERS = (
+    (33, 263),
+    (133, 362),
+    (61, 291),
+    (50, 280),
+    (234, 454),
+    (58, 288),
+    (70, 300),
+    (468, 473),
+    (159, 386),
+)
 MIDDLE = (10, 168, 6, 1, 0, 13, 14, 17, 152)
 
 
@@ -52,11 +64,19 @@ def test_points_lie_where_they_were_found_on_the_right_parts(model: FaceModel):
     np.testing.assert_allclose(table[:, 3:].sum(axis=1), 1, atol=1e-5)
     assert table[:, 3:].min() >= -1e-6
     moved = np.linalg.norm(places(model, SCHEME) - positions, axis=1).max() / MM
-    print(f"largest distance from where the points were found: {moved:.1e} mm, margin {0.5 / max(moved, 1e-9):.0f}x")
+    print(
+        f"largest distance from where the points were found: {moved:.1e} mm, margin "
+        f"{0.5 / max(moved, 1e-9):.0f}x"
+    )
     assert moved < 0.5, "the mesh has changed: run tools/derive_landmarks.py again"
     for part, points in ((SKIN, slice(0, 468)), (EYES, slice(468, 478))):
-        known = {frozenset(triangle) for triangle in model.triangles[model.triangle_part == part].tolist()}
-        assert all(frozenset(corners) in known for corners in table[points, :3].astype(int).tolist())
+        known = {
+            frozenset(triangle)
+            for triangle in model.triangles[model.triangle_part == part].tolist()
+        }
+        assert all(
+            frozenset(corners) in known for corners in table[points, :3].astype(int).tolist()
+        )
 
 
 def test_left_and_right_mirror_each_other(model: FaceModel):
@@ -71,7 +91,9 @@ def test_points_agree_with_the_other_scheme(model: FaceModel):
     ibug68, found = places(model, "ibug68") / MM, places(model, SCHEME) / MM
     for one, other in SHARED:
         distance = np.linalg.norm(ibug68[one] - found[other])
-        assert distance < 5.5, f"points {one} of ibug68 and {other} of {SCHEME} are {distance:.1f} mm apart"
+        assert distance < 5.5, (
+            f"points {one} of ibug68 and {other} of {SCHEME} are {distance:.1f} mm apart"
+        )
     for eye, ring in (("eye_right", range(469, 473)), ("eye_left", range(474, 478))):
         radius = np.linalg.norm(found[list(ring), :2] - found[ring.start - 1, :2], axis=1)
         assert (radius > 4).all() and (radius < 8).all()

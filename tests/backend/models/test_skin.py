@@ -19,11 +19,18 @@ from facestage.models.skin import (
 def _sphere(rows: int = 14, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
     theta = np.linspace(0.1, np.pi - 0.1, rows)[:, None]
     phi = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None]
-    shape = np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)), -1)
+    shape = np.stack(
+        np.broadcast_arrays(
+            np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)
+        ),
+        -1,
+    )
     a = np.arange(rows - 1)[:, None] * columns + np.arange(columns)[None]
     b = np.arange(rows - 1)[:, None] * columns + (np.arange(columns)[None] + 1) % columns
     a, b = a.ravel(), b.ravel()
-    triangles = np.concatenate([np.stack([a, b, b + columns], 1), np.stack([a, b + columns, a + columns], 1)])
+    triangles = np.concatenate(
+        [np.stack([a, b, b + columns], 1), np.stack([a, b + columns, a + columns], 1)]
+    )
     return shape.reshape(-1, 3), triangles
 
 
@@ -59,7 +66,9 @@ def test_pigment_directions_are_distinct():
 
 def test_harmonics_are_orthogonal_on_the_surface():
     vertices, triangles = _sphere()
-    functions, eigenvalues = surface_harmonics(vertices, triangles, np.ones(len(vertices), bool), 12)
+    functions, eigenvalues = surface_harmonics(
+        vertices, triangles, np.ones(len(vertices), bool), 12
+    )
     _, mass = laplacian_and_mass(vertices, triangles)
     gram = functions * mass @ functions.T / mass.sum()
     np.testing.assert_allclose(gram, np.eye(12), atol=1e-6)
@@ -80,7 +89,9 @@ def test_basis_is_zero_off_the_skin_and_falls_with_frequency():
     assert mean.shape == (len(vertices), 3) and basis.shape == (20, len(vertices), 3)
     assert mean.dtype == basis.dtype == np.float32
     assert (basis[:, ~mask] == 0).all()
-    np.testing.assert_allclose(basis[0, mask], np.broadcast_to(pigment_directions()[0], (mask.sum(), 3)), rtol=1e-5)
+    np.testing.assert_allclose(
+        basis[0, mask], np.broadcast_to(pigment_directions()[0], (mask.sum(), 3)), rtol=1e-5
+    )
     spread = np.sqrt((basis[:, mask] ** 2).mean(axis=(1, 2)))
     assert spread[0] == spread.max()
     assert spread[2] > spread[18] and spread[3] > spread[19]
@@ -89,8 +100,12 @@ def test_basis_is_zero_off_the_skin_and_falls_with_frequency():
 def test_basis_survives_a_broken_mesh_and_is_deterministic():
     vertices, triangles = _sphere()
     n = len(vertices)
-    vertices = np.concatenate([vertices, vertices + np.array([4.0, 0.0, 0.0]), vertices[:3], [[9.0, 9.0, 9.0]]])
-    triangles = np.concatenate([triangles, triangles + n, [[0, 0, 1], [2, 3, 2 * n]], triangles[:5]])
+    vertices = np.concatenate(
+        [vertices, vertices + np.array([4.0, 0.0, 0.0]), vertices[:3], [[9.0, 9.0, 9.0]]]
+    )
+    triangles = np.concatenate(
+        [triangles, triangles + n, [[0, 0, 1], [2, 3, 2 * n]], triangles[:5]]
+    )
     mask = np.ones(len(vertices), bool)
     _, first = albedo_basis(vertices, triangles, mask, 16)
     _, second = albedo_basis(vertices, triangles, np.arange(len(vertices)), 16)

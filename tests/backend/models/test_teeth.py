@@ -35,9 +35,13 @@ def shape(**weights: float) -> np.ndarray:
 
 
 def seen(vertices: np.ndarray, yaw: float = 0.0) -> np.ndarray:
-    """(m, 3) points on the teeth that nothing soft hides from a distant camera at `yaw` degrees, in its frame."""
+    """(m, 3) points on the teeth that nothing soft hides from a distant camera at `yaw` degrees, in
+    its frame.
+    """
     angle = np.radians(yaw)
-    to_camera = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]])
+    to_camera = np.array(
+        [[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]]
+    )
     vertices = vertices @ to_camera.T
     triangles = model().triangles[model().triangle_part == TEETH]
     center = vertices[triangles].mean(axis=1)
@@ -46,7 +50,9 @@ def seen(vertices: np.ndarray, yaw: float = 0.0) -> np.ndarray:
     points = center[facing]
     cover = vertices[model().triangles[np.isin(model().triangle_part, (SKIN, MOUTH))]]
     low, high = points.min(axis=0) - 1, points.max(axis=0) + 1
-    near = (cover[..., :2].max(axis=1) > low[:2]).all(axis=1) & (cover[..., :2].min(axis=1) < high[:2]).all(axis=1)
+    near = (cover[..., :2].max(axis=1) > low[:2]).all(axis=1) & (
+        cover[..., :2].min(axis=1) < high[:2]
+    ).all(axis=1)
     return points[~hidden(points, cover[near & (cover[..., 2].max(axis=1) > low[2])])]
 
 
@@ -65,8 +71,12 @@ def hidden(points: np.ndarray, cover: np.ndarray) -> np.ndarray:
     return result
 
 
-def outside_opening(points: np.ndarray, vertices: np.ndarray, yaw: float, margin: float) -> np.ndarray:
-    """Those of the seen points (m, 3) further than `margin` mm outside the opening between the lips."""
+def outside_opening(
+    points: np.ndarray, vertices: np.ndarray, yaw: float, margin: float
+) -> np.ndarray:
+    """Those of the seen points (m, 3) further than `margin` mm outside the opening between the
+    lips.
+    """
     angle = np.radians(yaw)
     ring = vertices[mesh().loops["mouth"][mouth.LIP_LOOPS]]
     ring = np.stack([np.cos(angle) * ring[:, 0] - np.sin(angle) * ring[:, 2], ring[:, 1]], axis=-1)
@@ -84,20 +94,40 @@ def outside_opening(points: np.ndarray, vertices: np.ndarray, yaw: float, margin
 
 @pytest.mark.parametrize("yaw", [-40.0, 0.0, 40.0])
 def test_closed_lips_hide_the_teeth(yaw):
-    """All but what shows through the slit of some hundredths of a millimetre along which the lips meet."""
+    """All but what shows through the slit of some hundredths of a millimetre along which the lips
+    meet.
+    """
     vertices = shape()
     points = seen(vertices, yaw)
     assert len(points) < 3 and len(outside_opening(points, vertices, yaw, 0.1)) == 0
 
 
 COMBINATIONS = (
-    {"mouthSmile": 1.0}, {"mouthSmile": 0.4, "jawOpen": 0.5}, {"mouthSmile": 1.0, "jawOpen": 0.3},
-    {"mouthRollUpper": 1.0}, {"mouthRollLower": 1.0}, {"mouthRollUpper": 1.0, "mouthRollLower": 1.0}, {"viseme_M": 1.0},
-    {"viseme_F": 1.0}, {"mouthPress": 1.0}, {"mouthStretch": 1.0}, {"mouthDimple": 1.0}, {"mouthFrown": 1.0},
-    {"AU35_cheek_suck": 1.0}, {"AU23_lip_tightener": 1.0}, {"mouthLeft": 1.0}, {"jawLeft": 1.0}, {"jawForward": 1.0},
-    {"jawOpen": 1.0}, {"mouthUpperUp": 1.0, "mouthLowerDown": 1.0}, {"mouthSmile": 0.7, "mouthDimple": 0.7},
-    {"jawOpen": 1.0, "mouthClose": 1.0}, {"AU13_sharp_lip_puller": 1.0}, {"mouthPucker": 1.0}, {"jaw_back": 1.0},
-)  # fmt: skip
+    {"mouthSmile": 1.0},
+    {"mouthSmile": 0.4, "jawOpen": 0.5},
+    {"mouthSmile": 1.0, "jawOpen": 0.3},
+    {"mouthRollUpper": 1.0},
+    {"mouthRollLower": 1.0},
+    {"mouthRollUpper": 1.0, "mouthRollLower": 1.0},
+    {"viseme_M": 1.0},
+    {"viseme_F": 1.0},
+    {"mouthPress": 1.0},
+    {"mouthStretch": 1.0},
+    {"mouthDimple": 1.0},
+    {"mouthFrown": 1.0},
+    {"AU35_cheek_suck": 1.0},
+    {"AU23_lip_tightener": 1.0},
+    {"mouthLeft": 1.0},
+    {"jawLeft": 1.0},
+    {"jawForward": 1.0},
+    {"jawOpen": 1.0},
+    {"mouthUpperUp": 1.0, "mouthLowerDown": 1.0},
+    {"mouthSmile": 0.7, "mouthDimple": 0.7},
+    {"jawOpen": 1.0, "mouthClose": 1.0},
+    {"AU13_sharp_lip_puller": 1.0},
+    {"mouthPucker": 1.0},
+    {"jaw_back": 1.0},
+)
 
 
 @pytest.mark.parametrize("weights", COMBINATIONS, ids=lambda w: "+".join(w))
@@ -105,11 +135,17 @@ COMBINATIONS = (
 def test_teeth_show_only_between_the_lips(weights, yaw):
     vertices = shape(**weights)
     through = outside_opening(seen(vertices, yaw), vertices, yaw, 0.6)
-    assert len(through) == 0, f"{len(through)} points of teeth come through skin, first {through[:3]}"
+    assert len(through) == 0, (
+        f"{len(through)} points of teeth come through skin, first {through[:3]}"
+    )
 
 
 def test_rolled_and_pressed_lips_hide_the_teeth():
-    for weights in ({"mouthRollUpper": 1.0, "mouthRollLower": 1.0}, {"mouthPress": 1.0}, {"viseme_M": 1.0}):
+    for weights in (
+        {"mouthRollUpper": 1.0, "mouthRollLower": 1.0},
+        {"mouthPress": 1.0},
+        {"viseme_M": 1.0},
+    ):
         assert len(seen(shape(**weights))) == 0, weights
 
 
@@ -124,7 +160,9 @@ def shown_height(vertices: np.ndarray) -> float:
 def test_a_smile_shows_the_upper_teeth():
     assert 2.0 < shown_height(shape(mouthSmile=1.0)) < 6.0
     assert shown_height(shape(mouthSmile=1.0, jawOpen=0.3)) > 6.0
-    assert 1.0 < shown_height(shape(AU25_lips_part=1.0)) < 6.0, "lips parted at rest show the incisal edges"
+    assert 1.0 < shown_height(shape(AU25_lips_part=1.0)) < 6.0, (
+        "lips parted at rest show the incisal edges"
+    )
     points = seen(shape(mouthSmile=1.0, jawOpen=0.3))
     assert np.ptp(points[:, 0]) > 45, "from premolar to premolar"
 
@@ -137,16 +175,22 @@ def test_upper_teeth_stay_when_the_jaw_drops():
 
 
 def test_teeth_have_natural_sizes():
-    """Nelson and Ash 2010: crowns; 2 mm of incisor below the meeting line of the lips, lower incisors behind them."""
+    """Nelson and Ash 2010: crowns; 2 mm of incisor below the meeting line of the lips, lower
+    incisors behind them.
+    """
     rest = shape()
-    upper, lower = (rest[mesh().teeth[row]].reshape(teeth.PROFILE, -1, 3) for row in ("upper", "lower"))
+    upper, lower = (
+        rest[mesh().teeth[row]].reshape(teeth.PROFILE, -1, 3) for row in ("upper", "lower")
+    )
     arch = upper[teeth.GUM_ROWS + 1]
     assert np.ptp(arch[:, 0]) == pytest.approx(55, abs=2)
     meeting = rest[mesh().loops["mouth"][mouth.LIP_LOOPS]]
     line = meeting[np.abs(meeting[:, 0]).argmin()]
     assert 1.5 < line[1] - upper[..., 1].min() < 3.0
     middle = np.abs(arch[:, 0]) < 5
-    assert upper[teeth.GUM_ROWS :, middle, 1].max() - upper[..., 1].min() == pytest.approx(10, abs=1)
+    assert upper[teeth.GUM_ROWS :, middle, 1].max() - upper[..., 1].min() == pytest.approx(
+        10, abs=1
+    )
     behind = upper[teeth.GUM_ROWS + 3, :, 2].max() - lower[teeth.GUM_ROWS + 3, :, 2].max()
     assert 1.0 < behind < 3.0
 

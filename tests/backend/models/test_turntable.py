@@ -28,7 +28,10 @@ def test_positive_yaw_shows_the_subjects_left():
     vertices = _square(0.0, 0.05) @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]) + [0.08, 0, 0]
     triangles = np.array([[0, 1, 2], [0, 2, 3]])
     albedo = np.full((4, 3), 0.2)
-    seen = [np.ptp(picture(vertices, triangles, albedo, yaw, 40, (0, 0, 0), 0.3)) > 0 for yaw in (60.0, -60.0)]
+    seen = [
+        np.ptp(picture(vertices, triangles, albedo, yaw, 40, (0, 0, 0), 0.3)) > 0
+        for yaw in (60.0, -60.0)
+    ]
     assert seen == [True, False]
 
 
@@ -42,6 +45,8 @@ def test_sheet_and_png(tmp_path):
     start = data.index(b"IDAT") + 4
     length = int.from_bytes(data[start - 8 : start - 4], "big")
     rows = (
-        np.frombuffer(zlib.decompress(data[start : start + length]), np.uint8).reshape(24, 61)[:, 1:].reshape(24, 20, 3)
+        np.frombuffer(zlib.decompress(data[start : start + length]), np.uint8)
+        .reshape(24, 61)[:, 1:]
+        .reshape(24, 20, 3)
     )
     assert rows[0, 0, 0] == 0 and rows[0, 15, 0] == 188 and rows[20, 0, 0] == 255

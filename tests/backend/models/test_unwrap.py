@@ -9,7 +9,9 @@ from facestage.models.unwrap import SKIN_TILE, flipped, unwrap, unwrap_disc
 from reference.published_heads import ball, head
 
 
-def grid(rows: int, columns: int, holes: tuple[tuple[int, int], ...] = ()) -> tuple[np.ndarray, np.ndarray]:
+def grid(
+    rows: int, columns: int, holes: tuple[tuple[int, int], ...] = ()
+) -> tuple[np.ndarray, np.ndarray]:
     """A bumpy mask facing +Z; cells in ``holes`` are open."""
     v, u = np.mgrid[: rows + 1, : columns + 1]
     x, y = u.ravel() / columns - 0.5, v.ravel() / rows - 0.5
@@ -36,7 +38,10 @@ def test_a_mask_with_holes_lies_flat(holes: tuple[tuple[int, int], ...]):
     # All face up inside a disc of this radius: the area is at most the disc's unless they overlap.
     assert area(points, faces).sum() <= np.pi * 0.49**2
     # Up is up and right is right.
-    up, right = np.polyfit(vertices[:, 1], points[:, 1], 1)[0], np.polyfit(vertices[:, 0], points[:, 0], 1)[0]
+    up, right = (
+        np.polyfit(vertices[:, 1], points[:, 1], 1)[0],
+        np.polyfit(vertices[:, 0], points[:, 0], 1)[0],
+    )
     assert up > 0.3 and right > 0.3
 
 
@@ -63,14 +68,16 @@ def test_eyeballs_have_tiles_of_their_own():
     uvs, faces = unwrap(vertices, triangles)
     assert uvs.min() >= 0 and uvs.max() <= 1 and uvs.dtype == np.float32
     skin, first, second = (
-        uvs[np.unique(faces[k])] for k in np.split(np.arange(len(faces)), [len(rows) * -2, len(rows) * -1])
+        uvs[np.unique(faces[k])]
+        for k in np.split(np.arange(len(faces)), [len(rows) * -2, len(rows) * -1])
     )
     assert skin[:, 1].min() >= SKIN_TILE[1] > max(first[:, 1].max(), second[:, 1].max())
     assert first[:, 0].max() <= second[:, 0].min() or second[:, 0].max() <= first[:, 0].min()
 
 
 def test_meshes_that_are_no_disc_get_a_chart_all_the_same():
-    # A torus has a handle; two triangles of one vertex are a bow tie; a doubled triangle has no inside.
+    # A torus has a handle; two triangles of one vertex are a bow tie; a doubled triangle has no
+    # inside.
     turn = 2 * np.pi * np.arange(12) / 12
     u, v = (angle.ravel() for angle in np.meshgrid(turn, turn, indexing="ij"))
     torus = np.stack([(2 + np.cos(v)) * np.cos(u), (2 + np.cos(v)) * np.sin(u), np.sin(v)], axis=1)
@@ -80,11 +87,19 @@ def test_meshes_that_are_no_disc_get_a_chart_all_the_same():
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     bow = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [-1, 0, 0], [-1, -1, 0.0]])
     for vertices, triangles in (
-        (torus, faces), (bow, np.array([[0, 1, 2], [0, 3, 4]])), (bow, np.array([[0, 1, 2], [0, 1, 2]])),
-        (bow, np.array([[0, 1, 2]])), (np.zeros((3, 3)), np.array([[0, 1, 2]])),
-    ):  # fmt: skip
+        (torus, faces),
+        (bow, np.array([[0, 1, 2], [0, 3, 4]])),
+        (bow, np.array([[0, 1, 2], [0, 1, 2]])),
+        (bow, np.array([[0, 1, 2]])),
+        (np.zeros((3, 3)), np.array([[0, 1, 2]])),
+    ):
         uvs, chart = unwrap(vertices, triangles)
-        assert chart.shape == triangles.shape and np.isfinite(uvs).all() and uvs.min() >= 0 and uvs.max() <= 1
+        assert (
+            chart.shape == triangles.shape
+            and np.isfinite(uvs).all()
+            and uvs.min() >= 0
+            and uvs.max() <= 1
+        )
 
 
 def test_slivers_and_doubled_points_do_no_harm():

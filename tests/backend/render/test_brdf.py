@@ -17,21 +17,31 @@ ROUGHNESSES = [ROUGHNESS_MIN, 0.1, 0.2, 0.4, 0.7, ROUGHNESS_MAX]
 def hemisphere(heights: np.ndarray, azimuths: np.ndarray) -> np.ndarray:
     """(..., 3) directions of n.l ``heights`` and ``azimuths``."""
     ring = np.sqrt(1 - heights**2)
-    return np.stack(np.broadcast_arrays(ring * np.cos(azimuths), ring * np.sin(azimuths), heights), axis=-1)
+    return np.stack(
+        np.broadcast_arrays(ring * np.cos(azimuths), ring * np.sin(azimuths), heights), axis=-1
+    )
 
 
 def specular_albedo(cosine: float, roughness: float, side: int = 1500) -> float:
-    """Directional-hemispherical reflectance of the lobe: integral over half vectors, where D is smooth."""
+    """Directional-hemispherical reflectance of the lobe: integral over half vectors, where D is
+    smooth.
+    """
     alpha = roughness**2
     view = np.array([np.sqrt(1 - cosine**2), 0, cosine])
-    # Half vectors sampled in proportion to D (n.h), by inversion; the Jacobian to directions is 4 (v.h).
+    # Half vectors sampled in proportion to D (n.h), by inversion; the Jacobian to directions is 4
+    # (v.h).
     u = (np.arange(side) + 0.5) / side
     height = np.sqrt((1 - u) / (1 + (alpha**2 - 1) * u))
     half = hemisphere(height[:, None], 2 * np.pi * (np.arange(64) + 0.5) / 64)
     vh = half @ view
     light = 2 * vh[..., None] * half - view
     nl = light[..., 2]
-    value = smith(np.maximum(nl, 1e-9), np.asarray(cosine), alpha) * schlick(vh) * vh / (cosine * half[..., 2])
+    value = (
+        smith(np.maximum(nl, 1e-9), np.asarray(cosine), alpha)
+        * schlick(vh)
+        * vh
+        / (cosine * half[..., 2])
+    )
     return float(np.where((nl > 0) & (vh > 0), value, 0).mean())
 
 
@@ -53,11 +63,16 @@ def test_the_two_ways_to_integrate_the_lobe_agree(roughness: float):
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_white_furnace_returns_no_more_than_it_gets(roughness: float):
-    """Bihemispherical reflectance of the whitest skin with the strongest dielectric layer is at most 1."""
+    """Bihemispherical reflectance of the whitest skin with the strongest dielectric layer is at
+    most 1.
+    """
     cosines = (np.arange(64) + 0.5) / 64
     lobe = np.array([specular_albedo(cosine, roughness, 400) for cosine in cosines])
     total = K_DIFFUSE * 1.0 + K_SPECULAR * 1.0 * 2 * float((lobe * cosines).mean())
-    print(f"roughness {roughness}: white furnace returns {total:.4f} of 1 (specular {total - K_DIFFUSE:.4f})")
+    print(
+        f"roughness {roughness}: white furnace returns {total:.4f} of 1 (specular "
+        f"{total - K_DIFFUSE:.4f})"
+    )
     assert 0.9 < total <= 1.0
     assert (lobe > 0.2 * F0).all() and (lobe <= 1).all()
 
@@ -67,14 +82,19 @@ unit = st.tuples(st.floats(0.01, 1), st.floats(0, 2 * np.pi))
 
 @given(unit, unit, st.floats(ROUGHNESS_MIN, ROUGHNESS_MAX), st.floats(0, 1), st.floats(0, 1))
 def test_reciprocity(light: tuple, view: tuple, roughness: float, albedo: float, c_spec: float):
-    light_direction, view_direction = hemisphere(*map(np.array, light)), hemisphere(*map(np.array, view))
+    light_direction, view_direction = (
+        hemisphere(*map(np.array, light)),
+        hemisphere(*map(np.array, view)),
+    )
     forth = skin(NORMAL, light_direction, view_direction, albedo, c_spec, roughness)
     back = skin(NORMAL, view_direction, light_direction, albedo, c_spec, roughness)
     assert forth >= 0
     np.testing.assert_allclose(forth, back, rtol=1e-9, atol=1e-12)
 
 
-def fast_lobe(normal: np.ndarray, light: np.ndarray, view: np.ndarray, roughness: float) -> np.ndarray:
+def fast_lobe(
+    normal: np.ndarray, light: np.ndarray, view: np.ndarray, roughness: float
+) -> np.ndarray:
     """The renderer's (n.l) D V F for rows of unit vectors, in float32."""
     import mitsuba as mi
 
@@ -109,8 +129,13 @@ def test_the_renderers_lobe_equals_the_reference(renderer: str, roughness: float
     keep = ((normal * light).sum(1) > 0.02) & ((normal * view).sum(1) > 0.02)
     normal, view, light = normal[keep], view[keep], light[keep]
     expected = (normal * light).sum(1) * cook_torrance(normal, light, view, roughness)
-    error = np.abs(fast_lobe(normal, light, view, roughness) - expected) / (expected + 1e-4 * expected.max())
-    print(f"roughness {roughness}: largest relative error {error.max():.1e}, median {np.median(error):.1e}")
+    error = np.abs(fast_lobe(normal, light, view, roughness) - expected) / (
+        expected + 1e-4 * expected.max()
+    )
+    print(
+        f"roughness {roughness}: largest relative error {error.max():.1e}, median "
+        f"{np.median(error):.1e}"
+    )
     assert error.max() < 1e-3
 
 

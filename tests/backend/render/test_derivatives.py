@@ -24,7 +24,8 @@ class Kernel:
         seen = seen_points(mesh, 16)
         self.stage = fibonacci_stage(5, radius=0.7, side=0.15)
         towards = normalize(self.stage.position[None] - seen.points[:, None])
-        # Away from grazing angles, where a light enters or leaves the half space between the two sides.
+        # Away from grazing angles, where a light enters or leaves the half space between the two
+        # sides.
         clear = (seen.normals * seen.views).sum(1) > 0.15
         clear &= (np.abs(np.einsum("px,plx->pl", seen.normals, towards)) > 0.15).all(1)
         rows = (seen.points, seen.normals, seen.facing, seen.views)
@@ -33,10 +34,17 @@ class Kernel:
 
     def __call__(self, points=None, normals=None, roughness=0.4, derivatives=False):
         return self.tracer.light_terms(
-            self.points if points is None else points, self.normals if normals is None else normals, self.facing,
-            self.views, self.stage, roughness, SAMPLES, SEED,
-            Asked(shadows=False, by_surface=derivatives, by_roughness=derivatives), RADIANCE,
-        )  # fmt: skip
+            self.points if points is None else points,
+            self.normals if normals is None else normals,
+            self.facing,
+            self.views,
+            self.stage,
+            roughness,
+            SAMPLES,
+            SEED,
+            Asked(shadows=False, by_surface=derivatives, by_roughness=derivatives),
+            RADIANCE,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +52,19 @@ def kernel(tracer_of) -> Kernel:
     return Kernel(tracer_of)
 
 
-def check(name: str, found: np.ndarray, plus: np.ndarray, minus: np.ndarray, step: float, bound: float) -> None:
-    """Assert and print the 99th percentile of |found - difference| over the typical size of the derivative."""
+def check(
+    name: str, found: np.ndarray, plus: np.ndarray, minus: np.ndarray, step: float, bound: float
+) -> None:
+    """Assert and print the 99th percentile of |found - difference| over the typical size of the
+    derivative.
+    """
     wanted = (plus.astype(float) - minus.astype(float)) / (2 * step)
     typical = np.sqrt((wanted**2).mean())
     error = float(np.percentile(np.abs(found - wanted), 99) / typical)
-    print(f"{name}: error {error:.1e} of the derivative's size, allowed {bound:.0e}, margin {bound / error:.0f}x")
+    print(
+        f"{name}: error {error:.1e} of the derivative's size, allowed {bound:.0e}, margin "
+        f"{bound / error:.0f}x"
+    )
     assert typical > 0 and error < bound
 
 
@@ -61,20 +76,33 @@ def test_by_normal(kernel: Kernel, roughness: float):
     for trial in range(3):
         tangent = normalize(np.cross(kernel.normals, random.normal(size=kernel.normals.shape)))
         plus, minus = (
-            kernel(normals=np.cos(step) * kernel.normals + sign * np.sin(step) * tangent, roughness=roughness)
+            kernel(
+                normals=np.cos(step) * kernel.normals + sign * np.sin(step) * tangent,
+                roughness=roughness,
+            )
             for sign in (1, -1)
         )
         for kind in ("diffuse", "specular"):
             along = np.einsum("pcx,px->pc", getattr(terms, f"{kind}_by_normal"), tangent)
             name = f"{kind} by normal, roughness {roughness}, direction {trial}"
-            check(name, along, getattr(plus, kind) @ RADIANCE, getattr(minus, kind) @ RADIANCE, step, 5e-3)
+            check(
+                name,
+                along,
+                getattr(plus, kind) @ RADIANCE,
+                getattr(minus, kind) @ RADIANCE,
+                step,
+                5e-3,
+            )
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_by_depth(kernel: Kernel, roughness: float):
     terms = kernel(roughness=roughness, derivatives=True)
     step = 1e-3
-    plus, minus = (kernel(points=kernel.points - sign * step * kernel.views, roughness=roughness) for sign in (1, -1))
+    plus, minus = (
+        kernel(points=kernel.points - sign * step * kernel.views, roughness=roughness)
+        for sign in (1, -1)
+    )
     for kind in ("diffuse", "specular"):
         name = f"{kind} by depth, roughness {roughness}"
         sums = getattr(plus, kind) @ RADIANCE, getattr(minus, kind) @ RADIANCE
@@ -94,5 +122,8 @@ def test_by_roughness(kernel: Kernel, roughness: float):
 def test_the_diffuse_term_is_linear_in_the_normal(kernel: Kernel):
     terms = kernel(derivatives=True)
     np.testing.assert_allclose(
-        np.einsum("pcx,px->pc", terms.diffuse_by_normal, kernel.normals), terms.diffuse @ RADIANCE, rtol=1e-4, atol=1e-7
+        np.einsum("pcx,px->pc", terms.diffuse_by_normal, kernel.normals),
+        terms.diffuse @ RADIANCE,
+        rtol=1e-4,
+        atol=1e-7,
     )

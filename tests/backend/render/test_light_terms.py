@@ -1,4 +1,6 @@
-"""Diffuse and specular light of small scenes against the float64 reference, sample for sample and as integrals."""
+"""Diffuse and specular light of small scenes against the float64 reference, sample for sample and
+as integrals.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,13 @@ def test_unshadowed_terms_equal_the_reference_sample_for_sample(tracer_of, scene
         seen.points, seen.normals, seen.facing, seen.views, stage, roughness, 3, seed=11, asked=OPEN
     )
     square = lattice(len(seen.points), len(stage), 3, 11)
-    diffuse, specular = direct_light(seen.points, seen.normals, seen.views, stage, roughness, square)
+    diffuse, specular = direct_light(
+        seen.points, seen.normals, seen.views, stage, roughness, square
+    )
     errors = relative(terms.diffuse, diffuse), relative(terms.specular, specular)
     print(
-        f"roughness {roughness}: float32 against float64, diffuse {errors[0].max():.1e}, specular {errors[1].max():.1e}"
+        f"roughness {roughness}: float32 against float64, diffuse {errors[0].max():.1e}, "
+        f"specular {errors[1].max():.1e}"
     )
     assert errors[0].max() < 1e-4
     # At roughness 0.05 a lobe is 0.0025 wide: a direction's float32 rounding moves it visibly.
@@ -81,10 +86,14 @@ def test_a_far_small_light_gives_the_inverse_square_law(tracer_of):
 
 
 def test_a_closed_form_a_square_light_over_its_centre(tracer_of):
-    """Irradiance of a parallel square at unit radiance: pi times its form factor (Siegel & Howell, C-3)."""
+    """Irradiance of a parallel square at unit radiance: pi times its form factor (Siegel & Howell,
+    C-3).
+    """
     stage = stage_at([[0, 0, 0.5]], side=0.6)
     up = np.array([[0.0, 0, 1]])
-    terms = tracer_of(plane(0.0)).light_terms(np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4096, seed=0)
+    terms = tracer_of(plane(0.0)).light_terms(
+        np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4096, seed=0
+    )
     a = 0.3 / 0.5
     wanted = 4 * a / np.sqrt(1 + a**2) * np.arctan(a / np.sqrt(1 + a**2))
     assert terms.diffuse[0, 0] == pytest.approx(wanted, rel=1e-3)
@@ -98,7 +107,15 @@ def test_lights_are_one_sided_and_light_only_what_faces_them(tracer_of):
     tracer = tracer_of(plane(0.0))
     for stage, lit in ((front, True), (turned, False), (behind, False)):
         terms = tracer.light_terms(
-            np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4, seed=0, asked=replace(DERIVED, shadows=False)
+            np.zeros((1, 3)),
+            up,
+            up,
+            up,
+            stage,
+            ROUGHNESS,
+            4,
+            seed=0,
+            asked=replace(DERIVED, shadows=False),
         )
         for name, value in vars(terms).items():
             assert np.isfinite(value).all(), name
@@ -112,9 +129,16 @@ def test_no_points_and_no_derivatives(tracer_of):
     stage = fibonacci_stage(3)
     tracer = tracer_of(plane())
     terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0)
-    assert terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal.size == 0
-    terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, asked=DERIVED)
-    assert terms.diffuse_by_normal.shape == (0, 3, 3) and terms.specular_by_roughness.shape == (0, 3)
+    assert (
+        terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal.size == 0
+    )
+    terms = tracer.light_terms(
+        empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, asked=DERIVED
+    )
+    assert terms.diffuse_by_normal.shape == (0, 3, 3) and terms.specular_by_roughness.shape == (
+        0,
+        3,
+    )
     hits = tracer.first_hits(np.zeros(3), empty)
     assert hits.triangle.shape == (0,) and hits.barycentric.shape == (0, 3)
 
@@ -127,7 +151,12 @@ def test_a_light_is_the_same_alone_and_among_others(tracer_of, scene):
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     together = tracer.light_terms(*rows, stage, ROUGHNESS, 256, seed=3)
     for light in range(5):
-        one = replace(stage, **{name: getattr(stage, name)[light : light + 1] for name in stage.__dataclass_fields__})
+        one = replace(
+            stage,
+            **{
+                name: getattr(stage, name)[light : light + 1] for name in stage.__dataclass_fields__
+            },
+        )
         alone = tracer.light_terms(*rows, one, ROUGHNESS, 256, seed=3)
         scale = together.diffuse.max()
         assert np.abs(alone.diffuse[:, 0] - together.diffuse[:, light]).max() < 0.03 * scale
@@ -138,7 +167,9 @@ def test_the_seed_alone_decides_the_samples(tracer_of, scene):
     stage = fibonacci_stage(4, radius=0.6, side=0.3)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    first, again, other = (tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=seed) for seed in (5, 5, 6))
+    first, again, other = (
+        tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=seed) for seed in (5, 5, 6)
+    )
     np.testing.assert_array_equal(first.diffuse, again.diffuse)
     np.testing.assert_array_equal(first.specular, again.specular)
     assert np.abs(first.diffuse - other.diffuse).max() > 1e-4
@@ -166,9 +197,16 @@ def test_far_from_the_origin_nothing_but_rounding_changes(tracer_of, scene):
     )
     shift = np.array([8.0, -16.0, 4.0])
     far = tracer_of(Mesh(mesh.vertices + shift, mesh.triangles)).light_terms(
-        seen.points + shift, seen.normals, seen.facing, seen.views, replace(stage, position=stage.position + shift),
-        ROUGHNESS, 4, seed=1, asked=OPEN,
-    )  # fmt: skip
+        seen.points + shift,
+        seen.normals,
+        seen.facing,
+        seen.views,
+        replace(stage, position=stage.position + shift),
+        ROUGHNESS,
+        4,
+        seed=1,
+        asked=OPEN,
+    )
     assert relative(far.diffuse, near.diffuse).max() < 1e-3
 
 
@@ -180,7 +218,9 @@ def test_a_point_keeps_its_samples_when_others_go(tracer_of, scene):
     keys = np.arange(len(seen.points)) * 65536 + 17
     every = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, keys=keys)
     some = slice(3, None, 2)
-    fewer = tracer.light_terms(*(array[some] for array in rows), stage, ROUGHNESS, 2, seed=5, keys=keys[some])
+    fewer = tracer.light_terms(
+        *(array[some] for array in rows), stage, ROUGHNESS, 2, seed=5, keys=keys[some]
+    )
     np.testing.assert_allclose(fewer.diffuse, every.diffuse[some], rtol=1e-6)
     np.testing.assert_allclose(fewer.specular, every.specular[some], rtol=1e-4, atol=1e-7)
 
@@ -194,9 +234,13 @@ def test_lights_that_are_left_out_are_zero_and_change_no_other(tracer_of, scene)
     traced = np.array([True, False, True, True, False, False, True])
     some = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, traced=traced)
     for name in ("diffuse", "specular"):
-        np.testing.assert_array_equal(getattr(some, name)[:, traced], getattr(every, name)[:, traced])
+        np.testing.assert_array_equal(
+            getattr(some, name)[:, traced], getattr(every, name)[:, traced]
+        )
         assert not getattr(some, name)[:, ~traced].any()
-    none = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED, traced=np.zeros(7, bool))
+    none = tracer.light_terms(
+        *rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED, traced=np.zeros(7, bool)
+    )
     assert not none.diffuse.any() and none.diffuse_by_normal.shape == (len(seen.points), 3, 3)
 
 
@@ -207,12 +251,21 @@ def test_how_the_work_is_split_changes_nothing(tracer_of, scene, lanes: int):
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     tracer = tracer_of(mesh)
     usual = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
-    other = tracer_of(mesh, lanes=lanes).light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    other = tracer_of(mesh, lanes=lanes).light_terms(
+        *rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED
+    )
     assert other.pairs == usual.pairs
     np.testing.assert_array_equal(other.diffuse, usual.diffuse)
-    for name in ("diffuse_by_normal", "specular_by_normal", "specular_by_depth", "specular_by_roughness"):
+    for name in (
+        "diffuse_by_normal",
+        "specular_by_normal",
+        "specular_by_depth",
+        "specular_by_roughness",
+    ):
         wanted = getattr(usual, name)
-        np.testing.assert_allclose(getattr(other, name), wanted, atol=1e-5 * np.abs(wanted).max(), err_msg=name)
+        np.testing.assert_allclose(
+            getattr(other, name), wanted, atol=1e-5 * np.abs(wanted).max(), err_msg=name
+        )
 
 
 def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene):
@@ -221,9 +274,13 @@ def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     lean = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
-    full = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=replace(DERIVED, behind=True))
+    full = tracer.light_terms(
+        *rows, stage, ROUGHNESS, 2, seed=5, asked=replace(DERIVED, behind=True)
+    )
     # A square reaches over the horizon with a corner at least.
-    corner = np.einsum("px,plcx->plc", seen.normals, stage.corners[None] - seen.points[:, None, None])
+    corner = np.einsum(
+        "px,plcx->plc", seen.normals, stage.corners[None] - seen.points[:, None, None]
+    )
     before = np.einsum("lx,plx->pl", stage.direction, seen.points[:, None] - stage.position) > 0
     assert full.pairs == lean.diffuse.size
     assert lean.pairs == int((before & (corner.max(axis=2) > 0)).sum()) < full.pairs
@@ -235,17 +292,34 @@ def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene)
 def test_chosen_pairs_of_point_and_light_have_the_terms_of_a_whole_trace(tracer_of, scene):
     """The same numbers for each pair, and derivatives that add up to the sums over the lights."""
     mesh, seen = scene
-    stage = fibonacci_stage(5, radius=0.8, side=0.25).with_radiance(np.arange(15.0).reshape(5, 3) + 1)
+    stage = fibonacci_stage(5, radius=0.8, side=0.25).with_radiance(
+        np.arange(15.0).reshape(5, 3) + 1
+    )
     tracer, count = tracer_of(mesh), len(seen.points)
-    arguments = (seen.points, seen.normals, seen.facing, seen.views, stage, ROUGHNESS, 3, 11, DERIVED)
+    arguments = (
+        seen.points,
+        seen.normals,
+        seen.facing,
+        seen.views,
+        stage,
+        ROUGHNESS,
+        3,
+        11,
+        DERIVED,
+    )
     keys, numbers = np.arange(count)[::-1] + 5, np.array([4, 9, 1, 0, 7])
     whole = tracer.light_terms(*arguments, keys=keys, numbers=numbers)
     pairs = np.divmod(np.arange(count * len(stage)), len(stage))
     each = tracer.light_terms(*arguments, keys=keys, numbers=numbers, pairs=pairs)
     for name in ("diffuse", "specular"):
         np.testing.assert_array_equal(getattr(each, name)[:, 0], getattr(whole, name)[pairs])
-    for name in ("diffuse_by_normal", "specular_by_normal", "diffuse_by_depth", "specular_by_depth",
-                 "specular_by_roughness"):  # fmt: skip
+    for name in (
+        "diffuse_by_normal",
+        "specular_by_normal",
+        "diffuse_by_depth",
+        "specular_by_depth",
+        "specular_by_roughness",
+    ):
         wanted = getattr(whole, name)
         found = getattr(each, name).reshape(count, len(stage), *wanted.shape[1:]).sum(axis=1)
         np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max())

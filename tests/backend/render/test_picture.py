@@ -1,4 +1,6 @@
-"""Whole pictures of the float32 tracer against float64 numpy: rays, shadows, shading, and a stage far away."""
+"""Whole pictures of the float32 tracer against float64 numpy: rays, shadows, shading, and a stage
+far away.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,14 @@ def scene(renderer: str) -> Scene:
 
 
 def reference_picture(scene: Scene, state: State, stage: LightStage) -> np.ndarray:
-    """(SIDE, SIDE, 3) radiance in float64, every ray against every triangle; NaN where nothing is hit."""
+    """(SIDE, SIDE, 3) radiance in float64, every ray against every triangle; NaN where nothing is
+    hit.
+    """
     model, geometry, camera = scene.model, scene.geometry, state.camera
     bases = np.concatenate([model.identity_basis, model.expression_basis]).astype(float)
-    shape = model.vertices.astype(float) + np.tensordot(np.concatenate([state.identity, state.expression]), bases, 1)
+    shape = model.vertices.astype(float) + np.tensordot(
+        np.concatenate([state.identity, state.expression]), bases, 1
+    )
     vertices = shape @ state.rotation.T + state.translation
     a, b, c = (vertices[geometry.triangles[:, corner]] for corner in range(3))
     faces = np.cross(b - a, c - a)
@@ -50,12 +56,22 @@ def reference_picture(scene: Scene, state: State, stage: LightStage) -> np.ndarr
     facing *= -np.sign((facing * rays).sum(1, keepdims=True))
     square = keyed_lattice((y[hit] << 16) + x[hit], len(stage), SAMPLES, SEED)
     diffuse, specular = direct_light(
-        points, shading, -rays, stage, state.roughness, square, points + SHADOW_OFFSET * facing,
+        points,
+        shading,
+        -rays,
+        stage,
+        state.roughness,
+        square,
+        points + SHADOW_OFFSET * facing,
         (vertices, geometry.triangles),
-    )  # fmt: skip
-    logs = np.log(model.albedo_mean) + np.tensordot(state.albedo, model.albedo_basis.astype(float), 1)
+    )
+    logs = np.log(model.albedo_mean) + np.tensordot(
+        state.albedo, model.albedo_basis.astype(float), 1
+    )
     albedo = np.minimum(np.exp(np.einsum("pi,pic->pc", weights, logs[corners])), ALBEDO_MAX)
-    uvs = np.einsum("pi,pix->px", weights, model.uvs.astype(float)[geometry.triangle_uvs[triangle[hit]]])
+    uvs = np.einsum(
+        "pi,pix->px", weights, model.uvs.astype(float)[geometry.triangle_uvs[triangle[hit]]]
+    )
     c_spec = sample_bilinear(state.specular, uvs)[:, None]
     picture = np.full((SIDE, SIDE, 3), np.nan)
     color = K_DIFFUSE / np.pi * albedo * (diffuse @ stage.radiance)
@@ -66,7 +82,8 @@ def reference_picture(scene: Scene, state: State, stage: LightStage) -> np.ndarr
 @pytest.mark.parametrize("metres", [0.0, 1e3, 1e6])
 def test_a_picture_equals_the_reference_wherever_the_stage_is(scene: Scene, metres: float) -> None:
     wanted = reference_picture(scene, scene.state, scene.stage)
-    # The same lights, said in the frame of a stage whose origin is that far away and that is turned.
+    # The same lights, said in the frame of a stage whose origin is that far away and that is
+    # turned.
     to_stage = np.eye(4)
     to_stage[:3, :3] = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     to_stage[:3, 3] = metres * np.array([0.6, -0.48, 0.64])
@@ -78,8 +95,10 @@ def test_a_picture_equals_the_reference_wherever_the_stage_is(scene: Scene, metr
     error = np.abs(found[both] - wanted[both]).max(axis=1) / np.median(wanted[both])
     # A shadow ray that just misses in one precision just hits in the other.
     print(
-        f"stage {metres:g} m away: float32 against float64, median {np.median(error):.1e}, 95 % below "
-        f"{np.percentile(error, 95):.1e}, {100 * (error > 1e-2).mean():.1f} % of pixels differ by a shadow's edge"
+        f"stage {metres:g} m away: float32 against float64, median {np.median(error):.1e}, 95 "
+        "% below "
+        f"{np.percentile(error, 95):.1e}, {100 * (error > 1e-2).mean():.1f} % of pixels differ "
+        "by a shadow's edge"
     )
     assert np.median(error) < 1e-4
     assert (error > 1e-2).mean() < 0.03

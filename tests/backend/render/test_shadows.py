@@ -12,7 +12,16 @@ from facestage.render.tracer import Asked
 from reference.area_light import direct_light, lattice
 from reference.cook_torrance import normalize
 from reference.intersect import first_hits, intersections
-from reference.meshes import Mesh, Points, box, plane, random_triangles, seen_points, sphere, stage_at
+from reference.meshes import (
+    Mesh,
+    Points,
+    box,
+    plane,
+    random_triangles,
+    seen_points,
+    sphere,
+    stage_at,
+)
 
 SHADOW_OFFSET = 2e-4
 LIGHTS = stage_at(np.array([[0.5, 0.1, 0.6], [-0.3, 0.6, 0.4], [0.1, -0.7, 0.25]]), side=1e-4)
@@ -24,7 +33,9 @@ SCENES = {
 
 
 def clear_of_edges(seen: Points, mesh: Mesh, stage: LightStage) -> tuple[np.ndarray, np.ndarray]:
-    """Brute force: shadowed (P, N), and where four neighbouring rays of 0.3 mm aside agree (P, N)."""
+    """Brute force: shadowed (P, N), and where four neighbouring rays of 0.3 mm aside agree (P,
+    N).
+    """
     start = seen.points + SHADOW_OFFSET * seen.facing
     tangent = normalize(np.cross(seen.facing, [0.31, 0.52, 0.79]))
     other = np.cross(seen.facing, tangent)
@@ -35,7 +46,12 @@ def clear_of_edges(seen: Points, mesh: Mesh, stage: LightStage) -> tuple[np.ndar
             moved = start + 3e-4 * (a * tangent + b * other)
             offset = stage.position[light] - moved
             length = np.linalg.norm(offset, axis=1)
-            blocked = intersections(moved, offset / length[:, None], mesh.vertices, mesh.triangles)[0].min(1) < length
+            blocked = (
+                intersections(moved, offset / length[:, None], mesh.vertices, mesh.triangles)[
+                    0
+                ].min(1)
+                < length
+            )
             if step == 0:
                 shadowed[:, light] = blocked
             agree[:, light] &= blocked == shadowed[:, light]
@@ -55,11 +71,14 @@ def test_hard_shadows_pixel_by_pixel(tracer_of, name: str, tmp_path: Path):
     counted = lit & agree
     wrong = counted & (found != wanted)
     print(
-        f"{name}: {counted.sum()} rays, {(counted & shadowed).sum()} in shadow, {wrong.sum()} wrong, "
+        f"{name}: {counted.sum()} rays, {(counted & shadowed).sum()} in shadow, {wrong.sum()} "
+        "wrong, "
         f"{(lit & ~agree).sum()} at an edge left out"
     )
     if wrong.any():
-        np.savez(tmp_path / "wrong.npz", points=seen.points, wrong=wrong, found=found, wanted=wanted)
+        np.savez(
+            tmp_path / "wrong.npz", points=seen.points, wrong=wrong, found=found, wanted=wanted
+        )
     assert not wrong.any(), f"see {tmp_path / 'wrong.npz'}"
     assert (counted & shadowed).sum() > 100 and (counted & ~shadowed).sum() > 100
 
@@ -69,13 +88,23 @@ def test_soft_shadows_sample_for_sample(tracer_of, name: str):
     mesh = SCENES[name]
     seen = seen_points(mesh, 16)
     stage = stage_at(LIGHTS.position, side=0.25)
-    terms = tracer_of(mesh).light_terms(seen.points, seen.normals, seen.facing, seen.views, stage, 0.4, 6, seed=4)
+    terms = tracer_of(mesh).light_terms(
+        seen.points, seen.normals, seen.facing, seen.views, stage, 0.4, 6, seed=4
+    )
     square = lattice(len(seen.points), len(stage), 6, 4)
     start = seen.points + SHADOW_OFFSET * seen.facing
     diffuse, specular = direct_light(
-        seen.points, seen.normals, seen.views, stage, 0.4, square, start, (mesh.vertices, mesh.triangles)
+        seen.points,
+        seen.normals,
+        seen.views,
+        stage,
+        0.4,
+        square,
+        start,
+        (mesh.vertices, mesh.triangles),
     )
-    # One of six samples on the other side of an edge changes a pixel by a sixth: rare, and only at edges.
+    # One of six samples on the other side of an edge changes a pixel by a sixth: rare, and only at
+    # edges.
     wrong = np.abs(terms.diffuse - diffuse) > 1e-3 * diffuse.max()
     print(f"{name}: {wrong.sum()} of {wrong.size} soft shadows differ by a sample")
     assert wrong.mean() < 0.005
@@ -90,7 +119,9 @@ def test_a_smooth_shaded_mesh_does_not_shadow_its_lit_side(tracer_of):
     tracer = tracer_of(mesh)
     # Where the light sees the facet at 12 degrees or more, the offset clears the facet's own plane.
     upright = seen.facing[:, 2] > 0.2
-    open_sky = tracer.light_terms(*rows, stage, 0.4, 4, seed=0, asked=Asked(shadows=False)).diffuse[upright]
+    open_sky = tracer.light_terms(*rows, stage, 0.4, 4, seed=0, asked=Asked(shadows=False)).diffuse[
+        upright
+    ]
     shadowed = tracer.light_terms(*rows, stage, 0.4, 4, seed=0).diffuse[upright]
     np.testing.assert_allclose(shadowed, open_sky, rtol=1e-5)
 
@@ -104,7 +135,10 @@ def test_first_hits_off_axis(tracer_of, name: str):
     triangle, _, distance = first_hits(origin, directions, mesh.vertices, mesh.triangles)
     hits = tracer_of(mesh).first_hits(origin, directions)
     same = hits.triangle == triangle
-    print(f"{name}: {(~same).sum()} of {len(same)} rays differ (at shared edges), {(triangle < 0).sum()} miss")
+    print(
+        f"{name}: {(~same).sum()} of {len(same)} rays differ (at shared edges), "
+        f"{(triangle < 0).sum()} miss"
+    )
     assert (~same).sum() <= 3
     hit = same & (triangle >= 0)
     assert hit.sum() > 300
@@ -131,7 +165,9 @@ def test_moving_the_mesh_moves_its_shadow(tracer_of):
     stage = stage_at([[0, 0, 0.8]], side=0.01)
 
     def light() -> float:
-        return float(tracer.light_terms(np.zeros((1, 3)), up, up, up, stage, 0.4, 1, seed=0).diffuse[0, 0])
+        return float(
+            tracer.light_terms(np.zeros((1, 3)), up, up, up, stage, 0.4, 1, seed=0).diffuse[0, 0]
+        )
 
     assert light() == 0
     moved = mesh.vertices.copy()
@@ -142,7 +178,9 @@ def test_moving_the_mesh_moves_its_shadow(tracer_of):
 
 def test_degenerate_and_duplicate_triangles_do_no_harm(tracer_of):
     mesh = plane(0.0)
-    broken = Mesh(mesh.vertices, np.concatenate([[[0, 0, 1], [2, 2, 2]], mesh.triangles, mesh.triangles]))
+    broken = Mesh(
+        mesh.vertices, np.concatenate([[[0, 0, 1], [2, 2, 2]], mesh.triangles, mesh.triangles])
+    )
     directions = np.tile([0.0, 0, -1], (4, 1))
     origin = np.array([[0.1, 0.05, 1], [-0.1, 0.02, 1], [0.05, -0.2, 1], [0.9, 0, 1]])
     hits = tracer_of(broken).first_hits(origin, directions)

@@ -21,7 +21,12 @@ def ball(deviation: np.ndarray) -> ReportData:
     """A ball 80 cm away whose vertices have ``deviation`` (n, 3)."""
     mesh = sphere()
     vertices = np.float32(mesh.vertices - np.array([0, 0, 0.8]))
-    found = result(stage(), vertices=vertices, triangles=mesh.triangles.astype(np.int32), arrays={DEVIATION: deviation})
+    found = result(
+        stage(),
+        vertices=vertices,
+        triangles=mesh.triangles.astype(np.int32),
+        arrays={DEVIATION: deviation},
+    )
     return report_data(result=found)
 
 
@@ -61,9 +66,11 @@ def test_what_is_not_finite_is_drawn_all_the_same(tmp_path: Path) -> None:
 
 def certain(**changes: Any) -> Result:
     arrays = {
-        "deviation/identity": np.array([0.2, 0.9, 1.0]), "deviation_before/identity": np.ones(3),
-        "deviation/expression": np.array([0.0, 0.1]), "deviation_before/expression": np.full(2, 0.35),
-    }  # fmt: skip
+        "deviation/identity": np.array([0.2, 0.9, 1.0]),
+        "deviation_before/identity": np.ones(3),
+        "deviation/expression": np.array([0.0, 0.1]),
+        "deviation_before/expression": np.full(2, 0.35),
+    }
     return result(stage(), arrays=arrays, unobserved={"identity": ["chin"]}, **changes)
 
 
@@ -80,10 +87,17 @@ def test_the_table_holds_what_is_observed_least_certain_first() -> None:
 
 def test_the_page_names_what_is_open(tmp_path: Path) -> None:
     found = certain(
-        null_directions={"count": 7, "of": 90, "by_block": {"lights": 6.2}, "sentences": ["head <size> & distance"]}
+        null_directions={
+            "count": 7,
+            "of": 90,
+            "by_block": {"lights": 6.2},
+            "sentences": ["head <size> & distance"],
+        }
     )
     deviation = np.full((3, 3), 0.5, np.float32)
-    write_report(tmp_path, report_data(result=replace(found, arrays=found.arrays | {DEVIATION: deviation})))
+    write_report(
+        tmp_path, report_data(result=replace(found, arrays=found.arrays | {DEVIATION: deviation}))
+    )
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Of 90 independent directions, 7 rest on the priors alone: about 6 of lights" in page
     assert "head &lt;size&gt; &amp; distance" in page and "±" in page

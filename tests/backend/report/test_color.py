@@ -7,7 +7,8 @@ from facestage.report.color import exposure, shrink, to_srgb8
 
 
 @pytest.mark.parametrize(
-    ("linear", "code"), [(0.0, 0), (1.0, 255), (0.5, 188), (0.18, 118), (0.0031308, 10), (0.21586, 128)]
+    ("linear", "code"),
+    [(0.0, 0), (1.0, 255), (0.5, 188), (0.18, 118), (0.0031308, 10), (0.21586, 128)],
 )
 def test_known_values_of_the_srgb_curve(linear: float, code: int) -> None:
     assert to_srgb8(np.array(linear)) == code
@@ -21,7 +22,9 @@ def test_every_code_value_survives_the_round_trip() -> None:
 
 
 def test_what_is_not_a_number_becomes_black_or_white() -> None:
-    np.testing.assert_array_equal(to_srgb8(np.array([np.nan, -np.inf, -1.0, np.inf, 7.0])), [0, 0, 0, 255, 255])
+    np.testing.assert_array_equal(
+        to_srgb8(np.array([np.nan, -np.inf, -1.0, np.inf, 7.0])), [0, 0, 0, 255, 255]
+    )
 
 
 def test_a_display_referred_photo_keeps_its_exposure() -> None:

@@ -21,7 +21,9 @@ def test_directions_and_places_on_the_map_are_inverse() -> None:
     np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0)
     place = latlong(directions.reshape(-1, 3)).reshape(6, 12, 2)
     np.testing.assert_allclose(place[..., 0], np.broadcast_to((np.arange(12) + 0.5) / 12, (6, 12)))
-    np.testing.assert_allclose(place[..., 1], np.broadcast_to((np.arange(6)[:, None] + 0.5) / 6, (6, 12)))
+    np.testing.assert_allclose(
+        place[..., 1], np.broadcast_to((np.arange(6)[:, None] + 0.5) / 6, (6, 12))
+    )
 
 
 def test_the_map_has_the_camera_in_its_middle_and_right_on_its_right() -> None:
@@ -39,7 +41,9 @@ def test_the_marks_lie_on_the_lights_of_the_probe_that_the_fit_writes() -> None:
         # The file is seen from inside, the report's picture as the camera sees the face.
         probe = rendering.light_probe(replace(stage, radiance=radiance))[:, ::-1]
         (u, v), (height, width) = latlong(stage.position[index]), probe.shape[:2]
-        assert probe[int(v * height), int(u * width)].min() > 0.5, f"light {index + 1} is not at ({u:.3f}, {v:.3f})"
+        assert probe[int(v * height), int(u * width)].min() > 0.5, (
+            f"light {index + 1} is not at ({u:.3f}, {v:.3f})"
+        )
 
 
 def test_a_matte_sphere_in_uniform_light_is_as_bright_as_the_light() -> None:
@@ -55,7 +59,8 @@ def test_both_spheres_are_bright_on_the_side_of_the_light() -> None:
     assert matte[:, MATTE_PIXELS // 2 :].sum() > 100 * matte[:, : MATTE_PIXELS // 2].sum()
     mirror = mirror_sphere(probe, np.eye(3))[..., 0]
     column = np.nonzero(mirror)[1].mean() / MIRROR_PIXELS
-    assert column == pytest.approx(0.5 + 0.5 * np.sin(np.radians(45)), abs=0.02)  # reflected at 45 degrees
+    # reflected at 45 degrees
+    assert column == pytest.approx(0.5 + 0.5 * np.sin(np.radians(45)), abs=0.02)
 
 
 def test_the_camera_turned_half_around_sees_the_other_side_of_the_sphere() -> None:

@@ -20,14 +20,22 @@ def test_the_preview_shows_photo_and_fit_side_by_side(tmp_path: Path) -> None:
 
 def test_a_large_preview_is_shrunk(tmp_path: Path) -> None:
     path = tmp_path / "preview.png"
-    write_preview(path, np.full((3000, 1500, 3), 0.5, np.float32), np.full((3000, 1500, 3), np.nan, np.float32))
+    write_preview(
+        path,
+        np.full((3000, 1500, 3), 0.5, np.float32),
+        np.full((3000, 1500, 3), np.nan, np.float32),
+    )
     with Image.open(path) as image:
         assert max(image.size) <= 400
         pixels = np.asarray(image)
-    assert (pixels[:, : pixels.shape[1] // 2] == 188).all() and (pixels[:, pixels.shape[1] // 2 :] == 0).all()
+    assert (pixels[:, : pixels.shape[1] // 2] == 188).all() and (
+        pixels[:, pixels.shape[1] // 2 :] == 0
+    ).all()
 
 
-def test_a_failed_preview_leaves_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_preview_leaves_the_last_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "preview.png"
     picture = np.full((4, 4, 3), 0.5)
     write_preview(path, picture, picture)

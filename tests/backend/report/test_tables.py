@@ -23,17 +23,29 @@ from facestage.report.tables import (
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (0, "0"), (0.0, "0"), (1.0, "1"), (33.17, "33.17"), (-0.0312345, "−0.03123"), (123456.0, "123500"),
-        (2.5e7, "2.50 × 10⁷"), (-3e-9, "−3.00 × 10⁻⁹"), (None, "–"), (float("nan"), "–"), (np.float32(0.25), "0.25"),
-        (1234567, "1 234 567"), ("some text", "some text"),
+        (0, "0"),
+        (0.0, "0"),
+        (1.0, "1"),
+        (33.17, "33.17"),
+        (-0.0312345, "−0.03123"),
+        (123456.0, "123500"),
+        (2.5e7, "2.50 × 10⁷"),
+        (-3e-9, "−3.00 × 10⁻⁹"),
+        (None, "–"),
+        (float("nan"), "–"),
+        (np.float32(0.25), "0.25"),
+        (1234567, "1 234 567"),
+        ("some text", "some text"),
     ],
-)  # fmt: skip
+)
 def test_numbers_are_written_for_people(value: object, text: str) -> None:
     assert number(value) == text
 
 
 def test_errors_carry_units_and_truth_is_kept_apart() -> None:
-    on_photo, against_truth = error_tables({"psnr": 30.0, "landmark_px": 1.25, "rigid_mm": 2.0, "albedo": 0.05})
+    on_photo, against_truth = error_tables(
+        {"psnr": 30.0, "landmark_px": 1.25, "rigid_mm": 2.0, "albedo": 0.05}
+    )
     assert [(row.value, row.unit) for row in on_photo] == [("30", "dB"), ("1.25", "px")]
     assert [(row.value, row.unit) for row in against_truth] == [("2", "mm"), ("0.05", "linear")]
     assert error_row("worst_vertex_mm", 3.0) == Row("Worst vertex", "3", "mm")
@@ -45,8 +57,9 @@ def test_shares_of_energy_and_time() -> None:
         ("Photo", 0.25, "1"),
     ]
     assert timing_rows({"cold_start": 1.0, "render": 1.0, "total": 4.0}) == [
-        ("Cold start", 0.25, "1"), ("Render", 0.25, "1"),
-    ]  # fmt: skip
+        ("Cold start", 0.25, "1"),
+        ("Render", 0.25, "1"),
+    ]
     assert total_seconds({"a": 1.0, "b": 2.0}) == 3.0
     assert total_seconds({"a": 1.0, "total": 5.0}) == 5.0
 
@@ -68,14 +81,20 @@ def test_where_a_light_stands() -> None:
 def test_the_head_pose_is_shown_in_degrees() -> None:
     pose = np.eye(4)
     angle = np.radians(30)
-    pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    pose[:3, :3] = [
+        [np.cos(angle), 0, np.sin(angle)],
+        [0, 1, 0],
+        [-np.sin(angle), 0, np.cos(angle)],
+    ]
     rows = {row.label: row.value for row in setup_rows(result(stage(), model_to_camera=pose))}
     assert rows["Head yaw, pitch, roll"] == "+30.0, +0.0, +0.0"
     assert rows["Lights"] == "13 on of 20"
 
 
 def test_the_left_out_table_has_a_column_for_each_key() -> None:
-    heads, rows = left_out_table([{"what": "a", "saved_seconds": 1.5}, {"what": "b", "why": "hidden"}])
+    heads, rows = left_out_table(
+        [{"what": "a", "saved_seconds": 1.5}, {"what": "b", "why": "hidden"}]
+    )
     assert heads == ["What", "Saved", "Why"]
     assert rows == [["a", "1.5 s", "–"], ["b", "–", "hidden"]]
 

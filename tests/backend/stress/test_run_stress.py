@@ -33,12 +33,16 @@ def test_there_are_enough_cases_and_each_says_what_it_stresses() -> None:
 
 
 def test_a_case_that_outlives_its_limit_has_hung(tmp_path: Path) -> None:
-    outcome = run_in_child(replace(ANY, seconds=0.5), tmp_path, _child("import time; time.sleep(60)"))
+    outcome = run_in_child(
+        replace(ANY, seconds=0.5), tmp_path, _child("import time; time.sleep(60)")
+    )
     assert outcome.kind == HUNG and outcome.seconds < 20
 
 
 def test_a_child_that_dies_has_crashed_and_its_last_words_are_kept(tmp_path: Path) -> None:
-    outcome = run_in_child(ANY, tmp_path, _child("import os; print('last words', flush=True); os.abort()"))
+    outcome = run_in_child(
+        ANY, tmp_path, _child("import os; print('last words', flush=True); os.abort()")
+    )
     assert outcome.kind == CRASHED
     assert "last words" in outcome.sentence and "SIGABRT" in outcome.sentence
 
@@ -80,7 +84,9 @@ def test_a_case_that_lies_fails_the_run(monkeypatch: pytest.MonkeyPatch, tmp_pat
     def lie(case: Case, folder: Path) -> Outcome:
         folder.mkdir(parents=True)
         (folder / "log.txt").write_text("all is well")
-        return Outcome(case.name, CONVERGED, "Converged: all is well.", mm=25.0, start_mm=1.0, psnr=99.0)
+        return Outcome(
+            case.name, CONVERGED, "Converged: all is well.", mm=25.0, start_mm=1.0, psnr=99.0
+        )
 
     monkeypatch.setattr(run, "run_in_child", lie)
     stream = io.StringIO()
@@ -117,7 +123,8 @@ def test_help_costs_no_renderer() -> None:
     code = (
         "import sys\nfrom facestage.cli import main\n"
         "try:\n    main(['stress', '--help'])\nexcept SystemExit:\n    pass\n"
-        "assert not {'mitsuba', 'numpy', 'facestage.stress'} & set(sys.modules), sorted(sys.modules)"
+        "assert not {'mitsuba', 'numpy', 'facestage.stress'} & set(sys.modules), "
+        "sorted(sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -19,16 +19,48 @@ from facestage.report.stress import (
     write_stress_report,
 )
 
-GOOD = StressRow("plain", "nothing extreme", "converged", "Converged: fine.", (), 0.163, 1.018, 42.27, 458.8, 23, 6.31)
-REFUSED = StressRow("dark", "all <off>", "refused", "All lights are off & dark.", (), None, None, None, None, 0, 0.01)
-WRONG = replace(GOOD, name="liar", faults=("silently wrong: 9.00 mm",), mm=9.0, warnings=("overflow (solver.py:1)",))
+GOOD = StressRow(
+    "plain",
+    "nothing extreme",
+    "converged",
+    "Converged: fine.",
+    (),
+    0.163,
+    1.018,
+    42.27,
+    458.8,
+    23,
+    6.31,
+)
+REFUSED = StressRow(
+    "dark",
+    "all <off>",
+    "refused",
+    "All lights are off & dark.",
+    (),
+    None,
+    None,
+    None,
+    None,
+    0,
+    0.01,
+)
+WRONG = replace(
+    GOOD,
+    name="liar",
+    faults=("silently wrong: 9.00 mm",),
+    mm=9.0,
+    warnings=("overflow (solver.py:1)",),
+)
 
 
 def test_numbers_stand_below_their_heads() -> None:
     head, rule = head_lines()
     (line,) = row_lines(GOOD)
     assert len(line) == len(head) == len(rule)
-    ends = {word: head.index(word) + len(word) for word in ("mm", "start", "dB", "condition", "steps")}
+    ends = {
+        word: head.index(word) + len(word) for word in ("mm", "start", "dB", "condition", "steps")
+    }
     values = {"mm": "0.16", "start": "1.02", "dB": "42.3", "condition": "4.6e+02", "steps": "23"}
     assert {word: line[: ends[word]].split()[-1] for word in ends} == values
     assert line.endswith("6.3")
@@ -47,7 +79,9 @@ def test_missing_numbers_are_dashes() -> None:
 
 
 def test_summary_counts_and_names_who_failed() -> None:
-    assert summary_line([GOOD, REFUSED]).startswith("2 cases in 6 s: 1 converged, 0 stopped with advice, 1 refused")
+    assert summary_line([GOOD, REFUSED]).startswith(
+        "2 cases in 6 s: 1 converged, 0 stopped with advice, 1 refused"
+    )
     assert "none is NaN" in summary_line([GOOD, REFUSED])
     assert summary_line([GOOD, WRONG]).endswith("FAILED: liar.")
 
@@ -86,9 +120,16 @@ def test_page_is_well_formed_and_needs_no_other_file() -> None:
 
 def test_report_is_written_in_three_forms(tmp_path: Path) -> None:
     write_stress_report(tmp_path / "new", [GOOD, WRONG])
-    assert {path.name for path in (tmp_path / "new").iterdir()} == {"stress.html", "stress.txt", "stress.json"}
+    assert {path.name for path in (tmp_path / "new").iterdir()} == {
+        "stress.html",
+        "stress.txt",
+        "stress.json",
+    }
     data = json.loads((tmp_path / "new" / "stress.json").read_text(encoding="utf-8"))
-    assert [(case["name"], case["passed"]) for case in data["cases"]] == [("plain", True), ("liar", False)]
+    assert [(case["name"], case["passed"]) for case in data["cases"]] == [
+        ("plain", True),
+        ("liar", False),
+    ]
     assert "FAILED: liar" in (tmp_path / "new" / "stress.txt").read_text(encoding="utf-8")
 
 

@@ -20,7 +20,9 @@ def _build(folder: Path) -> Job:
 
 
 CASE = Case("name", "about", _build, worst_mm=1.0, worst_psnr=30.0)
-GOOD = Outcome("name", CONVERGED, "Converged: fine.", mm=0.5, start_mm=0.9, psnr=40.0, condition=100.0)
+GOOD = Outcome(
+    "name", CONVERGED, "Converged: fine.", mm=0.5, start_mm=0.9, psnr=40.0, condition=100.0
+)
 
 
 def test_an_honest_fit_passes() -> None:
@@ -55,12 +57,15 @@ def test_advice_may_miss_the_bounds_but_not_be_nan() -> None:
 
 
 @pytest.mark.parametrize(
-    ("right", "passing"), [(DOUBT, {ADVISED, REFUSED}), (REFUSAL, {REFUSED}), ("fit", {CONVERGED, ADVISED})]
+    ("right", "passing"),
+    [(DOUBT, {ADVISED, REFUSED}), (REFUSAL, {REFUSED}), ("fit", {CONVERGED, ADVISED})],
 )
 def test_what_is_right_decides_which_outcomes_pass(right: str, passing: set[str]) -> None:
     case = replace(CASE, right=right)
     found = {
-        kind for kind in (CONVERGED, ADVISED, REFUSED, CRASHED, HUNG) if judge(case, replace(GOOD, kind=kind)).passed
+        kind
+        for kind in (CONVERGED, ADVISED, REFUSED, CRASHED, HUNG)
+        if judge(case, replace(GOOD, kind=kind)).passed
     }
     assert found == passing
 

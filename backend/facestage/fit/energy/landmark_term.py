@@ -17,11 +17,13 @@ from facestage.models.landmark_schemes import Scheme, scheme_of
 
 # A point that the file marks as hidden is a guess of whoever made it.
 HIDDEN_SIGMA = 3.0
-# Cosines of normal and view between which a point turns from one that shows to one that nobody saw, whatever the file
-# says, and how far such a guess may be off: on pictures of known faces detections are two to three times worse there.
+# Cosines of normal and view between which a point turns from one that shows to one that nobody saw,
+# whatever the file says, and how far such a guess may be off: on pictures of known faces detections
+# are two to three times worse there.
 TURNED_AWAY, FACING = -0.25, 0.05
 TURNED_SIGMA = 4.0
-# Cosines between which the outline is where the face ends in the picture, not on a cheek that faces the camera.
+# Cosines between which the outline is where the face ends in the picture, not on a cheek that faces
+# the camera.
 GRAZING, FRONTAL = 0.3, 0.5
 # Beyond three standard deviations a landmark is more likely wrong than unlucky.
 CAUCHY_SCALE = 3.0
@@ -29,7 +31,9 @@ CAUCHY_SCALE = 3.0
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Every surface point that a landmark of a scheme can be: the m of the table, then those of the outline's lines."""
+    """Every surface point that a landmark of a scheme can be: the m of the table, then those of the
+    outline's lines.
+    """
 
     points: SurfacePoints
     corners: np.ndarray  # (all, 3) rendered-vertex indices
@@ -51,10 +55,14 @@ def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
 
 
 class LandmarkTerm:
-    """The landmarks of a photo against a face; :meth:`at` places them on it, in pixels of the working photo."""
+    """The landmarks of a photo against a face; :meth:`at` places them on it, in pixels of the
+    working photo.
+    """
 
     def __init__(self, geometry: FaceGeometry, landmarks: Landmarks, sigma_px: float) -> None:
-        """``sigma_px``: standard deviation of a sharp point, such as the corner of an eye, in pixels."""
+        """``sigma_px``: standard deviation of a sharp point, such as the corner of an eye, in
+        pixels.
+        """
         self.geometry, self.landmarks = geometry, landmarks
         self.scheme: Scheme = scheme_of(landmarks.scheme)
         self._candidates = _candidates(geometry, landmarks.scheme)
@@ -74,12 +82,16 @@ class LandmarkTerm:
         return float(self.scheme.share[np.isfinite(self.sigma)].sum())
 
     def at(self, state: State) -> PlacedLandmarks:
-        """The term around ``state``: which point of the skin each landmark is there, and how well it shows."""
+        """The term around ``state``: which point of the skin each landmark is there, and how well
+        it shows.
+        """
         contour, lines = self.scheme.contour, self._candidates.lines
         chosen = np.arange(len(self.points))
         if lines is not None:
             # Whoever marks a point as hidden did not mark the outline.
-            chosen[contour] = np.where(self.landmarks.visible[contour], self._outermost(lines, state), contour)
+            chosen[contour] = np.where(
+                self.landmarks.visible[contour], self._outermost(lines, state), contour
+            )
         on_face = self._candidates.points.part(chosen)
         cosine = self._cosine(state, chosen)
         share = np.clip((FACING - cosine) / (FACING - TURNED_AWAY), 0.0, 1.0)
@@ -90,11 +102,15 @@ class LandmarkTerm:
         tangent = _tangents(on_face.project(state)[contour])
         along = tangent[:, :, None] * tangent[:, None]
         across = (np.eye(2) - along) / (self.scheme.across**grazing)[:, None, None]
-        whitening[contour] = (across + along / (self.scheme.along**grazing)[:, None, None]) @ whitening[contour]
+        whitening[contour] = (
+            across + along / (self.scheme.along**grazing)[:, None, None]
+        ) @ whitening[contour]
         return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share)
 
     def _outermost(self, lines: ContourLines, state: State) -> np.ndarray:
-        """(k,) which candidate shows furthest from the axis of the face, in each line; itself where no cheek shows."""
+        """(k,) which candidate shows furthest from the axis of the face, in each line; itself where
+        no cheek shows.
+        """
         count = lines.corners.shape[1]
         pixels = self._candidates.points.project(state)[len(self.points) :].reshape(-1, count, 2)
         ends = np.concatenate([lines.centre[None], lines.centre + 0.01 * lines.outward])
@@ -102,16 +118,26 @@ class LandmarkTerm:
         outward = np.einsum("kcx,kx->kc", pixels, ends[1:] - ends[:1])
         # Of equals the last, which is the landmark itself.
         last = count - 1 - np.nan_to_num(outward)[:, ::-1].argmax(axis=1)
-        # Furthest out at the start of the line: what is seen there is nose or mouth, and the cheek is behind it.
+        # Furthest out at the start of the line: what is seen there is nose or mouth, and the cheek
+        # is behind it.
         slides = (last > 0) & (last < count - 1)
-        return np.where(slides, len(self.points) + count * np.arange(len(pixels)) + last, self.scheme.contour)
+        return np.where(
+            slides, len(self.points) + count * np.arange(len(pixels)) + last, self.scheme.contour
+        )
 
     def _cosine(self, state: State, chosen: np.ndarray) -> np.ndarray:
-        """(m,) of the angle between the normal of the ``chosen`` candidates and the view: 1 towards the camera."""
+        """(m,) of the angle between the normal of the ``chosen`` candidates and the view: 1 towards
+        the camera.
+        """
         corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
         shape = self.geometry.vertices(state.identity, state.expression)
-        normals = np.einsum("mi,mix->mx", weights, self.geometry.vertex_normals(shape)[0][corners]) @ state.rotation.T
-        points = np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
+        normals = (
+            np.einsum("mi,mix->mx", weights, self.geometry.vertex_normals(shape)[0][corners])
+            @ state.rotation.T
+        )
+        points = (
+            np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
+        )
         scale = np.linalg.norm(points, axis=1) * np.linalg.norm(normals, axis=1)
         return -np.einsum("mx,mx->m", points, normals) / np.maximum(scale, 1e-20)
 
@@ -124,14 +150,20 @@ def _tangents(line: np.ndarray) -> np.ndarray:
 
 
 def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) -> np.ndarray:
-    """(m, 2) where the landmarks of a photo lie on the face at ``state``, those of the outline on the outline."""
+    """(m, 2) where the landmarks of a photo lie on the face at ``state``, those of the outline on
+    the outline.
+    """
     return LandmarkTerm(geometry, landmarks, 1.0).at(state).project(state)
 
 
 class PlacedLandmarks:
-    """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the skin."""
+    """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the
+    skin.
+    """
 
-    def __init__(self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: np.ndarray) -> None:
+    def __init__(
+        self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: np.ndarray
+    ) -> None:
         """``points`` (m, 2) pixels; ``whitening`` (m, 2, 2) takes pixels to standard deviations.
 
         ``share`` (m,): of an independent point that each stands for.

@@ -1,10 +1,12 @@
-"""The photometric term: derivatives of the rendered radiance by every parameter, streamed in blocks.
+"""The photometric term: derivatives of the rendered radiance by every parameter, streamed in
+blocks.
 
-The visibility of lights is held fixed unless the edges of shadows are given (shadow_edges.py); everything else is
-exact but for the focal length, whose column leaves out that the lit point also shifts sideways and is seen from
-elsewhere (a tenth of it, with lights a metre away; the landmarks carry most of what is known of the lens). At a
-fixed pixel, moving the surface by dx changes where its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray],
-which moves albedo, normal and specular value across the triangle and the point along the ray.
+The visibility of lights is held fixed unless the edges of shadows are given (shadow_edges.py);
+everything else is exact but for the focal length, whose column leaves out that the lit point also
+shifts sideways and is seen from elsewhere (a tenth of it, with lights a metre away; the landmarks
+carry most of what is known of the lens). At a fixed pixel, moving the surface by dx changes where
+its ray lands: (db1, db2, dt) = -M^-1 dx with M = [e1, e2, -ray], which moves albedo, normal and
+specular value across the triangle and the point along the ray.
 """
 
 from __future__ import annotations
@@ -32,13 +34,14 @@ SHAPE = ("pose", "focal", "identity", "expression")
 class JacobianBlock:
     """Rows of the Jacobian for B pixels, kept in the factors that it is made of.
 
-    d color / d radiance is one (B, n) matrix per channel, because light of one color lights that color only;
-    d color / d specular texels is ``gloss`` times ``texels``.
+    d color / d radiance is one (B, n) matrix per channel, because light of one color lights that
+    color only; d color / d specular texels is ``gloss`` times ``texels``.
     """
 
     pixels: slice
     dense: np.ndarray  # (3, B, columns) float32, the columns of _Differential.dense_columns
-    lights: np.ndarray  # (3, B, n) float32, d color by the radiance of the lights of _Differential.light_index
+    # (3, B, n) float32, d color by the radiance of the lights of _Differential.light_index
+    lights: np.ndarray
     gloss: np.ndarray  # (B, 3) specular radiance at c_spec = 1
     texels: sp.csr_matrix | None  # (B, texels) bilinear weights; None when the map is not asked for
 
@@ -46,15 +49,25 @@ class JacobianBlock:
 class Jacobian:
     """d color / d parameters of one evaluation, in blocks of pixels.
 
-    ``active`` (size,) bool marks the wanted parameters. What is zero for every pixel has no column: a mode that
-    moves nothing seen (unless ``all_columns``), a light that reaches nothing.
+    ``active`` (size,) bool marks the wanted parameters. What is zero for every pixel has no column:
+    a mode that moves nothing seen (unless ``all_columns``), a light that reaches nothing.
     """
 
     def __init__(
-        self, forward: ForwardModel, state: State, image: Image, layout: Layout, active: np.ndarray,
-        all_columns: bool = False, positions: PositionDerivatives | None = None, edges: ShadowEdges | None = None,
-    ) -> None:  # fmt: skip
-        """``positions``: needed where ``active`` asks for places of lights. ``edges``: shadows move with the shape."""
+        self,
+        forward: ForwardModel,
+        state: State,
+        image: Image,
+        layout: Layout,
+        active: np.ndarray,
+        all_columns: bool = False,
+        positions: PositionDerivatives | None = None,
+        edges: ShadowEdges | None = None,
+    ) -> None:
+        """``positions``: needed where ``active`` asks for places of lights.
+
+        ``edges``: shadows move with the shape.
+        """
         self.positions, self.edges = positions, edges
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
@@ -72,16 +85,22 @@ class Jacobian:
         if positions is None:
             chosen[layout.slices["light_position"]] = False
         self.dense_columns = np.flatnonzero(chosen)  # entries of the parameter vector
-        self.unseen = int(active[shape].sum() - chosen[shape].sum())  # wanted, but zero for every pixel
+        # wanted, but zero for every pixel
+        self.unseen = int(active[shape].sum() - chosen[shape].sum())
         reach = np.ones(len(image.radiance), bool)
         if not all_columns:
             reach = image.terms.diffuse.any(axis=0) | image.terms.specular.any(axis=0)
         # Among the fitted lights; their radiance by the light parameters.
-        index = np.flatnonzero(forward.lights.fitted & reach) if self.active["lights"] else np.zeros(0, int)
+        index = (
+            np.flatnonzero(forward.lights.fitted & reach)
+            if self.active["lights"]
+            else np.zeros(0, int)
+        )
         self.light_index = index
         self.unseen += (int(forward.lights.fitted.sum()) - len(index)) * self.active["lights"]
         place = np.cumsum(forward.lights.fitted) - 1
-        self.light_jacobian = forward.lights.jacobian(state.lights)[place[index]]  # (n, 3, light parameters)
+        # (n, 3, light parameters)
+        self.light_jacobian = forward.lights.jacobian(state.lights)[place[index]]
 
     def _prepare_shape(self, chosen: np.ndarray, shape: slice, all_columns: bool) -> None:
         """The modes' motion of the seen vertices and of their normals, and which modes have any."""
@@ -105,10 +124,14 @@ class Jacobian:
         # No mode at all is a shape that reshape cannot guess.
         positions = basis[seen[around]].reshape(3 * self._seen_count, len(modes))
         basis = basis.reshape(3 * int(around.sum()), len(modes))
-        self._shape_basis = np.concatenate([positions, operator @ basis])  # (6 seen vertices, modes)
+        # (6 seen vertices, modes)
+        self._shape_basis = np.concatenate([positions, operator @ basis])
         if self.edges is not None:
-            basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][:, :, modes]
-            self._edge_basis = basis.reshape(3 * len(basis), len(modes))  # (3 vertices that cast shadows, modes)
+            basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][
+                :, :, modes
+            ]
+            # (3 vertices that cast shadows, modes)
+            self._edge_basis = basis.reshape(3 * len(basis), len(modes))
 
     def blocks(self, size: int = BLOCK_PIXELS) -> Iterator[JacobianBlock]:
         """All pixels, ``size`` at a time."""
@@ -135,13 +158,17 @@ class Jacobian:
         if active["albedo"]:
             parts.append(self._albedo(part))
         if active["roughness"]:
-            by_roughness = brdf.K_SPECULAR * image.c_spec[part, None] * image.terms.specular_by_roughness[part]
+            by_roughness = (
+                brdf.K_SPECULAR * image.c_spec[part, None] * image.terms.specular_by_roughness[part]
+            )
             parts.append(by_roughness.T[..., None])
         dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
         if parts:
             np.concatenate(parts, axis=2, out=dense, casting="same_kind")
         texels = self._texels(part) if active["specular"] else None
-        return JacobianBlock(part, dense, self._lights(part), brdf.K_SPECULAR * image.specular[part], texels)
+        return JacobianBlock(
+            part, dense, self._lights(part), brdf.K_SPECULAR * image.specular[part], texels
+        )
 
     def _wanted(self, name: str) -> np.ndarray:
         where = self.layout.slices[name]
@@ -154,16 +181,26 @@ class Jacobian:
         The motion term already contains what sliding across the triangle changes.
         """
         image, surface, terms = self.image, self.image.surface, self.image.terms
-        albedo, c_spec = image.albedo[part] * (brdf.K_DIFFUSE / np.pi), brdf.K_SPECULAR * image.c_spec[part, None]
+        albedo, c_spec = (
+            image.albedo[part] * (brdf.K_DIFFUSE / np.pi),
+            brdf.K_SPECULAR * image.c_spec[part, None],
+        )
         by_depth = albedo * terms.diffuse_by_depth[part] + c_spec * terms.specular_by_depth[part]
-        by_unit = albedo[..., None] * terms.diffuse_by_normal[part] + c_spec[..., None] * terms.specular_by_normal[part]
-        # Through the normalisation of the interpolated normal: tangential part only, over its length.
+        by_unit = (
+            albedo[..., None] * terms.diffuse_by_normal[part]
+            + c_spec[..., None] * terms.specular_by_normal[part]
+        )
+        # Through the normalisation of the interpolated normal: tangential part only, over its
+        # length.
         normal, length = surface.normals[part], surface.normal_length[part]
         along = np.einsum("pcx,px->pc", by_unit, normal)
         by_normal = (by_unit - along[..., None] * normal[:, None]) / length[:, None, None]
 
         corners = surface.vertices[surface.corners[part]]
-        edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], -surface.rays[part]], axis=-1)
+        edges = np.stack(
+            [corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], -surface.rays[part]],
+            axis=-1,
+        )
         inverse = _inverse3(edges)  # rows: db1, db2, dt per -dx
         by_edge = []
         corner_normals = surface.corner_normals[part]
@@ -173,7 +210,9 @@ class Jacobian:
         gradient = _texture_gradient(self.state.specular, self.forward.uvs(surface.part(part)))
         for edge in (1, 2):
             change = diffuse_color * (logs[:, edge] - logs[:, 0])
-            change += np.einsum("pcx,px->pc", by_normal, corner_normals[:, edge] - corner_normals[:, 0])
+            change += np.einsum(
+                "pcx,px->pc", by_normal, corner_normals[:, edge] - corner_normals[:, 0]
+            )
             spec_change = np.einsum("px,px->p", gradient, uvs[:, edge] - uvs[:, 0])
             change += brdf.K_SPECULAR * image.specular[part] * spec_change[:, None]
             by_edge.append(change)
@@ -188,10 +227,14 @@ class Jacobian:
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
         result = np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
-        return result if self.edges is None else result + self.edges.pose(part, self.state.translation)
+        return (
+            result if self.edges is None else result + self.edges.pose(part, self.state.translation)
+        )
 
     def _focal(self, part: slice, slide: np.ndarray) -> np.ndarray:
-        """(3, B, 1) by log focal: rays turn towards the axis, as if the surface moved the other way."""
+        """(3, B, 1) by log focal: rays turn towards the axis, as if the surface moved the other
+        way.
+        """
         surface = self.image.surface
         ray = surface.rays[part]
         flat = np.stack([-ray[:, 0], -ray[:, 1], np.zeros(len(ray))], axis=1)
@@ -204,13 +247,19 @@ class Jacobian:
         return result[..., None]
 
     def _shape(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
-        """(3, B, modes) by the chosen identity and expression weights, through sparse corner coefficients."""
+        """(3, B, modes) by the chosen identity and expression weights, through sparse corner
+        coefficients.
+        """
         surface, rotation = self.image.surface, self.state.rotation
         corners, weights = surface.corners[part], surface.weights[part]
         count = len(corners)
-        coefficients = np.empty((CHANNELS, count, 2, 3, 3), np.float32)  # position or normal, corner, xyz
-        coefficients[:, :, 0] = (slide @ rotation).transpose(1, 0, 2)[:, :, None] * weights[:, :, None]
-        turned = (by_normal @ rotation)[:, :, None] * weights[:, None, :, None]  # (B, channel, corner, xyz)
+        # position or normal, corner, xyz
+        coefficients = np.empty((CHANNELS, count, 2, 3, 3), np.float32)
+        coefficients[:, :, 0] = (slide @ rotation).transpose(1, 0, 2)[:, :, None] * weights[
+            :, :, None
+        ]
+        # (B, channel, corner, xyz)
+        turned = (by_normal @ rotation)[:, :, None] * weights[:, None, :, None]
         unit = (surface.corner_normals[part] @ rotation)[:, None]
         turned -= (turned * unit).sum(-1, keepdims=True) * unit
         turned /= np.maximum(surface.normal_scale[corners], 1e-20)[:, None, :, None]
@@ -220,9 +269,15 @@ class Jacobian:
         column = np.broadcast_to(column, coefficients.shape).ravel()
         pointer = np.arange(0, CHANNELS * count * 18 + 1, 18)
         shape = (CHANNELS * count, len(self._shape_basis))
-        product = sp.csr_matrix((coefficients.ravel(), column, pointer), shape=shape) @ self._shape_basis
+        product = (
+            sp.csr_matrix((coefficients.ravel(), column, pointer), shape=shape) @ self._shape_basis
+        )
         result = product.reshape(CHANNELS, count, self._shape_basis.shape[1])
-        return result if self.edges is None else result + self.edges.shape(part, rotation, self._edge_basis)
+        return (
+            result
+            if self.edges is None
+            else result + self.edges.shape(part, rotation, self._edge_basis)
+        )
 
     def _lights(self, part: slice) -> np.ndarray:
         """(3, B, n): the color is linear in the radiance."""
@@ -233,7 +288,9 @@ class Jacobian:
         specular *= (brdf.K_SPECULAR * image.c_spec[part, None]).astype(np.float32)
         result = np.empty((CHANNELS, *diffuse.shape), np.float32)
         for channel in range(CHANNELS):
-            albedo = (image.albedo[part, channel, None] * (brdf.K_DIFFUSE / np.pi)).astype(np.float32)
+            albedo = (image.albedo[part, channel, None] * (brdf.K_DIFFUSE / np.pi)).astype(
+                np.float32
+            )
             np.multiply(albedo, diffuse, out=result[channel])
             result[channel] += specular
         return result
@@ -255,12 +312,18 @@ class Jacobian:
         image, surface, modes = self.image, self.image.surface, self._albedo_modes
         corners, count = surface.corners[part], part.stop - part.start
         pick = sp.csr_matrix(
-            (surface.weights[part].astype(np.float32).ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)),
+            (
+                surface.weights[part].astype(np.float32).ravel(),
+                corners.ravel(),
+                np.arange(0, 3 * count + 1, 3),
+            ),
             shape=(count, modes.shape[1]),
         )
         color = image.albedo[part] * image.diffuse[part] * (brdf.K_DIFFUSE / np.pi)
         color = (color * (image.albedo[part] < brdf.ALBEDO_MAX)).astype(np.float32)
-        return np.stack([(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)])
+        return np.stack(
+            [(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)]
+        )
 
     def _texels(self, part: slice) -> sp.csr_matrix:
         """(B, texels): bilinear weights."""
@@ -268,17 +331,23 @@ class Jacobian:
         index, weight = bilinear_weights(self.forward.uvs(self.image.surface.part(part)), size)
         count = len(index)
         pointer = np.arange(0, count * 4 + 1, 4)
-        return sp.csr_matrix((weight.astype(np.float32).ravel(), index.ravel(), pointer), shape=(count, size * size))
+        return sp.csr_matrix(
+            (weight.astype(np.float32).ravel(), index.ravel(), pointer), shape=(count, size * size)
+        )
 
 
 def _inverse3(matrix: np.ndarray) -> np.ndarray:
-    """(P, 3, 3) inverses by the adjugate; a ray that grazes its triangle gives zeros, not infinity."""
+    """(P, 3, 3) inverses by the adjugate; a ray that grazes its triangle gives zeros, not
+    infinity.
+    """
     a, b, c = matrix[..., 0], matrix[..., 1], matrix[..., 2]
     rows = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     determinant = np.einsum("px,px->p", a, rows[:, 0])
     scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) * np.linalg.norm(c, axis=1)
     safe = np.abs(determinant) > 1e-3 * np.maximum(scale, 1e-30)
-    return np.where(safe[:, None, None], rows / np.where(safe, determinant, 1.0)[:, None, None], 0.0)
+    return np.where(
+        safe[:, None, None], rows / np.where(safe, determinant, 1.0)[:, None, None], 0.0
+    )
 
 
 def _texture_gradient(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
@@ -289,7 +358,10 @@ def _texture_gradient(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
     inside_y = ((1 - uvs[:, 1]) * size > 0.5) & ((1 - uvs[:, 1]) * size < size - 0.5)
     x = np.clip(uvs[:, 0] * size - 0.5, 0, size - 1)
     y = np.clip((1 - uvs[:, 1]) * size - 0.5, 0, size - 1)
-    fx, fy = x - np.minimum(x.astype(int), max(size - 2, 0)), y - np.minimum(y.astype(int), max(size - 2, 0))
+    fx, fy = (
+        x - np.minimum(x.astype(int), max(size - 2, 0)),
+        y - np.minimum(y.astype(int), max(size - 2, 0)),
+    )
     corner = texture.ravel()[index]
     by_x = (1 - fy) * (corner[:, 1] - corner[:, 0]) + fy * (corner[:, 3] - corner[:, 2])
     by_y = (1 - fx) * (corner[:, 2] - corner[:, 0]) + fx * (corner[:, 3] - corner[:, 1])

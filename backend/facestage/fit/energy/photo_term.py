@@ -57,19 +57,33 @@ class PhotoTerm:
     """Residuals of the photo over the skin pixels, with weights from the noise they show."""
 
     def __init__(
-        self, forward: ForwardModel, photo: Photo, samples: int, blocks: Collection[str] = BLOCKS,
-        plan: Plan | None = None, held: int = 0, pivot: np.ndarray | None = None, casting: np.ndarray | None = None,
-    ) -> None:  # fmt: skip
-        """``blocks`` of parameters are those whose derivatives will be asked for; ``held`` parameters are frozen.
+        self,
+        forward: ForwardModel,
+        photo: Photo,
+        samples: int,
+        blocks: Collection[str] = BLOCKS,
+        plan: Plan | None = None,
+        held: int = 0,
+        pivot: np.ndarray | None = None,
+        casting: np.ndarray | None = None,
+    ) -> None:
+        """``blocks`` of parameters are those whose derivatives will be asked for; ``held``
+        parameters are frozen.
 
-        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn. ``casting`` (N,) bool: the
-        lights whose shadows the derivatives know to move; None: no light's do.
+        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn. ``casting``
+        (N,) bool: the lights whose shadows the derivatives know to move; None: no light's do.
         """
         self.pivot = np.zeros(3) if pivot is None else pivot
-        self.forward, self.photo, self.samples, self.blocks = forward, photo, samples, frozenset(blocks)
+        self.forward, self.photo, self.samples, self.blocks = (
+            forward,
+            photo,
+            samples,
+            frozenset(blocks),
+        )
         self.plan, self.held = Plan() if plan is None else plan, held
         self.casting = casting
-        # (N,) bool, lights that are left out while they are dark; set by whoever knows the gradient.
+        # (N,) bool, lights that are left out while they are dark; set by whoever knows the
+        # gradient.
         self.resting: np.ndarray | None = None
 
     def pixels(self, state: State) -> np.ndarray:
@@ -88,11 +102,13 @@ class PhotoTerm:
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
-    def evaluate(self, state: State, stage: LightStage, seed: int, everything: bool = False) -> Evaluation:
+    def evaluate(
+        self, state: State, stage: LightStage, seed: int, everything: bool = False
+    ) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
 
-        ``stage``: camera frame, before its lights are turned by ``state.light_position``. ``everything``: lights
-        that rest are traced too.
+        ``stage``: camera frame, before its lights are turned by ``state.light_position``.
+        ``everything``: lights that rest are traced too.
         """
         rules, ledger = self.plan.rules, self.plan.ledger
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
@@ -135,7 +151,9 @@ class PhotoTerm:
             traced = ~self.resting
         pixels = len(surface.pixels)
         with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
-            terms = self.forward.light_terms(state, surface, stage, self.samples, seed, self._asked(state), traced)
+            terms = self.forward.light_terms(
+                state, surface, stage, self.samples, seed, self._asked(state), traced
+            )
             done["rays"] = terms.pairs * self.samples
         ledger.skip("lights", samples=pixels * self.samples * int((~traced).sum()))
         ledger.skip("facing", rays=(pixels * int(traced.sum()) - terms.pairs) * self.samples)
@@ -146,11 +164,18 @@ class PhotoTerm:
             return Asked(by_surface=True, by_roughness=True)
         return Asked(
             specular="specular" in self.blocks or bool(state.specular.any()),
-            by_surface=not self.blocks.isdisjoint(SHAPE), by_roughness="roughness" in self.blocks,
-        )  # fmt: skip
+            by_surface=not self.blocks.isdisjoint(SHAPE),
+            by_roughness="roughness" in self.blocks,
+        )
 
     def _with_penumbra(
-        self, state: State, surface: Surface, stage: LightStage, terms: LightTerms, weight: np.ndarray, seed: int
+        self,
+        state: State,
+        surface: Surface,
+        stage: LightStage,
+        terms: LightTerms,
+        weight: np.ndarray,
+        seed: int,
     ) -> tuple[LightTerms, Penumbra | None]:
         """``terms`` with more samples where a casting light is partly hidden, and where that is."""
         ledger = self.plan.ledger
@@ -163,14 +188,22 @@ class PhotoTerm:
         if self.casting is None:
             return terms, None
         with ledger.timed() as done:
-            penumbra = find_penumbra(self.forward, state, surface, stage, weight, self.casting, seed)
+            penumbra = find_penumbra(
+                self.forward, state, surface, stage, weight, self.casting, seed
+            )
             done["lines"] = penumbra.lines
             asked = self._asked(state)
-            terms = refined(self.forward, state, surface, stage, terms, penumbra, self.samples, seed, asked)
+            terms = refined(
+                self.forward, state, surface, stage, terms, penumbra, self.samples, seed, asked
+            )
         return terms, penumbra
 
-    def penumbra_share(self, state: State, stage: LightStage, casting: np.ndarray, seed: int) -> float:
-        """Share of the light on the compared pixels, unshadowed, that comes from partly hidden ``casting`` lights."""
+    def penumbra_share(
+        self, state: State, stage: LightStage, casting: np.ndarray, seed: int
+    ) -> float:
+        """Share of the light on the compared pixels, unshadowed, that comes from partly hidden
+        ``casting`` lights.
+        """
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
         weight = self._base_weight(surface)[self.index(surface)]
         placed = turned(stage, state.light_position, self.pivot)
@@ -199,10 +232,17 @@ class PhotoTerm:
         pixels = len(evaluation.image.color)
         with ledger.timed(lit=0) as done:
             jacobian = Jacobian(
-                self.forward, evaluation.state, evaluation.image, layout, wanted, all_columns=not rules.columns,
-                positions=self.position_derivatives(evaluation, wanted[layout.slices["light_position"]]),
+                self.forward,
+                evaluation.state,
+                evaluation.image,
+                layout,
+                wanted,
+                all_columns=not rules.columns,
+                positions=self.position_derivatives(
+                    evaluation, wanted[layout.slices["light_position"]]
+                ),
                 edges=self._edges(evaluation, wanted[layout.mask(SHAPE)]),
-            )  # fmt: skip
+            )
             columns = len(jacobian.dense_columns) + len(jacobian.light_index)
             done["cells"] = pixels * columns
             system = NormalEquations(jacobian, layout)
@@ -215,26 +255,40 @@ class PhotoTerm:
         return system.assembled()
 
     def _edges(self, evaluation: Evaluation, shape: np.ndarray) -> ShadowEdges | None:
-        """Where the shadows' edges lie; None when nothing of the ``shape`` (n,) bool is wanted, or no light counts."""
+        """Where the shadows' edges lie; None when nothing of the ``shape`` (n,) bool is wanted, or
+        no light counts.
+        """
         if evaluation.penumbra is None or not shape.any():
             return None
         placed = turned(evaluation.stage, evaluation.state.light_position, self.pivot)
         with self.plan.ledger.timed(lines=0):
-            return shadow_edges(self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra)
+            return shadow_edges(
+                self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra
+            )
 
-    def position_derivatives(self, evaluation: Evaluation, wanted: np.ndarray) -> PositionDerivatives | None:
+    def position_derivatives(
+        self, evaluation: Evaluation, wanted: np.ndarray
+    ) -> PositionDerivatives | None:
         """By the places of the ``wanted`` (2 N,) bool lights; None when there are none."""
         moving = wanted.reshape(-1, AXES).any(axis=1)
         if not moving.any():
             return None
         return position_derivatives(
-            self.forward, evaluation.state, evaluation.image.surface, evaluation.stage, self.pivot, moving,
-            self.samples, evaluation.seed,
-        )  # fmt: skip
+            self.forward,
+            evaluation.state,
+            evaluation.image.surface,
+            evaluation.stage,
+            self.pivot,
+            moving,
+            self.samples,
+            evaluation.seed,
+        )
 
 
 def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:
     """Photo energies of two evaluations under the same weights, over the pixels that both see."""
     both = (old.base_weight > 0) & (new.base_weight > 0)
     shared = np.where(both, weights, 0.0)[..., None]
-    return 0.5 * float((shared * old.residual**2).sum()), 0.5 * float((shared * new.residual**2).sum())
+    return 0.5 * float((shared * old.residual**2).sum()), 0.5 * float(
+        (shared * new.residual**2).sum()
+    )

@@ -1,4 +1,6 @@
-"""What a job does not need: the rules that leave it out, and the ledger of what was done and what was not."""
+"""What a job does not need: the rules that leave it out, and the ledger of what was done and what
+was not.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,19 @@ from facestage.contract.job import LEAN
 
 @dataclass(frozen=True)
 class Rules:
-    """Which omissions are made. None of them changes the answer beyond rounding; each can be turned off."""
+    """Which omissions are made.
 
-    pixels: bool = True  # pixels of weight zero are not lit, nor looked for outside the face's bounding box
-    lights: bool = True  # lights that are off, or were fitted to zero and want to stay there, are not traced
-    columns: bool = True  # no column of the Jacobian for what is frozen, or moves nothing that is seen
-    terms: bool = True  # no derivative by the surface while it rests, no highlight while there is none
+    None of them changes the answer beyond rounding; each can be turned off.
+    """
+
+    # pixels of weight zero are not lit, nor looked for outside the face's bounding box
+    pixels: bool = True
+    # lights that are off, or were fitted to zero and want to stay there, are not traced
+    lights: bool = True
+    # no column of the Jacobian for what is frozen, or moves nothing that is seen
+    columns: bool = True
+    # no derivative by the surface while it rests, no highlight while there is none
+    terms: bool = True
 
     @classmethod
     def of(cls, plan: str) -> Rules:
@@ -64,10 +73,16 @@ class Ledger:
     def rate(self, kind: str) -> float | None:
         """Units per second of a kind of work in this run; None when there was none."""
         work = self.work.get(kind)
-        return None if work is None or work.seconds <= 0 or work.units <= 0 else work.units / work.seconds
+        return (
+            None
+            if work is None or work.seconds <= 0 or work.units <= 0
+            else work.units / work.seconds
+        )
 
     def saved(self, rule: str) -> dict[str, tuple[float, float | None]]:
-        """By kind: the units that ``rule`` left out, and the seconds they would have taken at this run's rate."""
+        """By kind: the units that ``rule`` left out, and the seconds they would have taken at this
+        run's rate.
+        """
         result = {}
         for (name, kind), units in self.skipped.items():
             if name == rule:

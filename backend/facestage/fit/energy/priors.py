@@ -1,4 +1,6 @@
-"""What is known before the photo: statistics of faces, of skin and of light (E_prior and E_light)."""
+"""What is known before the photo: statistics of faces, of skin and of light (E_prior and
+E_light).
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,9 @@ EXPRESSION_SIGMA = 0.35
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
 SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
-# E_light, relative to the mean light: how much the channels of one light differ, and how bright it is. Lamps may be
-# of any color; that all of them together tint the skin cannot be told from the skin's own color.
+# E_light, relative to the mean light: how much the channels of one light differ, and how bright it
+# is. Lamps may be of any color; that all of them together tint the skin cannot be told from the
+# skin's own color.
 LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA, LIGHT_TINT_SIGMA = 0.4, 3.0, 0.06
 # How far a lamp stands from the nearest light of the lattice, in spacings of the lattice.
 LIGHT_POSITION_SHARE = 0.4
@@ -35,18 +38,29 @@ class Quadratic:
 
 
 class Priors:
-    """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the lights."""
+    """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the
+    lights.
+    """
 
     def __init__(
-        self, layout: Layout, state: State, expression_box: bool | np.ndarray, weights: Weights,
-        light_scale: float = 1.0, stage_lights: int | None = None, focal_sigma: float = FOCAL_SIGMA,
-    ) -> None:  # fmt: skip
-        """``expression_box``: which expressions (e,), or whether all, have weights in 0..1; others are Gaussian.
+        self,
+        layout: Layout,
+        state: State,
+        expression_box: bool | np.ndarray,
+        weights: Weights,
+        light_scale: float = 1.0,
+        stage_lights: int | None = None,
+        focal_sigma: float = FOCAL_SIGMA,
+    ) -> None:
+        """``expression_box``: which expressions (e,), or whether all, have weights in 0..1; others
+        are Gaussian.
 
-        ``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no escape.
+        ``light_scale``: the mean radiance that E_light is relative to. Fixed, so that black is no
+        escape.
 
         ``focal_sigma``: standard deviation of the logarithm of the focal length of ``state``.
-        ``stage_lights``: lights of the whole stage, those that are off too; by default those of ``state``.
+        ``stage_lights``: lights of the whole stage, those that are off too; by default those of
+        ``state``.
         """
         self.layout, self.weights, self.light_scale = layout, weights, light_scale
         self.expression_sigma = np.where(expression_box, EXPRESSION_SIGMA, 1.0)
@@ -56,13 +70,19 @@ class Priors:
         # Blocks whose priors another photo of the same person carries.
         self.omitted: frozenset[str] = frozenset()
 
-    def _residual_operators(self, lights: LightParameters) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:
-        """Per term: block, operator A and offset b of the residual A x - b in standard deviations."""
+    def _residual_operators(
+        self, lights: LightParameters
+    ) -> dict[str, tuple[slice, sp.spmatrix, np.ndarray]]:
+        """Per term: block, operator A and offset b of the residual A x - b in standard
+        deviations.
+        """
         slices = self.layout.slices
         prior = np.sqrt(self.weights.prior)
         size = slices["specular"].stop - slices["specular"].start
 
-        def scaled(name: str, mean: float, sigma: float | np.ndarray) -> tuple[slice, sp.spmatrix, np.ndarray]:
+        def scaled(
+            name: str, mean: float, sigma: float | np.ndarray
+        ) -> tuple[slice, sp.spmatrix, np.ndarray]:
             inverse = np.broadcast_to(prior / sigma, slices[name].stop - slices[name].start)
             return slices[name], sp.diags(inverse, format="csr"), mean * inverse
 
@@ -86,7 +106,9 @@ class Priors:
                 np.zeros(self.smoothness.shape[0]),
             ),
             "light": (slices["lights"], light_operator * light, light_offset * light),
-            "light_position": scaled("light_position", 0.0, LIGHT_POSITION_SHARE * spacing(self._lights)),
+            "light_position": scaled(
+                "light_position", 0.0, LIGHT_POSITION_SHARE * spacing(self._lights)
+            ),
         }
         omitted = [slices[name] for name in self.omitted]
         return {name: term for name, term in terms.items() if term[0] not in omitted}
@@ -114,7 +136,9 @@ class Priors:
 
 
 def _light_operator(lights: LightParameters, mean: float) -> tuple[sp.spmatrix, np.ndarray]:
-    """E_light = sum_j |l_j - m_j|^2 (Dib et al. 2019, eq. 5), relative to the mean radiance; tint and a weak level."""
+    """E_light = sum_j |l_j - m_j|^2 (Dib et al. 2019, eq. 5), relative to the mean radiance; tint
+    and a weak level.
+    """
     count = int(lights.fitted.sum())
     if count == 0:
         return sp.csr_matrix((0, 0)), np.zeros(0)

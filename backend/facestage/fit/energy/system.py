@@ -12,7 +12,9 @@ from facestage.fit.face.state import State
 class System:
     """The quadratic model around one state, with its weights frozen."""
 
-    def __init__(self, energy: Energy, state: State, evaluation: Evaluation | None, active: np.ndarray) -> None:
+    def __init__(
+        self, energy: Energy, state: State, evaluation: Evaluation | None, active: np.ndarray
+    ) -> None:
         self.energy, self.state, self.evaluation = energy, state, evaluation
         lights = energy.light_parameters
         prior = energy.priors.quadratic(state, lights)
@@ -27,7 +29,9 @@ class System:
         # Most columns are those of light and skin, which move no landmark.
         moving = np.flatnonzero(jacobian.any(axis=0))
         jacobian = jacobian[:, moving]
-        self.hessian[np.ix_(moving, moving)] += jacobian.T @ (jacobian * self._landmark_weights[:, None])
+        self.hessian[np.ix_(moving, moving)] += jacobian.T @ (
+            jacobian * self._landmark_weights[:, None]
+        )
         self.gradient[moving] += jacobian.T @ (self._landmark_weights * residual)
         self._landmark_energy = 0.5 * float(self._landmark_weights @ residual**2)
         self.terms["landmarks"] = self._landmark_energy
@@ -43,7 +47,9 @@ class System:
             assert energy.photo is not None
             self.noise = energy.photo.noise(evaluation)
             self._weights = energy.photo.weights(evaluation, self.noise, energy.weights.photo)
-            hessian, gradient = energy.photo.normal_equations(evaluation, self._weights, energy.layout, active)
+            hessian, gradient = energy.photo.normal_equations(
+                evaluation, self._weights, energy.layout, active
+            )
             self.hessian += hessian
             self.gradient += gradient
             self.terms["photo"] = common_energy(evaluation, evaluation, self._weights)[0]

@@ -1,9 +1,11 @@
-"""Where a landmark of the face's outline may lie: lines over the cheeks, from the front of the face to the landmark.
+"""Where a landmark of the face's outline may lie: lines over the cheeks, from the front of the face
+to the landmark.
 
-What an annotator marks as the outline is where the face ends in the picture, on another point of the
-skin for every pose. Each landmark of the outline therefore has a line of candidates on the surface, the meridian that
-leads to it from the axis of the face, and of those the one that shows furthest out is the outline (Cao et al. 2014,
-"Displaced Dynamic Expression Regression"). On the side that is turned to the camera that is the landmark itself.
+What an annotator marks as the outline is where the face ends in the picture, on another point of
+the skin for every pose. Each landmark of the outline therefore has a line of candidates on the
+surface, the meridian that leads to it from the axis of the face, and of those the one that shows
+furthest out is the outline (Cao et al. 2014, "Displaced Dynamic Expression Regression"). On the
+side that is turned to the camera that is the landmark itself.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 
 CANDIDATES = 40  # about two millimetres apart
-# Share of the angle between straight ahead and the landmark where a line starts: on the cheek, not on nose or lips.
+# Share of the angle between straight ahead and the landmark where a line starts: on the cheek, not
+# on nose or lips.
 LINE_START = 0.22
 
 
@@ -27,7 +30,8 @@ class ContourLines:
     corners: np.ndarray  # (k, c, 3) int
     weights: np.ndarray  # (k, c, 3) barycentric
     centre: np.ndarray  # (3,) m, model frame: on the axis of the face
-    outward: np.ndarray  # (k, 3) unit, model frame: from the axis to the landmark, at right angles to the axis
+    # (k, 3) unit, model frame: from the axis to the landmark, at right angles to the axis
+    outward: np.ndarray
 
 
 def contour_lines(geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarray) -> ContourLines:
@@ -47,19 +51,28 @@ def contour_lines(geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarr
         angles = np.linspace(LINE_START * last, last, CANDIDATES)[:-1]
         rays = np.cos(angles)[:, None] * [0.0, 0.0, 1.0] + np.sin(angles)[:, None] * aside
         found, barycentric = _outermost(geometry.mean, triangles, centre, rays)
-        # Rays that leave through the eyes or the mouth have no skin: the next one stands in for them.
+        # Rays that leave through the eyes or the mouth have no skin: the next one stands in for
+        # them.
         for at in range(CANDIDATES - 2, -1, -1):
             if found[at] >= 0:
-                line_corners[line, at], line_weights[line, at] = triangles[found[at]], barycentric[at]
+                line_corners[line, at], line_weights[line, at] = (
+                    triangles[found[at]],
+                    barycentric[at],
+                )
             else:
-                line_corners[line, at], line_weights[line, at] = line_corners[line, at + 1], line_weights[line, at + 1]
+                line_corners[line, at], line_weights[line, at] = (
+                    line_corners[line, at + 1],
+                    line_weights[line, at + 1],
+                )
     return ContourLines(line_corners, line_weights, centre, outward)
 
 
 def _outermost(
     vertices: np.ndarray, triangles: np.ndarray, origin: np.ndarray, rays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Index (r,) of the last triangle that each ray (r, 3) in one plane hits, -1 for none, and its weights (r, 3)."""
+    """Index (r,) of the last triangle that each ray (r, 3) in one plane hits, -1 for none, and its
+    weights (r, 3).
+    """
     across = np.cross(rays[0], rays[-1])
     side = ((vertices - origin) @ across)[triangles]
     index = np.flatnonzero((side.min(axis=1) <= 0) & (side.max(axis=1) >= 0))

@@ -16,8 +16,8 @@ INFLUENCE_MIN = 1e-7
 class FaceGeometry:
     """A face model reduced to the m vertices that are rendered, with stacked shape bases.
 
-    ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0, x1, ...).
-    ``fitted`` (t,) bool marks the triangles whose pixels are compared with the photo.
+    ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0,
+    x1, ...). ``fitted`` (t,) bool marks the triangles whose pixels are compared with the photo.
     """
 
     def __init__(self, model: FaceModel) -> None:
@@ -76,7 +76,9 @@ class FaceGeometry:
         total = np.zeros_like(vertices)
         for axis in range(3):
             for corner in range(3):
-                total[:, axis] += np.bincount(self.triangles[:, corner], faces[:, axis], len(vertices))
+                total[:, axis] += np.bincount(
+                    self.triangles[:, corner], faces[:, axis], len(vertices)
+                )
         length = np.linalg.norm(total, axis=1)
         return total / np.maximum(length, 1e-20)[:, None], length
 
@@ -88,7 +90,10 @@ class FaceGeometry:
         """
         triangles = self.triangles[wanted[self.triangles].any(axis=1)]
         points = vertices[triangles]
-        opposite = np.stack([points[:, 1] - points[:, 2], points[:, 2] - points[:, 0], points[:, 0] - points[:, 1]], 1)
+        opposite = np.stack(
+            [points[:, 1] - points[:, 2], points[:, 2] - points[:, 0], points[:, 0] - points[:, 1]],
+            1,
+        )
         # da x e = -[e]x da: the skew matrix has six non-zero entries.
         x, y, z = opposite[..., 0], opposite[..., 1], opposite[..., 2]
         entries = np.stack([z, -y, -z, x, y, -x], axis=-1)  # (t, source corner, 6)

@@ -1,7 +1,8 @@
-"""Where strong lights really stand: each may turn about the stage's centre, away from its place on the lattice.
+"""Where strong lights really stand: each may turn about the stage's centre, away from its place on
+the lattice.
 
-A lamp between two lights of the lattice would become two weaker ones, its highlights and shadows two; the
-geometry would bend to make up for them.
+A lamp between two lights of the lattice would become two weaker ones, its highlights and shadows
+two; the geometry would bend to make up for them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ def spacing(count: int) -> float:
 
 
 def turned(stage: LightStage, angles: np.ndarray, pivot: np.ndarray) -> LightStage:
-    """``stage`` with light j turned by ``angles`` (N, 2) about ``pivot`` (3,), same frame: sideways, then up."""
+    """``stage`` with light j turned by ``angles`` (N, 2) about ``pivot`` (3,), same frame:
+    sideways, then up.
+    """
     if not angles.any():
         return stage
     rotation = Rotation.from_rotvec(angles[:, :1] * stage.axis_y + angles[:, 1:] * stage.axis_x)
@@ -41,7 +44,9 @@ def turned(stage: LightStage, angles: np.ndarray, pivot: np.ndarray) -> LightSta
 
 
 def strong_lights(stage: LightStage, radiance: np.ndarray, fitted: np.ndarray) -> np.ndarray:
-    """(N,) bool: the fitted lights whose place matters, by their share of the flux of ``radiance`` (N, 3)."""
+    """(N,) bool: the fitted lights whose place matters, by their share of the flux of ``radiance``
+    (N, 3).
+    """
     flux = radiance.mean(axis=1) * stage.side**2
     share = np.where(fitted, flux, 0.0) / max(float(flux.sum()), 1e-30)
     weakest = np.sort(share)[::-1][min(STRONG_MAX, len(share)) - 1]

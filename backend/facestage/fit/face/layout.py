@@ -12,7 +12,17 @@ from facestage.contract import brdf
 from facestage.fit.face.lamps import spacing
 from facestage.fit.face.state import State
 
-BLOCKS = ("pose", "focal", "identity", "expression", "lights", "light_position", "albedo", "roughness", "specular")
+BLOCKS = (
+    "pose",
+    "focal",
+    "identity",
+    "expression",
+    "lights",
+    "light_position",
+    "albedo",
+    "roughness",
+    "specular",
+)
 FOCAL_SIGMA = 0.25  # of the logarithm, when the lens is unknown
 
 
@@ -21,10 +31,16 @@ class Layout:
 
     def __init__(self, state: State) -> None:
         sizes = {
-            "pose": 6, "focal": 1, "identity": state.identity.size, "expression": state.expression.size,
-            "lights": state.lights.size, "light_position": state.light_position.size, "albedo": state.albedo.size,
-            "roughness": 1, "specular": state.specular.size,
-        }  # fmt: skip
+            "pose": 6,
+            "focal": 1,
+            "identity": state.identity.size,
+            "expression": state.expression.size,
+            "lights": state.lights.size,
+            "light_position": state.light_position.size,
+            "albedo": state.albedo.size,
+            "roughness": 1,
+            "specular": state.specular.size,
+        }
         self.slices: dict[str, slice] = {}
         start = 0
         for name in BLOCKS:
@@ -67,7 +83,10 @@ class Layout:
         low[self.slices["lights"]] = 0.0
         reach = spacing(self._lights if stage_lights is None else stage_lights)
         low[self.slices["light_position"]], high[self.slices["light_position"]] = -reach, reach
-        low[self.slices["roughness"]], high[self.slices["roughness"]] = brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX
+        low[self.slices["roughness"]], high[self.slices["roughness"]] = (
+            brdf.ROUGHNESS_MIN,
+            brdf.ROUGHNESS_MAX,
+        )
         low[self.slices["specular"]], high[self.slices["specular"]] = 0.0, brdf.SPECULAR_MAX
         # Ten standard deviations is no face; the bound keeps a wild step from leaving float range.
         for name in ("identity", "albedo"):
@@ -75,7 +94,9 @@ class Layout:
         return low, high
 
     def apply(self, state: State, step: np.ndarray) -> State:
-        """The state after ``step`` (size,): rotation by an SO(3) increment about the model's origin."""
+        """The state after ``step`` (size,): rotation by an SO(3) increment about the model's
+        origin.
+        """
         values = self.values(state) + step
         omega, shift = step[self.slices["pose"]][:3], step[self.slices["pose"]][3:]
         rotation = Rotation.from_rotvec(omega).as_matrix() @ state.rotation
@@ -89,7 +110,9 @@ class Layout:
             identity=values[self.slices["identity"]],
             expression=values[self.slices["expression"]],
             lights=values[self.slices["lights"]],
-            light_position=values[self.slices["light_position"]].reshape(state.light_position.shape),
+            light_position=values[self.slices["light_position"]].reshape(
+                state.light_position.shape
+            ),
             albedo=values[self.slices["albedo"]],
             roughness=float(values[self.slices["roughness"]][0]),
             specular=values[self.slices["specular"]].reshape(state.specular.shape),

@@ -13,14 +13,15 @@ CHANNELS = 3
 class LightParameters:
     """How the light parameters become radiance (N, 3); a light that is not fitted has none.
 
-    multi: one parameter per light and channel. uniform: one intensity per light and one color for all
-    (three more parameters; the product's scale is held by a prior on the color's mean).
+    multi: one parameter per light and channel. uniform: one intensity per light and one color for
+    all (three more parameters; the product's scale is held by a prior on the color's mean).
     """
 
     fitted: np.ndarray  # (N,) bool
     fixed_radiance: np.ndarray  # (N, 3), zero where fitted or off
     uniform: bool
-    numbers: np.ndarray | None = None  # (N,) int, what names a light when others come or go; None: 0, 1, 2, ...
+    # (N,) int, what names a light when others come or go; None: 0, 1, 2, ...
+    numbers: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -56,7 +57,8 @@ class LightParameters:
     def dark(self, parameters: np.ndarray, settled: np.ndarray) -> np.ndarray:
         """(N,) bool: lights of radiance 0 that nothing will turn on.
 
-        ``settled`` (size,) bool marks the parameters that are at their bound and want to stay there, or may not move.
+        ``settled`` (size,) bool marks the parameters that are at their bound and want to stay
+        there, or may not move.
         """
         result = (self.radiance(parameters) == 0).all(axis=1)
         own = (self.jacobian(parameters) != 0).any(axis=1)

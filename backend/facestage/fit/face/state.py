@@ -19,7 +19,8 @@ class State:
     identity: np.ndarray  # (k,) alpha
     expression: np.ndarray  # (e,) beta
     lights: np.ndarray  # (light parameters,), see LightParameters
-    light_position: np.ndarray  # (N, 2) radians that each light is turned by about the stage's centre
+    # (N, 2) radians that each light is turned by about the stage's centre
+    light_position: np.ndarray
     albedo: np.ndarray  # (d,) delta
     roughness: float
     specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
@@ -35,6 +36,10 @@ class State:
 def with_shape(state: State, shape: State) -> State:
     """``state`` with pose, lens, identity and expression of another."""
     return replace(
-        state, rotation=shape.rotation, translation=shape.translation, camera=shape.camera, identity=shape.identity,
+        state,
+        rotation=shape.rotation,
+        translation=shape.translation,
+        camera=shape.camera,
+        identity=shape.identity,
         expression=shape.expression,
-    )  # fmt: skip
+    )

@@ -1,4 +1,6 @@
-"""Points fixed on the face's surface: where they are, where they show, and how both move with the parameters."""
+"""Points fixed on the face's surface: where they are, where they show, and how both move with the
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class SurfacePoints:
         return state.camera.project(self.positions(state))
 
     def jacobian(self, state: State, layout: Layout) -> np.ndarray:
-        """(m, 2, size) derivative of :meth:`project` by every parameter; only pose, focal and shape are not 0."""
+        """(m, 2, size) derivative of :meth:`project` by every parameter; only pose, focal and shape
+        are not 0.
+        """
         points = self.positions(state)
         depth, focal = -points[:, 2], state.camera.focal_px
         x, y = points[:, 0] / depth, points[:, 1] / depth

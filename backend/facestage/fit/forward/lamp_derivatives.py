@@ -31,9 +31,15 @@ class PositionDerivatives:
 
 
 def position_derivatives(
-    forward: ForwardModel, state: State, surface: Surface, stage: LightStage, pivot: np.ndarray, strong: np.ndarray,
-    samples: int, seed: int,
-) -> PositionDerivatives:  # fmt: skip
+    forward: ForwardModel,
+    state: State,
+    surface: Surface,
+    stage: LightStage,
+    pivot: np.ndarray,
+    strong: np.ndarray,
+    samples: int,
+    seed: int,
+) -> PositionDerivatives:
     """Central differences by ``state.light_position``, the same random numbers on both sides.
 
     ``stage`` is in the camera frame and not yet turned; ``strong`` (N,) bool selects the lights.

@@ -1,4 +1,6 @@
-"""The fitted head under each light alone: what relighting needs, summed up while a picture is traced."""
+"""The fitted head under each light alone: what relighting needs, summed up while a picture is
+traced.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,9 @@ from facestage.contract.camera import Camera
 from facestage.contract.relight_cache import RelightCache
 from facestage.render.tracer import LightTerms
 
-# Numbers that the images may hold (pixels of the head's bounding box x lights x 3 channels): 80 MB as half
-# floats, and a product that stays well below a thirtieth of a second. Larger photos are relit at a smaller size.
+# Numbers that the images may hold (pixels of the head's bounding box x lights x 3 channels): 80 MB
+# as half floats, and a product that stays well below a thirtieth of a second. Larger photos are
+# relit at a smaller size.
 NUMBERS_MAX = 4e7
 
 
@@ -28,7 +31,13 @@ class OneLightImages:
         self._box_width = int(np.ptp(pixels[:, 0])) + 1 if len(pixels) else 0
 
     def add(
-        self, x: np.ndarray, y: np.ndarray, share: float, terms: LightTerms, albedo: np.ndarray, c_spec: np.ndarray
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        share: float,
+        terms: LightTerms,
+        albedo: np.ndarray,
+        c_spec: np.ndarray,
     ) -> None:
         """Add ``share`` of what the pixels (``x``, ``y``) (p,) see; albedo (p, 3), c_spec (p,)."""
         place = (y - self._corner[1]) * self._box_width + x - self._corner[0]
@@ -43,10 +52,18 @@ class OneLightImages:
         seen = coverage.ravel()[self.pixels] > 0
         images = np.stack([channel[seen].T for channel in self.colors])
         return RelightCache.of_images(
-            width, height, self.pixels[seen], coverage.ravel()[self.pixels[seen]], images, samples, fingerprint
+            width,
+            height,
+            self.pixels[seen],
+            coverage.ravel()[self.pixels[seen]],
+            images,
+            samples,
+            fingerprint,
         )
 
 
 def relight_scale(pixels: int, lights: int, numbers_max: float = NUMBERS_MAX) -> float:
-    """The factor, at most 1, on the photo's size at which ``pixels`` of the head's box fit the memory."""
+    """The factor, at most 1, on the photo's size at which ``pixels`` of the head's box fit the
+    memory.
+    """
     return min(1.0, float(np.sqrt(numbers_max / max(3 * pixels * lights, 1))))

@@ -1,4 +1,6 @@
-"""Full-size pictures of a fitted face: anti-aliased renders, and the stage as an environment map."""
+"""Full-size pictures of a fitted face: anti-aliased renders, and the stage as an environment
+map.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,11 @@ class Picture:
 
     def relight_cache(self, fingerprint: str) -> RelightCache | None:
         """The picture under every light of its stage, when each light's image was asked for."""
-        return None if self.by_light is None else self.by_light.cache(self.coverage, self.samples, fingerprint)
+        return (
+            None
+            if self.by_light is None
+            else self.by_light.cache(self.coverage, self.samples, fingerprint)
+        )
 
 
 def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
@@ -69,9 +75,10 @@ def render_picture(
 ) -> Picture:
     """Render every part of the head with its textures and the direct light of ``stage``.
 
-    ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light and
-    sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name, which cost
-    no further rays because the image is linear in the lights. ``by_light`` keeps each light's image as well.
+    ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light
+    and sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name,
+    which cost no further rays because the image is linear in the lights. ``by_light`` keeps each
+    light's image as well.
     """
     height, width = state.camera.height, state.camera.width
     radiances = {"": stage.radiance} | dict(relight or {})
@@ -90,23 +97,31 @@ def render_picture(
                 block = surface.part(slice(start, start + BLOCK_POINTS))
                 x, y = block.pixels.astype(int).T
                 uvs = forward.uvs(block)
-                rough = None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
+                rough = (
+                    None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
+                )
                 terms = forward.light_terms(state, block, stage, each, seed + sub, roughness=rough)
-                albedo, c_spec = sample_bilinear(textures.albedo, uvs), sample_bilinear(textures.specular, uvs)
+                albedo, c_spec = (
+                    sample_bilinear(textures.albedo, uvs),
+                    sample_bilinear(textures.specular, uvs),
+                )
                 if images is not None:
                     images.add(x, y, 1.0 / grid**2, terms, albedo, c_spec)
                 for name, radiance in radiances.items():
-                    colors[name][y, x] += forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
+                    colors[name][y, x] += (
+                        forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
+                    )
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
 
 
 def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
-    """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the middle, +Y up.
+    """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the
+    middle, +Y up.
 
-    To the right of +Z lies -X, as one sees it from inside and as environment maps have it. Each texel averages
-    four directions, so that a light's edge is not a stair.
+    To the right of +Z lies -X, as one sees it from inside and as environment maps have it. Each
+    texel averages four directions, so that a light's edge is not a stair.
     """
     result = np.zeros((height, 2 * height, 3))
     for sub in range(4):
@@ -115,7 +130,9 @@ def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
         elevation, azimuth = np.pi * (0.5 - row)[:, None], 2 * np.pi * (0.5 - column)[None, :]
         towards = np.stack(
             np.broadcast_arrays(
-                np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
+                np.cos(elevation) * np.sin(azimuth),
+                np.sin(elevation),
+                np.cos(elevation) * np.cos(azimuth),
             ),
             axis=-1,
         )
@@ -123,10 +140,14 @@ def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
         color = np.zeros_like(towards)
         for index in range(len(stage)):
             facing = towards @ stage.direction[index]
-            distance = (stage.position[index] @ stage.direction[index]) / np.where(facing < -1e-9, facing, np.nan)
+            distance = (stage.position[index] @ stage.direction[index]) / np.where(
+                facing < -1e-9, facing, np.nan
+            )
             offset = towards * distance[..., None] - stage.position[index]
             half = 0.5 * stage.side[index]
-            inside = (np.abs(offset @ stage.axis_x[index]) <= half) & (np.abs(offset @ stage.axis_y[index]) <= half)
+            inside = (np.abs(offset @ stage.axis_x[index]) <= half) & (
+                np.abs(offset @ stage.axis_y[index]) <= half
+            )
             seen = inside & (distance > 0) & (distance < nearest)
             color[seen] = stage.radiance[index]
             nearest[seen] = distance[seen]

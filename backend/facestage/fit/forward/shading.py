@@ -36,9 +36,13 @@ class Surface:
     normal_scale: np.ndarray  # (m,) lengths of the unnormalised vertex normals
 
     def part(self, where: np.ndarray | slice) -> Surface:
-        """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is kept."""
+        """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is
+        kept.
+        """
         whole = {"vertices", "model_vertices", "normal_scale"}
-        return replace(self, **{name: value[where] for name, value in vars(self).items() if name not in whole})
+        return replace(
+            self, **{name: value[where] for name, value in vars(self).items() if name not in whole}
+        )
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,9 @@ class ForwardModel:
         return model_vertices, model_vertices @ state.rotation.T + state.translation
 
     def surface(self, state: State, pixels: np.ndarray, only_fitted: bool = False) -> Surface:
-        """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are dropped."""
+        """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are
+        dropped.
+        """
         model_vertices, vertices = self.pose(state)
         # The tracer works around the face, where float32 has the most digits.
         self.tracer.update(vertices - state.translation)
@@ -78,7 +84,11 @@ class ForwardModel:
         keep = hits.triangle >= 0
         if only_fitted:
             keep &= self.geometry.fitted[hits.triangle]
-        triangle, weights, rays = hits.triangle[keep], hits.barycentric[keep].astype(np.float64), rays[keep]
+        triangle, weights, rays = (
+            hits.triangle[keep],
+            hits.barycentric[keep].astype(np.float64),
+            rays[keep],
+        )
         corners = self.geometry.triangles[triangle]
         points = np.einsum("pi,pix->px", weights, vertices[corners])
         model_normals, normal_scale = self.geometry.vertex_normals(model_vertices)
@@ -90,11 +100,21 @@ class ForwardModel:
         facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-20)
         facing *= -np.sign(np.einsum("px,px->p", facing, rays))[:, None]
         return Surface(
-            pixels=pixels[keep], rays=rays, triangle=triangle, corners=corners, weights=weights,
-            depth=np.linalg.norm(points, axis=1), points=points, normals=normals / length[:, None],
-            normal_length=length, facing=facing, corner_normals=corner_normals, vertices=vertices,
-            model_vertices=model_vertices, normal_scale=normal_scale,
-        )  # fmt: skip
+            pixels=pixels[keep],
+            rays=rays,
+            triangle=triangle,
+            corners=corners,
+            weights=weights,
+            depth=np.linalg.norm(points, axis=1),
+            points=points,
+            normals=normals / length[:, None],
+            normal_length=length,
+            facing=facing,
+            corner_normals=corner_normals,
+            vertices=vertices,
+            model_vertices=model_vertices,
+            normal_scale=normal_scale,
+        )
 
     def hits(self, state: State, pixels: np.ndarray) -> Hits:
         """What ``pixels`` (P, 2) see first of the rendered mesh at ``state``."""
@@ -102,23 +122,40 @@ class ForwardModel:
         return self.tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
 
     def light_terms(
-        self, state: State, surface: Surface, stage: LightStage, samples: int, seed: int, asked: Asked = PLAIN,
-        traced: np.ndarray | None = None, pairs: tuple[np.ndarray, np.ndarray] | None = None,
+        self,
+        state: State,
+        surface: Surface,
+        stage: LightStage,
+        samples: int,
+        seed: int,
+        asked: Asked = PLAIN,
+        traced: np.ndarray | None = None,
+        pairs: tuple[np.ndarray, np.ndarray] | None = None,
         roughness: np.ndarray | None = None,
-    ) -> LightTerms:  # fmt: skip
+    ) -> LightTerms:
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
 
-        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool leaves lights out;
-        ``pairs`` of (K,) pixels and (K,) lights leave out all others, see :meth:`RayTracer.light_terms`.
-        ``roughness`` (P,) replaces the state's one value.
+        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool
+        leaves lights out; ``pairs`` of (K,) pixels and (K,) lights leave out all others, see
+        :meth:`RayTracer.light_terms`. ``roughness`` (P,) replaces the state's one value.
         """
         lit = self.lit_points(state, surface, stage)
         return self.tracer.light_terms(
-            lit.points, lit.normals, lit.facing, lit.views, lit.stage,
-            lit.roughness if roughness is None else roughness, samples, seed, asked,
+            lit.points,
+            lit.normals,
+            lit.facing,
+            lit.views,
+            lit.stage,
+            lit.roughness if roughness is None else roughness,
+            samples,
+            seed,
+            asked,
             self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
-            traced, lit.keys, lit.numbers, pairs,
-        )  # fmt: skip
+            traced,
+            lit.keys,
+            lit.numbers,
+            pairs,
+        )
 
     def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:
         """The surface and its lights as the tracer takes them; ``stage`` is in the camera frame."""
@@ -126,9 +163,15 @@ class ForwardModel:
         centred[:3, 3] = -state.translation
         numbers = np.arange(len(stage)) if self.lights.numbers is None else self.lights.numbers
         return LitPoints(
-            surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-            stage.transformed(centred), state.roughness, _pixel_keys(surface.pixels), numbers,
-        )  # fmt: skip
+            surface.points - state.translation,
+            surface.normals,
+            surface.facing,
+            -surface.rays,
+            stage.transformed(centred),
+            state.roughness,
+            _pixel_keys(surface.pixels),
+            numbers,
+        )
 
     def shade(
         self,
@@ -139,7 +182,9 @@ class ForwardModel:
         radiance: np.ndarray | None = None,
         c_spec: np.ndarray | None = None,
     ) -> Image:
-        """Radiance towards the camera; ``albedo`` (P, 3), ``radiance`` (N, 3), ``c_spec`` (P,) replace the state's."""
+        """Radiance towards the camera; ``albedo`` (P, 3), ``radiance`` (N, 3), ``c_spec`` (P,)
+        replace the state's.
+        """
         if radiance is None:
             radiance = self.lights.radiance(state.lights)
         if albedo is None:
@@ -147,15 +192,21 @@ class ForwardModel:
         if c_spec is None:
             c_spec = sample_bilinear(state.specular, self.uvs(surface))
         diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
-        color = brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
+        color = (
+            brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
+        )
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
 
     def log_albedo(self, state: State) -> np.ndarray:
         """(m, 3) log of the vertex albedo, not yet clipped."""
-        return self.geometry.log_albedo + np.tensordot(state.albedo.astype(np.float32), self.geometry.albedo_basis, 1)
+        return self.geometry.log_albedo + np.tensordot(
+            state.albedo.astype(np.float32), self.geometry.albedo_basis, 1
+        )
 
     def albedo(self, state: State, surface: Surface) -> np.ndarray:
-        """(P, 3) diffuse albedo from the coefficients: logs are interpolated, then clipped below 1."""
+        """(P, 3) diffuse albedo from the coefficients: logs are interpolated, then clipped below
+        1.
+        """
         logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
         return np.minimum(np.exp(logs), brdf.ALBEDO_MAX)
 
@@ -183,7 +234,10 @@ def bilinear_weights(uvs: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray
     """Texel indices (P, 4) into a (size, size) texture and their weights (P, 4); edges clamp."""
     x = np.clip(uvs[:, 0] * size - 0.5, 0, size - 1)
     y = np.clip((1 - uvs[:, 1]) * size - 0.5, 0, size - 1)
-    x0, y0 = np.minimum(x.astype(int), max(size - 2, 0)), np.minimum(y.astype(int), max(size - 2, 0))
+    x0, y0 = (
+        np.minimum(x.astype(int), max(size - 2, 0)),
+        np.minimum(y.astype(int), max(size - 2, 0)),
+    )
     fx, fy = x - x0, y - y0
     x1, y1 = np.minimum(x0 + 1, size - 1), np.minimum(y0 + 1, size - 1)
     index = np.stack([y0 * size + x0, y0 * size + x1, y1 * size + x0, y1 * size + x1], axis=1)

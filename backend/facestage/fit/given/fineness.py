@@ -14,14 +14,16 @@ class Fineness:
     texture_min: int = 512
     texture_max: int = 2048
     gloss_texture: int = 256
-    # Pixels of a photo that is worked on as it is; of a larger one the face's longer side has so many at most, at
-    # three texels of the largest texture for each.
+    # Pixels of a photo that is worked on as it is; of a larger one the face's longer side has so
+    # many at most, at three texels of the largest texture for each.
     photo_pixels: int = 2_000_000
     face_px: float = 600.0
-    # Several photos of one person are kept small while they are fitted, twice what the last phase looks at.
+    # Several photos of one person are kept small while they are fitted, twice what the last phase
+    # looks at.
     joint_face_px: float = 320.0
     steps_max: int | None = None  # of each phase with a photo; None: as the schedule has it
-    # A phase that ends at its last step has settled when this lowered the photo's residual by less than this share.
+    # A phase that ends at its last step has settled when this lowered the photo's residual by less
+    # than this share.
     settled_share: float = 0.05
 
 

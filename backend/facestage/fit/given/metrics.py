@@ -14,7 +14,8 @@ def aligned_distance(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.nd
 
 
 def aligned_difference(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.ndarray:
-    """(n, 3) metres, ``found`` less ``truth`` after the best rigid (or similarity) alignment of ``found`` to ``truth``.
+    """(n, 3) metres, ``found`` less ``truth`` after the best rigid (or similarity) alignment of
+    ``found`` to ``truth``.
 
     Both (n, 3), row for row; Umeyama (1991), eqs. 38-42.
     """
@@ -27,7 +28,9 @@ def aligned_difference(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.
 
 
 def psnr(found: np.ndarray, truth: np.ndarray, mask: np.ndarray, white: float = 1.0) -> float:
-    """Peak signal-to-noise ratio in dB inside ``mask``; both images, linear, clipped to 0..``white``."""
+    """Peak signal-to-noise ratio in dB inside ``mask``; both images, linear, clipped to
+    0..``white``.
+    """
     if not mask.any():
         return float("nan")
     difference = np.clip(found[mask] / white, 0, 1) - np.clip(truth[mask] / white, 0, 1)
@@ -35,10 +38,11 @@ def psnr(found: np.ndarray, truth: np.ndarray, mask: np.ndarray, white: float = 
 
 
 def white_level(photo: np.ndarray, mask: np.ndarray) -> float:
-    """The radiance that :func:`psnr` takes for white: 1, or the brightest skin where the photo has other units.
+    """The radiance that :func:`psnr` takes for white: 1, or the brightest skin where the photo has
+    other units.
 
-    Against a white of 1, a photo of radiance 10^-6 would be explained perfectly by darkness, and one of 10^6
-    by any light at all.
+    Against a white of 1, a photo of radiance 10^-6 would be explained perfectly by darkness, and
+    one of 10^6 by any light at all.
     """
     bright = float(np.percentile(photo[mask], 99)) if mask.any() else 1.0
     return 1.0 if DISPLAY_WHITE_MIN <= bright <= DISPLAY_WHITE_MAX or bright <= 0 else bright

@@ -1,9 +1,11 @@
-"""Which pixels of the face something flat hides: a board, a sheet of paper, a wall, of whatever color.
+"""Which pixels of the face something flat hides: a board, a sheet of paper, a wall, of whatever
+color.
 
-A face under any light shades: where the nose, the lips and the cheeks turn, the radiance changes. A region of the
-photo that shows almost none of the change that the posed face must show there is not the face. Only the amount of
-change is compared, averaged over windows, so a landmark stage that is a few pixels off does not matter: on faces that
-nothing hides, the photo had at least a quarter of the predicted contrast in every window. A textured occluder passes.
+A face under any light shades: where the nose, the lips and the cheeks turn, the radiance changes. A
+region of the photo that shows almost none of the change that the posed face must show there is not
+the face. Only the amount of change is compared, averaged over windows, so a landmark stage that is
+a few pixels off does not matter: on faces that nothing hides, the photo had at least a quarter of
+the predicted contrast in every window. A textured occluder passes.
 """
 
 from __future__ import annotations
@@ -11,7 +13,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_propagation, gaussian_filter, label, sum_labels, uniform_filter
+from scipy.ndimage import (
+    binary_dilation,
+    binary_propagation,
+    gaussian_filter,
+    label,
+    sum_labels,
+    uniform_filter,
+)
 
 from facestage.fit.given.photo import Photo
 
@@ -19,11 +28,14 @@ from facestage.fit.given.photo import Photo
 WINDOW_SHARE = 1.0 / 14.0
 # Contrast of the photo over the model's below which a window cannot show the face.
 CONTRAST_MIN = 0.08
-# A seed grows over pixels as flat as itself, within this factor; added is what 8 bits round to, in log radiance.
+# A seed grows over pixels as flat as itself, within this factor; added is what 8 bits round to, in
+# log radiance.
 GROWTH_FACTOR, GROWTH_FLOOR = 3.0, 0.004
-# Least change of log radiance per pixel of a face of 64 pixels that the model must predict to be held to it.
+# Least change of log radiance per pixel of a face of 64 pixels that the model must predict to be
+# held to it.
 MODEL_CONTRAST_MIN, REFERENCE_PX = 0.01, 64.0
-# Radiance over the face's median below which shadow, not a board, is why there is no contrast; and the floor of logs.
+# Radiance over the face's median below which shadow, not a board, is why there is no contrast; and
+# the floor of logs.
 DARK_SHARE, FLOOR_SHARE = 0.35, 0.1
 # Share of the face below which a flat spot is left to the robust weights.
 AREA_MIN = 0.02
@@ -35,13 +47,15 @@ def without(photo: Photo, hidden: np.ndarray) -> Photo:
     return replace(photo, skin=np.where(hidden, 0.0, photo.skin))
 
 
-def flat_occluders(photo: np.ndarray, model: np.ndarray, used: np.ndarray, face_px: float) -> np.ndarray:
+def flat_occluders(
+    photo: np.ndarray, model: np.ndarray, used: np.ndarray, face_px: float
+) -> np.ndarray:
     """(h, w) bool: pixels of ``photo`` that belong to something flat in front of the face.
 
-    photo, model: (h, w, 3) linear radiance, the model's of the posed face under the estimated light. used: (h, w)
-    bool, pixels where both are known and the photo is neither clipped nor masked. face_px: the face's longer side.
-    Seeds, where the contrast is missing, grow over equally flat neighbours (seeded region growing, Adams & Bischof
-    1994) and by a border of mixed pixels.
+    photo, model: (h, w, 3) linear radiance, the model's of the posed face under the estimated
+    light. used: (h, w) bool, pixels where both are known and the photo is neither clipped nor
+    masked. face_px: the face's longer side. Seeds, where the contrast is missing, grow over equally
+    flat neighbours (seeded region growing, Adams & Bischof 1994) and by a border of mixed pixels.
     """
     nothing = np.zeros(used.shape, bool)
     if not used.any():
@@ -69,8 +83,12 @@ def flat_occluders(photo: np.ndarray, model: np.ndarray, used: np.ndarray, face_
     return _large_regions(binary_dilation(grown, iterations=BORDER_PX), used)
 
 
-def _squared_change(radiance: np.ndarray, known: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) squared gradient of log radiance by forward differences, and where both neighbours are ``known``."""
+def _squared_change(
+    radiance: np.ndarray, known: np.ndarray, floor: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w) squared gradient of log radiance by forward differences, and where both neighbours are
+    ``known``.
+    """
     logs = np.log(np.maximum(radiance, 0.0) + floor)
     change, inner = np.zeros_like(logs), known.copy()
     change[:-1] += np.diff(logs, axis=0) ** 2

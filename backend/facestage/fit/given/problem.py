@@ -17,7 +17,14 @@ from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import FROZEN, LIGHT_ARRAYS, OFF, ON, LightStage, fibonacci_stage
+from facestage.contract.light_stage import (
+    FROZEN,
+    LIGHT_ARRAYS,
+    OFF,
+    ON,
+    LightStage,
+    fibonacci_stage,
+)
 from facestage.contract.storage import finite
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import FOCAL_SIGMA
@@ -31,17 +38,22 @@ from facestage.fit.given.window import Window
 from facestage.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
-# Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer adds cost, not shape.
+# Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer
+# adds cost, not shape.
 FINE_FACE_PX, COARSE_FACE_PX = 160.0, 64.0
 # A doll's head and a statue's, in metres.
 MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
-# Share of the UV square that the face's skin must cover, about: less is not a texel of most textures.
+# Share of the UV square that the face's skin must cover, about: less is not a texel of most
+# textures.
 UV_AREA_MIN = 1e-4
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A job with its files read. Arrays, camera and landmarks are those of the photo's ``window``."""
+    """A job with its files read.
+
+    Arrays, camera and landmarks are those of the photo's ``window``.
+    """
 
     job: Job
     photograph: Photograph
@@ -56,7 +68,9 @@ class Problem:
 
     @property
     def lit(self) -> np.ndarray:
-        """(N,) bool, the lights that may be traced: those that are not off, or all where nothing is left out."""
+        """(N,) bool, the lights that may be traced: those that are not off, or all where nothing is
+        left out.
+        """
         return (self.stage.state != OFF) | (self.job.plan == FULL)
 
     @cached_property
@@ -81,7 +95,9 @@ class Problem:
 
     @cached_property
     def paintable(self) -> np.ndarray:
-        """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows too, and skin."""
+        """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows
+        too, and skin.
+        """
         return paint_weight(self.skin, self.landmarks)
 
     def read_from_photo(self) -> dict[str, str]:
@@ -92,7 +108,10 @@ class Problem:
         elif own is not None:
             focal = f"fitted, from {own.focal_px:.5g} px +- {own.log_sigma:.0%} ({own.source})"
         else:
-            focal = f"fitted, from a guess of {start:.5g} px +- {self.focal_sigma:.0%} (the photo does not say)"
+            focal = (
+                f"fitted, from a guess of {start:.5g} px +- {self.focal_sigma:.0%} (the "
+                "photo does not say)"
+            )
         return {"size": self.window.words, "color": self.photograph.color_space, "focal": focal}
 
     @cached_property
@@ -104,7 +123,9 @@ class Problem:
 
     @cached_property
     def face_size_px(self) -> float:
-        """Longer side of the bounding box of the face from chin to brows, in pixels of the photo."""
+        """Longer side of the bounding box of the face from chin to brows, in pixels of the
+        photo.
+        """
         return face_size_px(self.landmarks)
 
     def scale(self, face_px: float) -> float:
@@ -126,17 +147,25 @@ class Problem:
         )
 
     def reduced(self, face_px: float) -> Problem:
-        """The problem of a smaller photo, whose face has ``face_px`` pixels; of one that is no larger, itself."""
+        """The problem of a smaller photo, whose face has ``face_px`` pixels; of one that is no
+        larger, itself.
+        """
         factor = self.scale(face_px)
         if factor == 1.0:
             return self
         photo = self.photo_at(factor)
         small = replace(
-            self.photograph, color=photo.color.astype(np.float32), mask=photo.usable, clipped=photo.clipped
-        )  # fmt: skip
+            self.photograph,
+            color=photo.color.astype(np.float32),
+            mask=photo.usable,
+            clipped=photo.clipped,
+        )
         return replace(
-            self, photograph=small, camera=self.camera.scaled(factor), landmarks=self.landmarks_at(factor)
-        )  # fmt: skip
+            self,
+            photograph=small,
+            camera=self.camera.scaled(factor),
+            landmarks=self.landmarks_at(factor),
+        )
 
     def landmarks_at(self, factor: float) -> Landmarks:
         """The landmarks of the photo resized by ``factor``."""
@@ -156,11 +185,19 @@ class Problem:
         for name, value in sorted(self.job.initial.items()):
             digest.update(name.encode() + np.ascontiguousarray(value).tobytes())
         settings = {
-            "camera": self.camera.to_json(), "landmarks": self.landmarks.to_json(), "freeze": list(self.job.freeze),
-            "weights": vars(self.job.weights), "seed": self.job.seed, "light_color": self.job.light_color,
-            "model": self.job.model, "fit_focal": self.fit_focal, "focal_sigma": self.focal_sigma,
-            "plan": self.job.plan, "quality": self.job.quality, "fineness": vars(self.fineness),
-        }  # fmt: skip
+            "camera": self.camera.to_json(),
+            "landmarks": self.landmarks.to_json(),
+            "freeze": list(self.job.freeze),
+            "weights": vars(self.job.weights),
+            "seed": self.job.seed,
+            "light_color": self.job.light_color,
+            "model": self.job.model,
+            "fit_focal": self.fit_focal,
+            "focal_sigma": self.focal_sigma,
+            "plan": self.job.plan,
+            "quality": self.job.quality,
+            "fineness": vars(self.fineness),
+        }
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 
@@ -170,41 +207,60 @@ def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: F
     specular = initial.get("specular")
     side = fineness.specular_size if specular is None or specular.ndim != 2 else len(specular)
     shapes = {
-        "identity": (len(model.identity_names),), "expression": (len(model.expression_names),),
-        "albedo": (len(model.albedo_basis),), "specular": (side, side), "roughness": (), "model_to_camera": (4, 4),
-    }  # fmt: skip
+        "identity": (len(model.identity_names),),
+        "expression": (len(model.expression_names),),
+        "albedo": (len(model.albedo_basis),),
+        "specular": (side, side),
+        "roughness": (),
+        "model_to_camera": (4, 4),
+    }
     for name, value in initial.items():
         if name not in shapes:
-            raise InputError(f"The job has a starting value '{name}'; expected one of {', '.join(shapes)}.")
+            raise InputError(
+                f"The job has a starting value '{name}'; expected one of {', '.join(shapes)}."
+            )
         if value.shape != shapes[name] or not np.isfinite(value).all():
             raise InputError(
-                f"The starting {name} has shape {value.shape}; '{model.name}' takes {shapes[name]} finite numbers."
+                f"The starting {name} has shape {value.shape}; '{model.name}' takes "
+                f"{shapes[name]} finite numbers."
             )
     rotation = initial.get("model_to_camera", np.eye(4))[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-        raise InputError("The starting model_to_camera is not a rigid transform (rotation and translation, no scale).")
+        raise InputError(
+            "The starting model_to_camera is not a rigid transform (rotation and translation, "
+            "no scale)."
+        )
 
 
 def _check_size(model: FaceModel) -> None:
-    """Raise InputError for a model that cannot be in metres: lights, shadows and lenses depend on them."""
+    """Raise InputError for a model that cannot be in metres: lights, shadows and lenses depend on
+    them.
+    """
     size = float(np.ptp(model.vertices, axis=0).max()) if len(model.vertices) else 0.0
     if not MODEL_SIZE_MIN <= size <= MODEL_SIZE_MAX:
         raise InputError(
-            f"The face model '{model.name}' is {size:.3g} metres large, expected about 0.3 (at least "
+            f"The face model '{model.name}' is {size:.3g} metres large, expected about 0.3 (at "
+            "least "
             f"{MODEL_SIZE_MIN:g}, at most {MODEL_SIZE_MAX:g}); scale it to metres."
         )
 
 
 def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
-    """Raise InputError for a model with nothing to compare or to paint on, or landmarks on what is not rendered."""
+    """Raise InputError for a model with nothing to compare or to paint on, or landmarks on what is
+    not rendered.
+    """
     name = geometry.model.name
     if not geometry.fitted.any():
-        raise InputError(f"The face model '{name}' has no skin polygon in its region 'face'; nothing could be fitted.")
+        raise InputError(
+            f"The face model '{name}' has no skin polygon in its region 'face'; nothing could "
+            "be fitted."
+        )
     vertices, weights = geometry.model.landmark_vertices(scheme)
     lost = ((geometry.new_index[vertices] < 0) & (weights != 0)).any(axis=1)
     if lost.any():
         raise InputError(
-            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a vertex that is not "
+            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a "
+            "vertex that is not "
             "rendered; put it on the skin."
         )
     if geometry.face_normals(geometry.mean)[geometry.fitted, 2].sum() <= 0:
@@ -212,10 +268,13 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
             f"The face model '{name}' has polygons that face inward, or does not look along +Z; "
             "recalculate its normals to point outward."
         )
-    a, b, c = np.moveaxis(geometry.model.uvs[geometry.triangle_uvs[geometry.fitted]].astype(float), 1, 0)
+    a, b, c = np.moveaxis(
+        geometry.model.uvs[geometry.triangle_uvs[geometry.fitted]].astype(float), 1, 0
+    )
     if np.abs(np.cross(b - a, c - a)).sum() < UV_AREA_MIN:
         raise InputError(
-            f"The face model '{name}' has no usable texture coordinates: its skin covers no area of the UV square; "
+            f"The face model '{name}' has no usable texture coordinates: its skin covers no "
+            "area of the UV square; "
             "unwrap it."
         )
 
@@ -226,13 +285,17 @@ def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
 
 
 def read_problem(
-    job: Job, emit: Callable[[Event], None] = lambda event: None, landmark_model: Path | None = None,
-    geometry: FaceGeometry | None = None, fineness: Fineness = USUAL,
-) -> Problem:  # fmt: skip
+    job: Job,
+    emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+    geometry: FaceGeometry | None = None,
+    fineness: Fineness = USUAL,
+) -> Problem:
     """Read and check everything a job names. Raises InputError with what is wrong.
 
-    The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is told of it.
-    ``geometry`` is that of the job's model, when another photo of the same person has read it already.
+    The landmarks of a job that has none are detected, and part of the problem's job; ``emit`` is
+    told of it. ``geometry`` is that of the job's model, when another photo of the same person has
+    read it already.
     """
     photograph = read_photograph(job.image)
     width, height = photograph.size
@@ -240,7 +303,8 @@ def read_problem(
     camera = job.camera or Camera.default(width, height, None if own is None else own.focal_px)
     if (camera.width, camera.height) != (width, height):
         raise InputError(
-            f"The camera is for {camera.width} x {camera.height} pixels but the photo '{job.image}' has "
+            f"The camera is for {camera.width} x {camera.height} pixels but the photo "
+            f"'{job.image}' has "
             f"{width} x {height}; give the camera of this photo."
         )
     job = with_landmarks(job, photograph, landmark_model, emit)
@@ -248,9 +312,13 @@ def read_problem(
     job.landmarks.check_inside(width, height)
     stage = job.stage or fibonacci_stage()
     if (stage.state == OFF).all():
-        raise InputError("All lights of the stage are off; nothing could light the face. Turn at least one on.")
+        raise InputError(
+            "All lights of the stage are off; nothing could light the face. Turn at least one on."
+        )
     if (stage.state != ON).all() and not (stage.radiance[stage.state == FROZEN] > 0).any():
-        raise InputError("All lights of the stage are frozen at radiance 0; free one or give it a radiance.")
+        raise InputError(
+            "All lights of the stage are frozen at radiance 0; free one or give it a radiance."
+        )
     model = load_model(job.model) if geometry is None else geometry.model
     landmarks = known_to(model, job.landmarks)
     model.landmark_vertices(landmarks.scheme)
@@ -262,6 +330,14 @@ def read_problem(
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
     window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
     return Problem(
-        job, window.photograph(photograph), window.camera(camera), window.landmarks(landmarks), geometry, stage,
-        fit_focal, focal_sigma, window, fineness,
-    )  # fmt: skip
+        job,
+        window.photograph(photograph),
+        window.camera(camera),
+        window.landmarks(landmarks),
+        geometry,
+        stage,
+        fit_focal,
+        focal_sigma,
+        window,
+        fineness,
+    )

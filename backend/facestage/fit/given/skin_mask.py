@@ -13,28 +13,31 @@ from facestage.models.landmark_schemes import scheme_of
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
 DARK_SHARE = 0.1
-# Least spread of (log red/green, log blue/green, log luminance) on a face: light of two colors, cheeks
-# against forehead, shading. A face half in shadow widens its own luminance spread.
+# Least spread of (log red/green, log blue/green, log luminance) on a face: light of two colors,
+# cheeks against forehead, shading. A face half in shadow widens its own luminance spread.
 SPREAD_MIN = (0.12, 0.12, 0.28)
-# The face's size in pixels beyond which it is looked at smaller: a mask has no finer edges than that.
+# The face's size in pixels beyond which it is looked at smaller: a mask has no finer edges than
+# that.
 MASK_FACE_PX = 256.0
 # Distances, in spreads, at which a pixel counts in full and no longer.
 FULL, NONE = 2.0, 3.5
-# A highlight has the lamp's color: from the skin's, away from that of its pigments, which is much the same for all
-# skin. As far as the pixel's brightness over the face's median lets the highlight's share be, plus a slack for where
-# the skin itself is in half-light.
+# A highlight has the lamp's color: from the skin's, away from that of its pigments, which is much
+# the same for all skin. As far as the pixel's brightness over the face's median lets the
+# highlight's share be, plus a slack for where the skin itself is in half-light.
 PIGMENT_HUE, PIGMENT_REACH, HIGHLIGHT_SLACK = np.array([-0.67, 0.74]), 0.7, 0.25
 # Relative noise per pixel beyond which colors are read from the median of 3 x 3 or 5 x 5 pixels.
 NOISE_3, NOISE_5 = 0.04, 0.12
-# GrabCut: how far around the landmarks it looks and at which size of the face, in sides of the landmarks' box and
-# pixels; weights that it may not change; how much its label counts against the weight; pixels that make a color model.
+# GrabCut: how far around the landmarks it looks and at which size of the face, in sides of the
+# landmarks' box and pixels; weights that it may not change; how much its label counts against the
+# weight; pixels that make a color model.
 CUT_MARGIN, CUT_FACE_PX, CUT_STEPS = 0.6, 160.0, 3
 CUT_SKIN, CUT_OTHER, CUT_TRUST, CUT_SAMPLES_MIN = 0.95, 0.02, 0.7, 30
 # Points of the outline that must show for its bounding box to say how large the face is.
 OUTLINE_MIN = 12
 # Parts of a pixel that the border of an opening is drawn to, in powers of two.
 BORDER_BITS = 4
-# Half the height of a brow, as a share of the face; share within the landmarks of a region that is the face's own.
+# Half the height of a brow, as a share of the face; share within the landmarks of a region that is
+# the face's own.
 BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
 
 # How far the forehead goes on beyond the brows, as a share of the way from the chin.
@@ -44,10 +47,10 @@ FOREHEAD_SHARE = 0.5
 def skin_weight(photo: np.ndarray, landmarks: Landmarks, openings: bool = True) -> np.ndarray:
     """(h, w) float32 in 0..1 of ``photo`` (h, w, 3) linear: 1 where its color is the face's own.
 
-    Hair, cloth and background of another hue, or darker than the face's own shading, go; what is brighter
-    stays, because highlights are skin. Robust: median and quartiles, so glasses do not define the skin.
-    Teeth are as bright, and lids have a skin's shadows: what shows between lips and lids is none, whatever its color;
-    ``openings`` says whether the face has any.
+    Hair, cloth and background of another hue, or darker than the face's own shading, go; what is
+    brighter stays, because highlights are skin. Robust: median and quartiles, so glasses do not
+    define the skin. Teeth are as bright, and lids have a skin's shadows: what shows between lips
+    and lids is none, whatever its color; ``openings`` says whether the face has any.
     """
     height, width = photo.shape[:2]
     scale = MASK_FACE_PX / max(face_size_px(landmarks), 1.0)
@@ -61,7 +64,9 @@ def skin_weight(photo: np.ndarray, landmarks: Landmarks, openings: bool = True) 
 
 
 def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
-    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the lids."""
+    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the
+    lids.
+    """
     import cv2
 
     result = np.zeros(shape, np.float32)
@@ -102,9 +107,11 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
 
 
 def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    """``weight`` (h, w) drawn towards regions with edges where the photo has them: GrabCut, Rother et al. 2004.
+    """``weight`` (h, w) drawn towards regions with edges where the photo has them: GrabCut, Rother
+    et al. 2004.
 
-    What the color model is sure of seeds it; near the face only, and at no more pixels than the fit looks at.
+    What the color model is sure of seeds it; near the face only, and at no more pixels than the fit
+    looks at.
     """
     import cv2
 
@@ -119,10 +126,16 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     size = max(round((right - left) * scale), 8), max(round((bottom - top) * scale), 8)
 
     def small(array: np.ndarray) -> np.ndarray:
-        return np.asarray(cv2.resize(np.ascontiguousarray(array[part], np.float32), size, interpolation=cv2.INTER_AREA))
+        return np.asarray(
+            cv2.resize(
+                np.ascontiguousarray(array[part], np.float32), size, interpolation=cv2.INTER_AREA
+            )
+        )
 
     own = small(weight)
-    inside = small(face_pixels((weight.shape[0], weight.shape[1]), landmarks).astype(np.float32)) > 0.5
+    inside = (
+        small(face_pixels((weight.shape[0], weight.shape[1]), landmarks).astype(np.float32)) > 0.5
+    )
     white = max(float(np.percentile(photo[part], 99.5)), 1e-9)
     picture = np.round(255 * np.clip(small(photo) / white, 0, 1) ** (1 / 2.2)).astype(np.uint8)
     labels = np.where(own > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
@@ -132,12 +145,22 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     if min(skin.sum(), (~skin).sum()) < CUT_SAMPLES_MIN:
         return weight
     cv2.setRNGSeed(0)  # its clusters start from random colors
-    cv2.grabCut(picture, labels, None, np.zeros((1, 65)), np.zeros((1, 65)), CUT_STEPS, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(
+        picture,
+        labels,
+        None,
+        np.zeros((1, 65)),
+        np.zeros((1, 65)),
+        CUT_STEPS,
+        cv2.GC_INIT_WITH_MASK,
+    )
     cut = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
     cut = cv2.resize(cut, (int(right - left), int(bottom - top)), interpolation=cv2.INTER_LINEAR)
     result = weight.copy()
     result[part] = np.where(
-        cut > 0.5, np.maximum(weight[part], 2 * cut * CUT_TRUST - CUT_TRUST), weight[part] * (1 - CUT_TRUST * (1 - cut))
+        cut > 0.5,
+        np.maximum(weight[part], 2 * cut * CUT_TRUST - CUT_TRUST),
+        weight[part] * (1 - CUT_TRUST * (1 - cut)),
     )
     return result
 
@@ -151,9 +174,11 @@ def _with_forehead(landmarks: Landmarks) -> np.ndarray:
 
 
 def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    """(h, w) 0..1, which pixels may color the texture: skin for sure, and brows and lips inside the landmarks.
+    """(h, w) 0..1, which pixels may color the texture: skin for sure, and brows and lips inside the
+    landmarks.
 
-    ``skin`` (h, w) is :func:`skin_weight`. A region that is no skin and goes on outside the landmarks came in from
+    ``skin`` (h, w) is :func:`skin_weight`. A region that is no skin and goes on outside the
+    landmarks came in from
     there: hair, a scarf; it is nothing to paint on a face.
     """
     inside = face_pixels((skin.shape[0], skin.shape[1]), landmarks)
@@ -169,14 +194,17 @@ def _features(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """(h, w, 3) float32 log red/green, log blue/green and log luminance."""
     dark = max(DARK_SHARE * float(photo[inside].mean()), 1e-6)
     logs = np.log(np.maximum(photo, 0) + dark, dtype=np.float32)
-    return np.stack([logs[..., 0] - logs[..., 1], logs[..., 2] - logs[..., 1], logs.mean(-1)], axis=-1)
+    return np.stack(
+        [logs[..., 0] - logs[..., 1], logs[..., 2] - logs[..., 1], logs.mean(-1)], axis=-1
+    )
 
 
 def _denoised(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """The photo, or its median filtered by as little as its noise on the face asks for."""
     import cv2
 
-    # The Laplacian that ignores planes and edges, Immerkaer 1996; its median ignores what is left of edges.
+    # The Laplacian that ignores planes and edges, Immerkaer 1996; its median ignores what is left
+    # of edges.
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     photo = np.ascontiguousarray(photo, np.float32)
     change = cv2.filter2D(photo, -1, kernel)[inside]
@@ -193,9 +221,11 @@ def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
 
 
 def face_size_px(landmarks: Landmarks) -> float:
-    """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows; 0 for no face.
+    """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows;
+    0 for no face.
 
-    It means the same in every scheme. Where none of the outline counts, all counted points stand in for it.
+    It means the same in every scheme. Where none of the outline counts, all counted points stand in
+    for it.
     """
     outline = np.zeros(len(landmarks.points), bool)
     outline[scheme_of(landmarks.scheme).outline] = True

@@ -15,7 +15,12 @@ from facestage.contract.storage import read_arrays
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import sample_bilinear
-from facestage.fit.given.metrics import aligned_difference, aligned_distance, relative_error, scaled_rmse
+from facestage.fit.given.metrics import (
+    aligned_difference,
+    aligned_distance,
+    relative_error,
+    scaled_rmse,
+)
 
 PROBE_NORMALS = 512
 TRUTH_ARRAYS_MAX = 1 * GIB
@@ -24,7 +29,9 @@ ALBEDO_MAX = 1e3
 
 
 class TruthSchema(FileSchema):
-    """A truth.npz for a model with a known number of vertices; all but the vertices may be missing."""
+    """A truth.npz for a model with a known number of vertices; all but the vertices may be
+    missing.
+    """
 
     dimensions: ClassVar = {"texels": (1, TEXELS_MAX), "lights": (1, COUNT_MAX)}
 
@@ -60,38 +67,52 @@ class Truth:
         }
 
     def calibration(self, state: State, deviation_mm: np.ndarray) -> dict[str, float]:
-        """How honest standard deviations (n, 3) in mm, along the camera's axes, are: after similarity alignment, the
-        shares of the narrow face's coordinates within one and two of them (0.68 and 0.95 if normal), and the root mean
-        square of error over deviation (1 if right, more if they are too small).
+        """How honest standard deviations (n, 3) in mm, along the camera's axes, are: after
+        similarity alignment, the shares of the narrow face's coordinates within one and two of them
+        (0.68 and 0.95 if normal), and the root mean square of error over deviation (1 if right,
+        more if they are too small).
         """
         vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
-        error = 1e3 * np.abs(aligned_difference(vertices @ state.rotation.T, self.vertices, scale=True))
+        error = 1e3 * np.abs(
+            aligned_difference(vertices @ state.rotation.T, self.vertices, scale=True)
+        )
         score = error / np.maximum(deviation_mm[self.region], 1e-6)
         return {
-            "within_1_sigma": float((score < 1).mean()), "within_2_sigma": float((score < 2).mean()),
+            "within_1_sigma": float((score < 1).mean()),
+            "within_2_sigma": float((score < 2).mean()),
             "error_over_sigma": float(np.sqrt((score**2).mean())),
-        }  # fmt: skip
+        }
 
     def light_error(self, stage: LightStage, centre: np.ndarray) -> float | None:
-        """Relative error of the irradiance over all normals that face the camera, best scale factored out.
+        """Relative error of the irradiance over all normals that face the camera, best scale
+        factored out.
 
-        Two stages need not have their lights at the same places; what they do to a face can be compared.
-        ``stage`` and ``centre`` (3,) are in the camera frame.
+        Two stages need not have their lights at the same places; what they do to a face can be
+        compared. ``stage`` and ``centre`` (3,) are in the camera frame.
         """
         needed = ("light_position", "light_direction", "light_radiance", "light_corners")
         if any(name not in self.arrays for name in needed):
             return None
         corners = self.arrays["light_corners"]
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]), axis=1)
+        area = np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]), axis=1
+        )
         true = probe_irradiance(
-            self.arrays["light_position"], self.arrays["light_direction"], area, self.arrays["light_radiance"],
+            self.arrays["light_position"],
+            self.arrays["light_direction"],
+            area,
+            self.arrays["light_radiance"],
             self.vertices.mean(0),
-        )  # fmt: skip
-        found = probe_irradiance(stage.position, stage.direction, stage.side**2, stage.radiance, centre)
+        )
+        found = probe_irradiance(
+            stage.position, stage.direction, stage.side**2, stage.radiance, centre
+        )
         return relative_error(found, true)
 
     def albedo_error(self, texture: np.ndarray) -> float | None:
-        """RMSE of an atlas texture (S, S, 3) over the narrow face's vertices, best single scale factored out."""
+        """RMSE of an atlas texture (S, S, 3) over the narrow face's vertices, best single scale
+        factored out.
+        """
         true = self.arrays.get("albedo")
         if true is None:
             return None
@@ -102,13 +123,21 @@ class Truth:
         uvs = model.uvs[np.unique(model.triangle_uvs[rows])]
         u, v, scale = model.face_tile
         true_uvs = (uvs - np.array([u, v])) / scale
-        return scaled_rmse(sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs))
+        return scaled_rmse(
+            sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs)
+        )
 
 
 def probe_irradiance(
-    position: np.ndarray, direction: np.ndarray, area: np.ndarray, radiance: np.ndarray, centre: np.ndarray
+    position: np.ndarray,
+    direction: np.ndarray,
+    area: np.ndarray,
+    radiance: np.ndarray,
+    centre: np.ndarray,
 ) -> np.ndarray:
-    """(PROBE_NORMALS, 3) irradiance at ``centre`` for normals spread over the hemisphere towards +Z."""
+    """(PROBE_NORMALS, 3) irradiance at ``centre`` for normals spread over the hemisphere towards
+    +Z.
+    """
     index = np.arange(PROBE_NORMALS)
     height = 1.0 - (index + 0.5) / PROBE_NORMALS
     angle = np.pi * (3.0 - np.sqrt(5.0)) * index

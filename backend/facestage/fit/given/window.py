@@ -1,7 +1,9 @@
-"""The part of a large photo that is worked on, and at which size: a face of more pixels adds cost, not detail.
+"""The part of a large photo that is worked on, and at which size: a face of more pixels adds cost,
+not detail.
 
-The textures hold only so many texels along a side (see Fineness), so a face that is larger than they can show is made
-smaller at once, and what is far from the face is cut off. Results are in coordinates of the whole photo.
+The textures hold only so many texels along a side (see Fineness), so a face that is larger than
+they can show is made smaller at once, and what is far from the face is cut off. Results are in
+coordinates of the whole photo.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ MARGIN = 1.6
 
 @dataclass(frozen=True)
 class Window:
-    """``box`` = (left, top, right, bottom) of a photo of ``full`` = (width, height) pixels, resized by ``factor``."""
+    """``box`` = (left, top, right, bottom) of a photo of ``full`` = (width, height) pixels, resized
+    by ``factor``.
+    """
 
     full: tuple[int, int]
     box: tuple[int, int, int, int]
@@ -29,17 +33,28 @@ class Window:
 
     @classmethod
     def of(
-        cls, width: int, height: int, landmarks: Landmarks, pixels_max: int = USUAL.photo_pixels,
+        cls,
+        width: int,
+        height: int,
+        landmarks: Landmarks,
+        pixels_max: int = USUAL.photo_pixels,
         face_px: float = USUAL.face_px,
-    ) -> Window:  # fmt: skip
-        """The window for a face; all of a photo of at most ``pixels_max``. ``face_px``: of the face's longer side."""
+    ) -> Window:
+        """The window for a face; all of a photo of at most ``pixels_max``.
+
+        ``face_px``: of the face's longer side.
+        """
         points = landmarks.points[landmarks.visible & np.isfinite(landmarks.points).all(axis=1)]
         if width * height <= pixels_max or len(points) < 2:
             return cls((width, height), (0, 0, width, height))
         low, high = points.min(axis=0), points.max(axis=0)
         side = float((high - low).max())
-        left, top = (int(value) for value in np.clip(low - MARGIN * side, 0, [width - 1, height - 1]))
-        right, bottom = (int(value) for value in np.clip(np.ceil(high + MARGIN * side), 1, [width, height]))
+        left, top = (
+            int(value) for value in np.clip(low - MARGIN * side, 0, [width - 1, height - 1])
+        )
+        right, bottom = (
+            int(value) for value in np.clip(np.ceil(high + MARGIN * side), 1, [width, height])
+        )
         return cls((width, height), (left, top, right, bottom), min(1.0, face_px / max(side, 1.0)))
 
     @property
@@ -51,7 +66,9 @@ class Window:
     def size(self) -> tuple[int, int]:
         """(width, height) of the window's own picture."""
         left, top, right, bottom = self.box
-        return max(round((right - left) * self.factor), 1), max(round((bottom - top) * self.factor), 1)
+        return max(round((right - left) * self.factor), 1), max(
+            round((bottom - top) * self.factor), 1
+        )
 
     @property
     def words(self) -> str:
@@ -62,7 +79,8 @@ class Window:
         left, top, right, bottom = self.box
         width, height = self.size
         return (
-            f"{full}; worked on {right - left} x {bottom - top} pixels from ({left}, {top}), as {width} x {height}; "
+            f"{full}; worked on {right - left} x {bottom - top} pixels from ({left}, {top}), "
+            f"as {width} x {height}; "
             "render.exr is enlarged from that"
         )
 
@@ -72,15 +90,22 @@ class Window:
             return camera
         (x, y), (left, top, _, _), (width, height) = camera.principal_px, self.box, self.size
         return Camera(
-            width, height, camera.focal_px * self.factor, ((x - left) * self.factor, (y - top) * self.factor)
-        )  # fmt: skip
+            width,
+            height,
+            camera.focal_px * self.factor,
+            ((x - left) * self.factor, (y - top) * self.factor),
+        )
 
     def full_camera(self, camera: Camera) -> Camera:
         """The photo's camera of the window's ``camera``."""
         if self.whole:
             return camera
         (x, y), (left, top, _, _) = camera.principal_px, self.box
-        return Camera(*self.full, camera.focal_px / self.factor, (x / self.factor + left, y / self.factor + top))
+        return Camera(
+            *self.full,
+            camera.focal_px / self.factor,
+            (x / self.factor + left, y / self.factor + top),
+        )
 
     def landmarks(self, landmarks: Landmarks) -> Landmarks:
         """The window's landmarks of the photo's."""
@@ -89,13 +114,16 @@ class Window:
         return replace(landmarks, points=(landmarks.points - np.array(self.box[:2])) * self.factor)
 
     def photograph(self, photo: Photograph) -> Photograph:
-        """The window's pixels of a photo. A mixed pixel is masked, and saturated where a quarter of it is."""
+        """The window's pixels of a photo.
+
+        A mixed pixel is masked, and saturated where a quarter of it is.
+        """
         if self.whole:
             return photo
         left, top, right, bottom = self.box
         color, mask, clipped = (
             array[top:bottom, left:right] for array in (photo.color, photo.mask, photo.clipped)
-        )  # fmt: skip
+        )
         if self.factor == 1.0:
             return replace(photo, color=color.copy(), mask=mask.copy(), clipped=clipped.copy())
         return replace(

@@ -1,4 +1,6 @@
-"""What a fit left out, in sentences for the result: what, why, how much of it, and what that saved in this run."""
+"""What a fit left out, in sentences for the result: what, why, how much of it, and what that saved
+in this run.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,20 @@ from facestage.fit.trust.fitted import Fitted
 
 # Kinds of work in the ledger, in words.
 UNITS = {
-    "samples": "light samples", "rays": "shadow rays", "lit": "pixels lit", "cells": "entries of the Jacobian",
+    "samples": "light samples",
+    "rays": "shadow rays",
+    "lit": "pixels lit",
+    "cells": "entries of the Jacobian",
     "lines": "scan lines on the lights",
-}  # fmt: skip
+}
 
 
 def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
-    """One entry per omission: ``what``, ``why``, ``saved`` (a sentence), and ``seconds`` where this run can tell.
+    """One entry per omission: ``what``, ``why``, ``saved`` (a sentence), and ``seconds`` where this
+    run can tell.
 
-    Seconds are the units that were left out at the rate at which this run did the same kind of work.
+    Seconds are the units that were left out at the rate at which this run did the same kind of
+    work.
     """
     entries: list[dict[str, Any]] = []
 
@@ -35,7 +42,11 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
     if problem.job.plan == LEAN:
         _measured(problem, fitted, add)
     else:
-        add("nothing that the plan knows of", "the job asks for the full plan", "nothing: every rule was off")
+        add(
+            "nothing that the plan knows of",
+            "the job asks for the full plan",
+            "nothing: every rule was off",
+        )
     if ("shadows", "lines") in fitted.ledger.skipped:
         what, why = omission(fitted.penumbra)
         add(what, why, *saved_sentence(fitted.ledger, "shadows", "lines"))
@@ -44,7 +55,9 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
 
 
 def saved_sentence(ledger: Ledger, rule: str, kind: str) -> tuple[str, float | None]:
-    """Such as "4.1 million shadow rays, about 1.3 s at this run's 3.2 million a second", and the seconds."""
+    """Such as "4.1 million shadow rays, about 1.3 s at this run's 3.2 million a second", and the
+    seconds.
+    """
     units, seconds = ledger.saved(rule).get(kind, (0.0, None))
     words = f"{amount(units)} {UNITS[kind]}"
     rate = ledger.rate(kind)
@@ -57,7 +70,9 @@ def amount(count: float) -> str:
     """A count in words: 431, 27 thousand, 4.1 million."""
     for size, name in ((1e9, "billion"), (1e6, "million"), (1e3, "thousand")):
         if count >= size:
-            return f"{count / size:.2g} {name}" if count < 100 * size else f"{count / size:.0f} {name}"
+            return (
+                f"{count / size:.2g} {name}" if count < 100 * size else f"{count / size:.0f} {name}"
+            )
     return f"{count:.0f}"
 
 
@@ -70,29 +85,38 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
         share = off / max(int(problem.lit.sum()), 1)
         work = ledger.work.get("samples")
         add(
-            f"{off} of {len(problem.stage)} lights", "switched off",
-            "never traced" if work is None else f"{amount(share * work.units)} light samples, about "
-            f"{share * work.seconds:.2g} s at this run's {amount(ledger.rate('samples') or 0)} a second",
+            f"{off} of {len(problem.stage)} lights",
+            "switched off",
+            "never traced"
+            if work is None
+            else f"{amount(share * work.units)} light samples, about "
+            f"{share * work.seconds:.2g} s at this run's {amount(ledger.rate('samples') or 0)} "
+            "a second",
             None if work is None else share * work.seconds,
-        )  # fmt: skip
+        )
     reasons = {
         ("pixels", "lit"): (
-            "pixels without weight", "seen too obliquely, beside another part, or not of the skin's color",
+            "pixels without weight",
+            "seen too obliquely, beside another part, or not of the skin's color",
         ),
         ("lights", "samples"): (
-            "lights that were fitted to zero", "they want to stay dark, and are asked again every few steps",
+            "lights that were fitted to zero",
+            "they want to stay dark, and are asked again every few steps",
         ),
         ("columns", "cells"): (
-            "columns of the Jacobian", "frozen parameters, and modes that move nothing that the photo shows",
+            "columns of the Jacobian",
+            "frozen parameters, and modes that move nothing that the photo shows",
         ),
-    }  # fmt: skip
+    }
     for (rule, kind), (what, why) in reasons.items():
         if (rule, kind) in ledger.skipped:
             add(what, why, *saved_sentence(ledger, rule, kind))
     facing = ledger.skipped.get(("facing", "rays"))
     if facing:
         add(
-            "shadow rays towards lights behind a surface", "n.l <= 0: no light, no ray", f"{amount(facing)} shadow rays"
+            "shadow rays towards lights behind a surface",
+            "n.l <= 0: no light, no ray",
+            f"{amount(facing)} shadow rays",
         )
     dark = int((fitted.stage.radiance.max(axis=1) <= 0).sum())
     if dark > 0:
@@ -116,13 +140,19 @@ def _structural(problem: Problem, add: Any) -> None:
     factor = problem.scale(FINE_FACE_PX)
     if factor < 1:
         add(
-            f"photo resolution beyond a face of {FINE_FACE_PX:.0f} px", "it adds texture, not shape",
+            f"photo resolution beyond a face of {FINE_FACE_PX:.0f} px",
+            "it adds texture, not shape",
             f"a factor of {1 / factor**2:.1f} in pixels while fitting",
-        )  # fmt: skip
+        )
     hidden = int((problem.geometry.model.triangle_part == OTHER).sum())
     if hidden:
-        add("see-through shells of the model (tear film, lashes)", "no opaque surface", f"{hidden} triangles")
+        add(
+            "see-through shells of the model (tear film, lashes)",
+            "no opaque surface",
+            f"{hidden} triangles",
+        )
     add(
-        "gradient of contours within the face", "their pixels are down-weighted; outline and landmarks hold the shape",
+        "gradient of contours within the face",
+        "their pixels are down-weighted; outline and landmarks hold the shape",
         "boundary sampling in every step",
-    )  # fmt: skip
+    )

@@ -9,17 +9,21 @@ from pathlib import Path
 from facestage.contract.errors import InputError
 from facestage.contract.wording import whole_bytes
 
-# Color, coverage, which part is skin, and the copies that are made when the picture is enlarged and written.
+# Color, coverage, which part is skin, and the copies that are made when the picture is enlarged and
+# written.
 BYTES_PER_PIXEL = 64
 _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
 def check_picture(width: int, height: int, memory: int | None) -> None:
-    """Raise InputError when a picture of so many pixels does not fit ``memory`` bytes; None: nobody knows."""
+    """Raise InputError when a picture of so many pixels does not fit ``memory`` bytes; None: nobody
+    knows.
+    """
     needed = width * height * BYTES_PER_PIXEL
     if memory is not None and needed > memory:
         raise InputError(
-            f"A picture of {width} x {height} pixels takes about {whole_bytes(needed)} of memory, this machine has "
+            f"A picture of {width} x {height} pixels takes about {whole_bytes(needed)} of "
+            "memory, this machine has "
             f"{whole_bytes(memory)}; render it on a larger one, or fit the photo at a smaller size."
         )
 

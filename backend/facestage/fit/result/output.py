@@ -47,10 +47,14 @@ class Finished:
 
 
 def finish(
-    problem: Problem, forward: ForwardModel, fitted: Fitted, truth: Truth | None,
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    truth: Truth | None,
     shared: Refined | None = None,
-) -> Finished:  # fmt: skip
-    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides too.
+) -> Finished:
+    """Add the albedo detail and render the fitted face at the photo's size, relit from both sides
+    too.
 
     ``shared``: the maps, where several photos have made them.
     """
@@ -59,15 +63,24 @@ def finish(
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
     picture = render_picture(
-        forward, fitted.state, fitted.stage, refined.textures, problem.job.seed,
-        relight=_side_lights(problem, fitted.stage), by_light=_relightable(problem, forward, fitted),
-    )  # fmt: skip
+        forward,
+        fitted.state,
+        fitted.stage,
+        refined.textures,
+        problem.job.seed,
+        relight=_side_lights(problem, fitted.stage),
+        by_light=_relightable(problem, forward, fitted),
+    )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
     errors = _errors(problem, fitted, refined.textures.albedo, picture, truth)
     last: dict[str, Any] = {
-        "seconds": fitted.seconds + sum(timings.values()), "stage": "albedo detail", "iteration": 1,
-        "energy": fitted.energy, "psnr": errors.get("psnr"), "photo_rms": _rms(problem, picture),
-    }  # fmt: skip
+        "seconds": fitted.seconds + sum(timings.values()),
+        "stage": "albedo detail",
+        "iteration": 1,
+        "energy": fitted.energy,
+        "psnr": errors.get("psnr"),
+        "photo_rms": _rms(problem, picture),
+    }
     last |= {name: errors[name] for name in ("rigid_mm", "similarity_mm") if name in errors}
     return Finished(fitted.state, refined, picture, errors, timings, [*fitted.trace, last])
 
@@ -80,19 +93,29 @@ def _rms(problem: Problem, picture: Picture) -> float | None:
 
 
 def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> bool:
-    """Whether the final picture traces all that a relight cache holds: every light of the stage, at this size."""
+    """Whether the final picture traces all that a relight cache holds: every light of the stage, at
+    this size.
+    """
     box = len(face_pixels(forward, fitted.state))
-    return problem.window.whole and bool(problem.lit.all()) and relight_scale(box, len(fitted.stage)) == 1
+    return (
+        problem.window.whole
+        and bool(problem.lit.all())
+        and relight_scale(box, len(fitted.stage)) == 1
+    )
 
 
 def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
-    """Radiance (N, 3) with only the lights on one side of the face, as bright together as all were."""
+    """Radiance (N, 3) with only the lights on one side of the face, as bright together as all
+    were.
+    """
     side = problem.lit_stage.position[:, 0]
     total = stage.radiance.sum()
     result = {}
     for name, lit in (("left", side < 0), ("right", side > 0)):
         if lit.any() and total > 0:
-            result[f"from the {name}"] = np.where(lit[:, None], total / (3.0 * lit.sum()), 0.0) * np.ones(3)
+            result[f"from the {name}"] = np.where(
+                lit[:, None], total / (3.0 * lit.sum()), 0.0
+            ) * np.ones(3)
     return result
 
 
@@ -103,16 +126,22 @@ def _errors(
     seen = picture.fitted & photo.mask
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
-        # Without what the color model took for hair, cloth or glasses, and what something flat hides.
-        "psnr_skin": psnr(picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white),
+        # Without what the color model took for hair, cloth or glasses, and what something flat
+        # hides.
+        "psnr_skin": psnr(
+            picture.color, photo.color, seen & (problem.skin > 0.5) & ~fitted.hidden, problem.white
+        ),
     }
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     distance = np.linalg.norm(projected - problem.landmarks.points, axis=1)
     errors["landmark_statistic"] = fitted.landmark_statistic
-    errors["landmark_px"] = float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
+    errors["landmark_px"] = (
+        float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
+    )
     if truth is not None:
         errors |= truth.geometry_errors(state)
-        # The landmark stage's own error: a fit must never end further from the truth than its start.
+        # The landmark stage's own error: a fit must never end further from the truth than its
+        # start.
         start = [row for row in fitted.trace if row["stage"] == "landmarks"]
         if start:
             errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
@@ -120,7 +149,9 @@ def _errors(
             errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)
         errors["albedo"] = truth.albedo_error(texture)
-    return {name: value for name, value in errors.items() if value is not None and np.isfinite(value)}
+    return {
+        name: value for name, value in errors.items() if value is not None and np.isfinite(value)
+    }
 
 
 def write_result(
@@ -132,22 +163,38 @@ def write_result(
     vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
     status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
-        status=status, advice=advice, model=problem.job.model,
-        camera=problem.window.full_camera(state.camera), camera_to_stage=fitted.camera_to_stage,
-        model_to_camera=state.model_to_camera, identity=state.identity, expression=state.expression,
-        albedo=state.albedo, specular=state.specular, roughness=state.roughness, stage=stage,
-        vertices=vertices.astype(np.float32), triangles=model.triangles,
-        identity_names=model.identity_names, expression_names=model.expression_names,
-        energy=fitted.energy, errors=finished.errors, timings=timings | finished.timings,
-        left_out=left_out(problem, fitted), unobserved=fitted.certainty.unobserved,
+        status=status,
+        advice=advice,
+        model=problem.job.model,
+        camera=problem.window.full_camera(state.camera),
+        camera_to_stage=fitted.camera_to_stage,
+        model_to_camera=state.model_to_camera,
+        identity=state.identity,
+        expression=state.expression,
+        albedo=state.albedo,
+        specular=state.specular,
+        roughness=state.roughness,
+        stage=stage,
+        vertices=vertices.astype(np.float32),
+        triangles=model.triangles,
+        identity_names=model.identity_names,
+        expression_names=model.expression_names,
+        energy=fitted.energy,
+        errors=finished.errors,
+        timings=timings | finished.timings,
+        left_out=left_out(problem, fitted),
+        unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
         model_origin={"name": model.name, "license": model.license, "source": model.source},
-        photo=problem.read_from_photo(), versions=_versions(), seed=problem.job.seed,
-        arrays={"condition": np.array(fitted.condition)} | _vertex_arrays(fitted)
+        photo=problem.read_from_photo(),
+        versions=_versions(),
+        seed=problem.job.seed,
+        arrays={"condition": np.array(fitted.condition)}
+        | _vertex_arrays(fitted)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
         | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
         folder=folder,
-    )  # fmt: skip
+    )
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)
     assert problem.job.landmarks is not None
@@ -171,13 +218,17 @@ def write_result(
 
 
 def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:
-    """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter was fitted."""
+    """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter
+    was fitted.
+    """
     found = fitted.certainty.vertices_mm
     return {} if found is None else {"vertex_deviation_mm": found}
 
 
 def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:
-    """The job's stage (stage frame) with what was fitted of the lit lights filled in: radiance and place."""
+    """The job's stage (stage frame) with what was fitted of the lit lights filled in: radiance and
+    place.
+    """
     arrays = {name: np.array(getattr(problem.stage, name)) for name in LIGHT_ARRAYS}
     arrays["radiance"] = np.zeros_like(problem.stage.radiance, dtype=float)
     placed = lit.transformed(camera_to_stage)
@@ -197,15 +248,27 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _report_data(problem: Problem, fitted: Fitted, finished: Finished, result: Result, probe: np.ndarray) -> ReportData:
+def _report_data(
+    problem: Problem, fitted: Fitted, finished: Finished, result: Result, probe: np.ndarray
+) -> ReportData:
     model, state = problem.geometry.model, finished.state
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     return ReportData(
-        result=result, photo=problem.photograph.color, render=finished.picture.color,
-        coverage=finished.picture.fitted & problem.photograph.mask, albedo=finished.refined.textures.albedo,
-        specular=finished.refined.textures.specular, roughness=finished.refined.textures.roughness,
-        texture_coverage=finished.refined.coverage, light_probe=probe,
-        relit=finished.picture.relit, landmarks=problem.landmarks.points, projected=projected,
-        visible=problem.landmarks.counted, trace=finished.trace, title=problem.job.image.stem,
-        surface=model.triangles[model.triangle_part != OTHER], face=model.regions.get("narrow_face"),
-    )  # fmt: skip
+        result=result,
+        photo=problem.photograph.color,
+        render=finished.picture.color,
+        coverage=finished.picture.fitted & problem.photograph.mask,
+        albedo=finished.refined.textures.albedo,
+        specular=finished.refined.textures.specular,
+        roughness=finished.refined.textures.roughness,
+        texture_coverage=finished.refined.coverage,
+        light_probe=probe,
+        relit=finished.picture.relit,
+        landmarks=problem.landmarks.points,
+        projected=projected,
+        visible=problem.landmarks.counted,
+        trace=finished.trace,
+        title=problem.job.image.stem,
+        surface=model.triangles[model.triangle_part != OTHER],
+        face=model.regions.get("narrow_face"),
+    )

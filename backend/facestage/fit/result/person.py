@@ -1,4 +1,6 @@
-"""Several photos of one person: jobs in, one folder out with a result per photo, all of one shape and skin."""
+"""Several photos of one person: jobs in, one folder out with a result per photo, all of one shape
+and skin.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,13 @@ FITTED_FRACTION = 0.9  # of the whole work, without textures and pictures
 
 
 def fit_person(
-    jobs: Sequence[Job], out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None, fineness: Fineness = USUAL,
-) -> Person:  # fmt: skip
+    jobs: Sequence[Job],
+    out: Path,
+    resume: bool = False,
+    emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+    fineness: Fineness = USUAL,
+) -> Person:
     """Fit ``jobs``, one photo of the same person each, and write the folder ``out``.
 
     Raises InputError before anything is written.
@@ -62,7 +68,12 @@ def fit_person(
 
 
 def _fit(
-    problems: Sequence[Problem], out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], began: float
+    problems: Sequence[Problem],
+    out: Path,
+    partial: Path,
+    resume: bool,
+    emit: Callable[[Event], None],
+    began: float,
 ) -> Person:
     """All of the fit that writes, in a place that no other run writes to."""
     jobs = [problem.job for problem in problems]
@@ -84,8 +95,12 @@ def _fit(
 
 
 def _write(
-    folder: Path, run: JointRun, fitted: JointFitted, cold_start: float, emit: Callable[[Event], None]
-) -> Person:  # fmt: skip
+    folder: Path,
+    run: JointRun,
+    fitted: JointFitted,
+    cold_start: float,
+    emit: Callable[[Event], None],
+) -> Person:
     """Every file of the person's folder."""
     count, started = len(run.members), time.monotonic()
     shared = _merged(run, fitted, emit)
@@ -98,13 +113,21 @@ def _write(
         finished = finish(problem, member.view.forward, one, member.truth, shared)
         own = folder / f"{member.number}-{member.problem.job.image.stem}"
         own.mkdir()
-        timings = {"cold_start": cold_start, "optimisation": one.seconds, "checks": one.check_seconds}
+        timings = {
+            "cold_start": cold_start,
+            "optimisation": one.seconds,
+            "checks": one.check_seconds,
+        }
         # Arrays that only the pictures need go with each photo.
-        results.append(replace(write_result(own, problem, one, finished, timings), folder=Path(own.name)))
+        results.append(
+            replace(write_result(own, problem, one, finished, timings), folder=Path(own.name))
+        )
     timings = {
-        "cold_start": cold_start, "optimisation": fitted.photos[0].seconds,
-        "checks": sum(one.check_seconds for one in fitted.photos), "results": time.monotonic() - started,
-    }  # fmt: skip
+        "cold_start": cold_start,
+        "optimisation": fitted.photos[0].seconds,
+        "checks": sum(one.check_seconds for one in fitted.photos),
+        "results": time.monotonic() - started,
+    }
     write_exr(folder / "albedo.exr", shared.textures.albedo)
     person = _person(run, fitted, results, timings)
     person.write_into(folder)
@@ -120,7 +143,15 @@ def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
     for member, one in zip(run.members, fitted.photos, strict=True):
         words = f"Painting the skin that photo {member.number} of {len(run.members)} shows"
-        emit(Event(PROGRESS, "texture", 0, fraction=0.9 + 0.03 * member.number / len(run.members), message=words))
+        emit(
+            Event(
+                PROGRESS,
+                "texture",
+                0,
+                fraction=0.9 + 0.03 * member.number / len(run.members),
+                message=words,
+            )
+        )
         if member.joined:
             problem, one = at_own_size(member, one)
             # A texel counts by the number of pixels that show it.
@@ -129,20 +160,34 @@ def _merged(run: JointRun, fitted: JointFitted, emit: Callable[[Event], None]) -
     return merged.maps()
 
 
-def _person(run: JointRun, fitted: JointFitted, results: Sequence[Result], timings: dict[str, float]) -> Person:
+def _person(
+    run: JointRun, fitted: JointFitted, results: Sequence[Result], timings: dict[str, float]
+) -> Person:
     photos = tuple(
         PersonPhoto(
-            member.number, str(member.problem.job.image), str(result.folder), result.status, result.advice,
-            member.joined and not run.shape_held, dict(result.errors),
+            member.number,
+            str(member.problem.job.image),
+            str(result.folder),
+            result.status,
+            result.advice,
+            member.joined and not run.shape_held,
+            dict(result.errors),
         )
         for member, result in zip(run.members, results, strict=True)
-    )  # fmt: skip
+    )
     state = next(member.state for member in run.members if member.joined)
     status, advice = person_verdict(photos, fitted)
     return Person(
-        status, advice, run.members[0].problem.job.model, photos, state.identity, state.albedo, state.specular,
-        state.roughness, timings,
-    )  # fmt: skip
+        status,
+        advice,
+        run.members[0].problem.job.model,
+        photos,
+        state.identity,
+        state.albedo,
+        state.specular,
+        state.roughness,
+        timings,
+    )
 
 
 class _Listener:
@@ -168,7 +213,14 @@ class _Listener:
         left = progress.seconds * (1 - progress.fraction) / max(progress.fraction, 1e-3)
         self.emit(
             Event(
-                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, 0.0, left,
-                FITTED_FRACTION * progress.fraction, self.preview, words,
+                PROGRESS,
+                progress.phase,
+                progress.iteration,
+                progress.photo_rms,
+                0.0,
+                left,
+                FITTED_FRACTION * progress.fraction,
+                self.preview,
+                words,
             )
-        )  # fmt: skip
+        )

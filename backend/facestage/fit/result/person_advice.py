@@ -18,12 +18,14 @@ def company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
     if difference is not None:
         return (
             f"This photo may show another person than the others: {_distance(difference)}."
-            f"{' It is left out of the shape that they share.' if member.stranger else ''} Check who is on it and its "
+            f"{' It is left out of the shape that they share.' if member.stranger else ''} "
+            "Check who is on it and its "
             "landmarks."
         )
     if member.doubt and not shape_held:
         return (
-            f"This photo is left out of the shape that the others share, because {member.doubt}; check its landmarks, "
+            "This photo is left out of the shape that the others share, because "
+            f"{member.doubt}; check its landmarks, "
             "and mask what is not the face with an alpha channel."
         )
     return ""
@@ -31,7 +33,8 @@ def company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
 
 def _distance(difference: Difference) -> str:
     return (
-        f"its landmarks lie further from what those of the others predict than chance explains (a squared distance of "
+        "its landmarks lie further from what those of the others predict than chance explains "
+        "(a squared distance of "
         f"{difference.statistic:.0f}, at most {difference.limit:.0f} is plausible)"
     )
 
@@ -44,7 +47,8 @@ def person_verdict(photos: Sequence[PersonPhoto], fitted: JointFitted) -> tuple[
     odd = sorted(fitted.odd)
     if len(photos) == len(odd) == 2:
         return STOPPED, (
-            f"Photos 1 and 2 may show different people: {_distance(fitted.odd[0])}. Check who is on them and their "
+            f"Photos 1 and 2 may show different people: {_distance(fitted.odd[0])}. Check who "
+            "is on them and their "
             "landmarks, or fit them one by one."
         )
     if odd:
@@ -55,6 +59,7 @@ def person_verdict(photos: Sequence[PersonPhoto], fitted: JointFitted) -> tuple[
         return STOPPED, f"Photo {against.number} ({Path(against.image).name}): {against.advice}"
     psnr = [photo.errors["psnr_skin"] for photo in photos if "psnr_skin" in photo.errors]
     return CONVERGED, (
-        f"Converged: {len(photos)} photos share one shape and one skin, which explain them with a PSNR of "
+        f"Converged: {len(photos)} photos share one shape and one skin, which explain them "
+        "with a PSNR of "
         f"{min(psnr):.1f} to {max(psnr):.1f} dB."
     )

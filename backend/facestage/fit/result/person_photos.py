@@ -1,4 +1,6 @@
-"""The photos of one person: read one after another, kept small while they are fitted, whole again at the end."""
+"""The photos of one person: read one after another, kept small while they are fitted, whole again
+at the end.
+"""
 
 from __future__ import annotations
 
@@ -21,34 +23,48 @@ from facestage.image_io import resize
 
 # What the jobs of one person must agree on, in words.
 COMMON = {
-    "model": "the face model", "freeze": "what is frozen", "weights": "the weights", "quality": "the quality",
-    "plan": "the plan", "seed": "the seed", "device": "the device",
-}  # fmt: skip
+    "model": "the face model",
+    "freeze": "what is frozen",
+    "weights": "the weights",
+    "quality": "the quality",
+    "plan": "the plan",
+    "seed": "the seed",
+    "device": "the device",
+}
 
 
 def check_jobs(jobs: Sequence[Job]) -> None:
     """Raise InputError unless the jobs can be of one person."""
     if not 2 <= len(jobs) <= PHOTOS_MAX:
         raise InputError(
-            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 to {PHOTOS_MAX}. "
-            "Leave out --same-person for one photo; of many, choose those that differ most in pose and light."
+            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 "
+            f"to {PHOTOS_MAX}. "
+            "Leave out --same-person for one photo; of many, choose those that differ most in "
+            "pose and light."
         )
     for name, words in COMMON.items():
         for number, job in enumerate(jobs[1:], 2):
             if getattr(job, name) != getattr(jobs[0], name):
                 raise InputError(
-                    f"The jobs of photos 1 and {number} differ in {words} ('{getattr(jobs[0], name)}' and "
+                    f"The jobs of photos 1 and {number} differ in {words} "
+                    f"('{getattr(jobs[0], name)}' and "
                     f"'{getattr(job, name)}'), which photos of one person share; make them equal."
                 )
     seen: dict[Path, int] = {}
     for number, job in enumerate(jobs, 1):
         earlier = seen.setdefault(job.image.resolve(), number)
         if earlier != number:
-            raise InputError(f"Photos {earlier} and {number} are the same file '{job.image}'; give each photo once.")
+            raise InputError(
+                f"Photos {earlier} and {number} are the same file '{job.image}'; give each "
+                "photo once."
+            )
 
 
 def read_photos(
-    jobs: Sequence[Job], emit: Callable[[Event], None], landmark_model: Path | None, fineness: Fineness = USUAL
+    jobs: Sequence[Job],
+    emit: Callable[[Event], None],
+    landmark_model: Path | None,
+    fineness: Fineness = USUAL,
 ) -> list[Problem]:
     """The problems of all photos at working size, over one face geometry.
 
@@ -57,9 +73,13 @@ def read_photos(
     problems: list[Problem] = []
     for number, job in enumerate(jobs, 1):
         try:
-            whole = read_problem(job, emit, landmark_model, problems[0].geometry if problems else None, fineness)
+            whole = read_problem(
+                job, emit, landmark_model, problems[0].geometry if problems else None, fineness
+            )
         except InputError as error:
-            raise InputError(f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}") from error
+            raise InputError(
+                f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}"
+            ) from error
         # Its job has the landmarks that were found, for when the photo is read again.
         problems.append(whole.reduced(fineness.joint_face_px))
     return problems

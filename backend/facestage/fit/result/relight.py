@@ -40,12 +40,16 @@ SAMPLES = 16  # shadow rays per light and sub-pixel of a picture that is traced
 
 
 def render_result(
-    folder: Path, out: Path, lights: dict[str, Any] | None, weights: dict[str, Any] | None, samples: int | None
+    folder: Path,
+    out: Path,
+    lights: dict[str, Any] | None,
+    weights: dict[str, Any] | None,
+    samples: int | None,
 ) -> None:
     """Write a picture of the result in ``folder``. Raises InputError for a wrong file or name.
 
-    Other lights come from the result's relight cache, which is made when there is none; see :func:`relit`.
-    ``samples`` per light and sub-pixel; None: as many as the cache has, or SAMPLES.
+    Other lights come from the result's relight cache, which is made when there is none; see
+    :func:`relit`. ``samples`` per light and sub-pixel; None: as many as the cache has, or SAMPLES.
     """
     if out.suffix.lower() not in OUTPUTS:
         raise InputError(f"The output '{out}' does not end in {' or '.join(OUTPUTS)}.")
@@ -53,15 +57,21 @@ def render_result(
     result = Result.load(folder)
     if lights is not None:
         # A light that was off in the fit is dark in the result, but may be turned on now.
-        radiance = checked(LightsFile(lights=len(result.stage)), lights, "The light file (--lights)")["radiance"]
+        radiance = checked(
+            LightsFile(lights=len(result.stage)), lights, "The light file (--lights)"
+        )["radiance"]
         stage = replace(result.stage, radiance=radiance, state=np.full(len(radiance), ON))
         result = replace(result, stage=stage)
     if weights is not None:
         given = checked(WeightsFile(), weights, "The weight file (--weights)")
         result = replace(
             result,
-            identity=_weights(given["identity"], "identity", result.identity_names, result.identity),
-            expression=_weights(given["expression"], "expression", result.expression_names, result.expression),
+            identity=_weights(
+                given["identity"], "identity", result.identity_names, result.identity
+            ),
+            expression=_weights(
+                given["expression"], "expression", result.expression_names, result.expression
+            ),
         )
         color = render(result, samples or SAMPLES)
     else:
@@ -76,16 +86,21 @@ def render_result(
             Image.fromarray(pixels).save(temporary)
 
 
-def relit(result: Result, samples: int | None, make: bool, numbers_max: float = NUMBERS_MAX) -> np.ndarray:
-    """(h, w, 3) the result under its stage's radiance, from the relight cache where that has the photo's size.
+def relit(
+    result: Result, samples: int | None, make: bool, numbers_max: float = NUMBERS_MAX
+) -> np.ndarray:
+    """(h, w, 3) the result under its stage's radiance, from the relight cache where that has the
+    photo's size.
 
-    A cache that is missing, damaged, stale, or of fewer than ``samples`` is not used; ``make`` writes one then.
+    A cache that is missing, damaged, stale, or of fewer than ``samples`` is not used; ``make``
+    writes one then.
     """
     try:
         cache = RelightCache.load(result)
-        if (cache.width, cache.height) == (result.camera.width, result.camera.height) and cache.samples >= (
-            samples or 0
-        ):
+        if (cache.width, cache.height) == (
+            result.camera.width,
+            result.camera.height,
+        ) and cache.samples >= (samples or 0):
             return cache.relight(result.stage.radiance)
     except InputError:
         pass  # it is only a cache: what is wrong with the result itself, tracing says
@@ -100,7 +115,8 @@ def relit(result: Result, samples: int | None, make: bool, numbers_max: float = 
 
 
 def make_cache(folder: Path, samples: int | None, numbers_max: float = NUMBERS_MAX) -> None:
-    """Write the relight cache of the result in ``folder``, smaller than the photo where that is large.
+    """Write the relight cache of the result in ``folder``, smaller than the photo where that is
+    large.
 
     ``numbers_max`` that its images may hold.
     """
@@ -114,7 +130,9 @@ def make_cache(folder: Path, samples: int | None, numbers_max: float = NUMBERS_M
 def trace_lights(
     result: Result, samples: int, shrink: bool = False, numbers_max: float = NUMBERS_MAX
 ) -> RelightCache | None:
-    """The result under each of its lights alone; None where that is too large and must not ``shrink``."""
+    """The result under each of its lights alone; None where that is too large and must not
+    ``shrink``.
+    """
     forward, state, stage, textures = _prepared(result, np.ones(len(result.stage), bool))
     factor = relight_scale(len(face_pixels(forward, state)), len(stage), numbers_max)
     if factor < 1:
@@ -126,7 +144,9 @@ def trace_lights(
 
 
 def render(result: Result, samples: int) -> np.ndarray:
-    """(h, w, 3) the result's face under its stage, of the photo's size; a large one is traced smaller and enlarged."""
+    """(h, w, 3) the result's face under its stage, of the photo's size; a large one is traced
+    smaller and enlarged.
+    """
     lit = result.stage.radiance.max(axis=1) > 0
     if not lit.any():
         lit[0] = True  # a dark face is still a picture
@@ -139,7 +159,9 @@ def render(result: Result, samples: int) -> np.ndarray:
 
 
 def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
-    """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera frame), textures."""
+    """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera
+    frame), textures.
+    """
     check_picture(result.camera.width, result.camera.height, machine_memory())
     model = load_model(result.model)
     _check_model(result, model)
@@ -147,17 +169,28 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     folder = _folder(result)
     rough = folder / ROUGHNESS  # older results have one value alone
     textures = Textures(
-        read_exr(folder / "albedo.exr"), read_exr(folder / "specular.exr")[..., 0],
+        read_exr(folder / "albedo.exr"),
+        read_exr(folder / "specular.exr")[..., 0],
         read_exr(rough)[..., 0] if is_file(rough) else None,
-    )  # fmt: skip
+    )
     geometry = FaceGeometry(model)
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
-    forward = ForwardModel(geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False))
+    forward = ForwardModel(
+        geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False)
+    )
     matrix = result.model_to_camera
     state = State(
-        matrix[:3, :3], matrix[:3, 3], result.camera, result.identity, result.expression, np.zeros(0),
-        np.zeros((len(stage), AXES)), result.albedo, result.roughness, result.specular,
-    )  # fmt: skip
+        matrix[:3, :3],
+        matrix[:3, 3],
+        result.camera,
+        result.identity,
+        result.expression,
+        np.zeros(0),
+        np.zeros((len(stage), AXES)),
+        result.albedo,
+        result.roughness,
+        result.specular,
+    )
     return forward, state, stage, textures
 
 
@@ -175,7 +208,10 @@ class LightsFile(HandWritten):
     """A light file, for a stage with a known number of lights."""
 
     radiance = Array(
-        ("lights", 3), minimum=0, maximum=RADIANCE_MAX, words="one [r, g, b] of numbers of 0 or more for each light"
+        ("lights", 3),
+        minimum=0,
+        maximum=RADIANCE_MAX,
+        words="one [r, g, b] of numbers of 0 or more for each light",
     )
 
 
@@ -186,19 +222,24 @@ class WeightsFile(HandWritten):
     expression = Table(Number(-WEIGHT_MAX, WEIGHT_MAX), NAMES_MAX, load_default=dict)
 
 
-def _weights(given: Mapping[str, float], kind: str, names: tuple[str, ...], current: np.ndarray) -> np.ndarray:
+def _weights(
+    given: Mapping[str, float], kind: str, names: tuple[str, ...], current: np.ndarray
+) -> np.ndarray:
     result = current.copy()
     for name, value in given.items():
         if name not in names:
             raise InputError(
-                f"The weight file names the {kind} '{name}'; this face model has: {', '.join(names[:8])}, ..."
+                f"The weight file names the {kind} '{name}'; this face model has: "
+                f"{', '.join(names[:8])}, ..."
             )
         result[names.index(name)] = value
     return result
 
 
 def _check_model(result: Result, model: FaceModel) -> None:
-    """Raise InputError unless the result's numbers are those of the model that its name stands for now."""
+    """Raise InputError unless the result's numbers are those of the model that its name stands for
+    now.
+    """
     shapes = {
         "vertices": (len(result.vertices), len(model.vertices)),
         "identity modes": (len(result.identity), len(model.identity_names)),
@@ -208,6 +249,7 @@ def _check_model(result: Result, model: FaceModel) -> None:
     for what, (found, wanted) in shapes.items():
         if found != wanted:
             raise InputError(
-                f"The result has {found} {what}, the face model '{result.model}' has {wanted}: it is another one by "
+                f"The result has {found} {what}, the face model '{result.model}' has {wanted}: "
+                "it is another one by "
                 "now; run the fit again."
             )

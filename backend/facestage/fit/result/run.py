@@ -35,12 +35,18 @@ PREVIEW_INTERVAL = 2.0
 
 
 def fit_job(
-    job: Job, out: Path, resume: bool = False, emit: Callable[[Event], None] = lambda event: None,
-    landmark_model: Path | None = None, fineness: Fineness = USUAL,
-) -> Result:  # fmt: skip
-    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is written.
+    job: Job,
+    out: Path,
+    resume: bool = False,
+    emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+    fineness: Fineness = USUAL,
+) -> Result:
+    """Fit ``job`` and write the result folder ``out``. Raises InputError before anything is
+    written.
 
-    ``landmark_model`` finds the face of a job without landmarks; None looks for it in the usual places.
+    ``landmark_model`` finds the face of a job without landmarks; None looks for it in the usual
+    places.
     """
     out = Path(out).resolve()
     began = time.monotonic()
@@ -57,12 +63,23 @@ def fit_job(
 
 
 def _fit(
-    problem: Problem, out: Path, partial: Path, resume: bool, emit: Callable[[Event], None], began: float
+    problem: Problem,
+    out: Path,
+    partial: Path,
+    resume: bool,
+    emit: Callable[[Event], None],
+    began: float,
 ) -> Result:
     """All of the fit that writes, in a place that no other run writes to."""
     job = problem.job
     model = problem.geometry.model
-    emit(Event(PROGRESS, "reading", message=f"Face model: {model.name}; licence: {model.license}; {model.source}"))
+    emit(
+        Event(
+            PROGRESS,
+            "reading",
+            message=f"Face model: {model.name}; licence: {model.license}; {model.source}",
+        )
+    )
     truth = Truth(job.truth, problem.geometry) if job.truth else None
     start_renderer(job.device)
     forward = ForwardModel(problem.geometry, problem.lights)
@@ -71,9 +88,17 @@ def _fit(
     run = FitRun(problem, forward, partial, truth, _Listener(partial, emit))
     with kept_unless_refused(partial, resume):
         fitted = run.run(deadline, Checkpoint.load(partial) if resume else None)
-    emit(Event(PROGRESS, "pictures", 0, None, 0.0, None, 0.92, message="Drawing textures and pictures"))
+    emit(
+        Event(
+            PROGRESS, "pictures", 0, None, 0.0, None, 0.92, message="Drawing textures and pictures"
+        )
+    )
     finished = finish(problem, forward, fitted, truth)
-    timings = {"cold_start": cold_start, "optimisation": fitted.seconds, "checks": fitted.check_seconds}
+    timings = {
+        "cold_start": cold_start,
+        "optimisation": fitted.seconds,
+        "checks": fitted.check_seconds,
+    }
     with atomic_folder(out, is_result_file) as folder:
         result = write_result(folder, problem, fitted, finished, timings)
     if fitted.in_time:
@@ -83,20 +108,25 @@ def _fit(
 
 @contextmanager
 def kept_unless_refused(partial: Path, resume: bool) -> Iterator[None]:
-    """Around a run, which begins without the checkpoint of an earlier one unless it is to ``resume`` from it."""
+    """Around a run, which begins without the checkpoint of an earlier one unless it is to
+    ``resume`` from it.
+    """
     if not resume:
         forget_checkpoint(partial)
     try:
         yield
     except InputError:
-        # Going on would be refused again; a checkpoint that was there before may belong to a job that is fine.
+        # Going on would be refused again; a checkpoint that was there before may belong to a job
+        # that is fine.
         if not resume:
             forget_checkpoint(partial)
         raise
 
 
 def seconds_to_fit(budget: float | None, photos: int = 1) -> float:
-    """What of a budget in seconds is left for the fit when the results of ``photos`` have to be written too."""
+    """What of a budget in seconds is left for the fit when the results of ``photos`` have to be
+    written too.
+    """
     if budget is None:
         return float("inf")
     return budget - min(FINISH_SHARE * budget, FINISH_SECONDS_MAX * photos)
@@ -125,7 +155,14 @@ class _Listener:
         words = f"Fitting: {progress.phase}, step {progress.iteration}"
         self.emit(
             Event(
-                PROGRESS, progress.phase, progress.iteration, progress.photo_rms, 0.0, left, 0.9 * progress.fraction,
-                self.preview, words,
+                PROGRESS,
+                progress.phase,
+                progress.iteration,
+                progress.photo_rms,
+                0.0,
+                left,
+                0.9 * progress.fraction,
+                self.preview,
+                words,
             )
-        )  # fmt: skip
+        )

@@ -1,8 +1,9 @@
 """What a fit needs to go on after it was stopped: written after every step, whole or not at all.
 
-A checkpoint holds where the last accepted step began. It is taken again, so that what follows from it (the normal
-equations, the model's answer, whether the phase is over) is known as if nothing had happened; and all that a phase
-prepares before its first step is prepared again from what it was prepared from.
+A checkpoint holds where the last accepted step began. It is taken again, so that what follows from
+it (the normal equations, the model's answer, whether the phase is over) is known as if nothing had
+happened; and all that a phase prepares before its first step is prepared again from what it was
+prepared from.
 """
 
 from __future__ import annotations
@@ -64,16 +65,37 @@ class Checkpoint:
 
     @classmethod
     def of(
-        cls, view: View, phase: int, seconds: float, start: State | None, state: State, trace: list[dict[str, Any]]
-    ) -> Checkpoint:  # fmt: skip
+        cls,
+        view: View,
+        phase: int,
+        seconds: float,
+        start: State | None,
+        state: State,
+        trace: list[dict[str, Any]],
+    ) -> Checkpoint:
         """Before anything of the phase is done."""
         return cls(
-            view.problem.fingerprint, phase, seconds, start, state, view.memory, deepcopy(view.plan.ledger), list(trace)
+            view.problem.fingerprint,
+            phase,
+            seconds,
+            start,
+            state,
+            view.memory,
+            deepcopy(view.plan.ledger),
+            list(trace),
         )
 
-    def after(self, within: Within, view: View, seconds: float, trace: list[dict[str, Any]]) -> Checkpoint:
+    def after(
+        self, within: Within, view: View, seconds: float, trace: list[dict[str, Any]]
+    ) -> Checkpoint:
         """The same phase after some steps."""
-        return replace(self, within=within, ledger=deepcopy(view.plan.ledger), seconds=seconds, trace=list(trace))
+        return replace(
+            self,
+            within=within,
+            ledger=deepcopy(view.plan.ledger),
+            seconds=seconds,
+            trace=list(trace),
+        )
 
     def restore(self, view: View) -> None:
         """Let ``view`` remember what it did where the phase began."""
@@ -81,7 +103,9 @@ class Checkpoint:
         view.plan.ledger = deepcopy(self.ledger)
 
     def enter(self, stage: Stage) -> tuple[State, int]:
-        """Let the phase's ``stage``, as it began, be where it was; the state there and the number of the next step."""
+        """Let the phase's ``stage``, as it began, be where it was; the state there and the number
+        of the next step.
+        """
         assert self.within is not None
         stage.damping = Damping(*self.within.damping)
         stage.counted = deepcopy(self.ledger)
@@ -92,25 +116,36 @@ class Checkpoint:
     def arrays(self) -> dict[str, np.ndarray]:
         """The checkpoint as named arrays."""
         within = self.within
-        states = {"began": self.began, "start": self.start, "within": None if within is None else within.state}
+        states = {
+            "began": self.began,
+            "start": self.start,
+            "within": None if within is None else within.state,
+        }
         meta = {
-            "schema": SCHEMA_VERSION, "fingerprint": self.fingerprint, "phase": self.phase, "seconds": self.seconds,
-            "trace": self.trace, "ledger": ledger_to_json(self.ledger), "light_scale": self.memory.light_scale,
+            "schema": SCHEMA_VERSION,
+            "fingerprint": self.fingerprint,
+            "phase": self.phase,
+            "seconds": self.seconds,
+            "trace": self.trace,
+            "ledger": ledger_to_json(self.ledger),
+            "light_scale": self.memory.light_scale,
             "penumbra": self.memory.penumbra,
             "within": None if within is None else {"step": within.step, "damping": within.damping},
             "states": {
                 name: {"camera": state.camera.to_json(), "roughness": state.roughness}
-                for name, state in states.items() if state is not None
+                for name, state in states.items()
+                if state is not None
             },
-        }  # fmt: skip
+        }
         arrays = {"meta": np.array(json.dumps(finite_json(meta))), "strong": self.memory.strong}
         for name, state in states.items():
             if state is not None:
                 arrays |= {f"{name}/{own}": getattr(state, own) for own in _STATE_ARRAYS}
         optional = {
-            "camera_to_stage": self.memory.camera_to_stage, "hidden": self.memory.hidden,
+            "camera_to_stage": self.memory.camera_to_stage,
+            "hidden": self.memory.hidden,
             "resting": None if within is None else within.resting,
-        }  # fmt: skip
+        }
         return arrays | {name: array for name, array in optional.items() if array is not None}
 
     @classmethod
@@ -120,26 +155,42 @@ class Checkpoint:
         meta = decoded_meta(str(arrays.get("meta")), subject, AGAIN)
         if meta.get("schema") != SCHEMA_VERSION:
             raise other_version(folder)
-        given = checked(CheckpointArrays(), sections(arrays, "began", "start", "within"), subject, AGAIN)
+        given = checked(
+            CheckpointArrays(), sections(arrays, "began", "start", "within"), subject, AGAIN
+        )
         try:
             states = {
                 name: State(
-                    camera=Camera.from_json(own["camera"]), roughness=finite(own["roughness"]), **given[name],
+                    camera=Camera.from_json(own["camera"]),
+                    roughness=finite(own["roughness"]),
+                    **given[name],
                 )
                 for name, own in meta["states"].items()
-            }  # fmt: skip
+            }
             memory = Memory(
-                finite(meta["light_scale"]), None if meta["penumbra"] is None else finite(meta["penumbra"]),
-                given.get("camera_to_stage"), given["strong"], given.get("hidden"),
-            )  # fmt: skip
+                finite(meta["light_scale"]),
+                None if meta["penumbra"] is None else finite(meta["penumbra"]),
+                given.get("camera_to_stage"),
+                given["strong"],
+                given.get("hidden"),
+            )
             within = None
             if meta["within"] is not None:
                 value, growth = map(finite, meta["within"]["damping"])
-                within = Within(int(meta["within"]["step"]), states["within"], (value, growth), given["resting"])
+                within = Within(
+                    int(meta["within"]["step"]), states["within"], (value, growth), given["resting"]
+                )
             return cls(
-                str(meta["fingerprint"]), int(meta["phase"]), finite(meta["seconds"]), states.get("start"),
-                states["began"], memory, ledger_from_json(meta["ledger"]), [dict(row) for row in meta["trace"]], within,
-            )  # fmt: skip
+                str(meta["fingerprint"]),
+                int(meta["phase"]),
+                finite(meta["seconds"]),
+                states.get("start"),
+                states["began"],
+                memory,
+                ledger_from_json(meta["ledger"]),
+                [dict(row) for row in meta["trace"]],
+                within,
+            )
         except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
             raise damaged(folder, error) from error
 
@@ -155,10 +206,13 @@ class Checkpoint:
         return cls.from_arrays(read_arrays(folder / CHECKPOINT, "checkpoint"), folder)
 
     def check_fingerprint(self, fingerprint: str, folder: Path) -> None:
-        """Raise InputError when the checkpoint belongs to another job than the one of this ``fingerprint``."""
+        """Raise InputError when the checkpoint belongs to another job than the one of this
+        ``fingerprint``.
+        """
         if self.fingerprint != fingerprint:
             raise InputError(
-                f"The checkpoint in '{folder}' belongs to another job (photo, landmarks or options differ); "
+                f"The checkpoint in '{folder}' belongs to another job (photo, landmarks or "
+                "options differ); "
                 "start again without --resume, or restore the options."
             )
 
@@ -172,9 +226,17 @@ def ledger_to_json(ledger: Ledger) -> dict[str, Any]:
 
 
 def ledger_from_json(data: Mapping[str, Any]) -> Ledger:
-    """The reverse of :func:`ledger_to_json`. Raises KeyError, TypeError or ValueError for anything else."""
-    work = {str(kind): Work(finite(seconds), finite(units)) for kind, (seconds, units) in data["work"].items()}
-    return Ledger(work, {(str(rule), str(kind)): finite(units) for rule, kind, units in data["skipped"]})
+    """The reverse of :func:`ledger_to_json`.
+
+    Raises KeyError, TypeError or ValueError for anything else.
+    """
+    work = {
+        str(kind): Work(finite(seconds), finite(units))
+        for kind, (seconds, units) in data["work"].items()
+    }
+    return Ledger(
+        work, {(str(rule), str(kind)): finite(units) for rule, kind, units in data["skipped"]}
+    )
 
 
 def damaged(folder: Path, error: Exception) -> InputError:
@@ -185,8 +247,18 @@ def damaged(folder: Path, error: Exception) -> InputError:
 def other_version(folder: Path) -> InputError:
     """What is said of a checkpoint that another version of the program wrote."""
     return InputError(
-        f"The checkpoint in '{folder}' was written by another version of Facestage; start again without --resume."
+        f"The checkpoint in '{folder}' was written by another version of Facestage; start "
+        "again without --resume."
     )
 
 
-_STATE_ARRAYS = ("rotation", "translation", "identity", "expression", "lights", "light_position", "albedo", "specular")
+_STATE_ARRAYS = (
+    "rotation",
+    "translation",
+    "identity",
+    "expression",
+    "lights",
+    "light_position",
+    "albedo",
+    "specular",
+)

@@ -37,7 +37,10 @@ class CheckpointArrays(FileSchema):
 
 
 def finite(value: float) -> float:
-    """A number out of a checkpoint's meta data. Raises ValueError for NaN and infinity, TypeError for no number."""
+    """A number out of a checkpoint's meta data.
+
+    Raises ValueError for NaN and infinity, TypeError for no number.
+    """
     number = float(value)
     if not math.isfinite(number):
         raise ValueError(f"{number} is no number")

@@ -1,4 +1,6 @@
-"""Runs a fit: phases of the schedule over one problem, with checkpoints, progress and a deadline."""
+"""Runs a fit: phases of the schedule over one problem, with checkpoints, progress and a
+deadline.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ from facestage.fit.trust.fitted import Fitted, Progress
 
 
 class FitRun:
-    """One fit. ``folder`` keeps the checkpoint; ``listen`` hears of each step; the clock is monotonic."""
+    """One fit.
+
+    ``folder`` keeps the checkpoint; ``listen`` hears of each step; the clock is monotonic.
+    """
 
     def __init__(
         self,
@@ -42,7 +47,9 @@ class FitRun:
         self._started = 0.0
 
     def run(self, deadline: float, checkpoint: Checkpoint | None = None) -> Fitted:
-        """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
+        """All phases from the start, or from ``checkpoint``, until done or ``deadline``
+        (time.monotonic).
+        """
         view, self._started = self.view, time.monotonic()
         state, first, start = view.start_state(), 0, None
         if checkpoint is not None:
@@ -51,7 +58,10 @@ class FitRun:
             self.trace = list(checkpoint.trace)
             checkpoint.restore(view)
             self._started -= checkpoint.seconds
-        landmarks_end = max((number for number, phase in enumerate(self.phases) if phase.face_px is None), default=-1)
+        landmarks_end = max(
+            (number for number, phase in enumerate(self.phases) if phase.face_px is None),
+            default=-1,
+        )
         for number in range(first, len(self.phases)):
             # The step that a checkpoint was before is taken whatever the time.
             if time.monotonic() > deadline and number > max(first, 1):
@@ -72,7 +82,9 @@ class FitRun:
         return conclude(view, ending, ended - self._started, ended <= deadline)
 
     def _phase(self, before: Checkpoint, deadline: float) -> tuple[State, bool]:
-        """The phase that ``before`` is at the beginning, or in the middle of: where it ends, and whether it runs."""
+        """The phase that ``before`` is at the beginning, or in the middle of: where it ends, and
+        whether it runs.
+        """
         view, number, state = self.view, before.phase, before.began
         phase = self.phases[number]
         view.choose_lamps(state)
@@ -95,13 +107,19 @@ class FitRun:
         return state, True
 
     def _took(self, phase: Phase, item: Iteration, stage: Stage, state: State) -> State:
-        """A step of ``phase`` from ``state``: the state after it, at the photo's full size, put into the trace."""
+        """A step of ``phase`` from ``state``: the state after it, at the photo's full size, put
+        into the trace.
+        """
         state, self._last = self.view.full_size(phase, item.state, state), item
-        self.trace.append(trace_row(self.problem, phase, item, stage, state, self._seconds(), self.truth))
+        self.trace.append(
+            trace_row(self.problem, phase, item, stage, state, self._seconds(), self.truth)
+        )
         return state
 
     def _hold_shape(self, start: State, end: State, deadline: float) -> State:
-        """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the checkpoint."""
+        """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the
+        checkpoint.
+        """
         state = with_shape(end, start)
         for number, phase in enumerate(self.phases):
             blocks = tuple(name for name in phase.blocks if name not in SHAPE)
@@ -111,7 +129,9 @@ class FitRun:
             stage = self.view.solver_stage(held, state)
             if stage is None:
                 continue
-            for item in stage.run(self.view.scaled(held, state), self.problem.job.seed + number, deadline):
+            for item in stage.run(
+                self.view.scaled(held, state), self.problem.job.seed + number, deadline
+            ):
                 state = self._took(held, item, stage, state)
         return state
 

@@ -1,4 +1,6 @@
-"""What a fit of several photos needs to go on: each photo's checkpoint, and who shares the shape."""
+"""What a fit of several photos needs to go on: each photo's checkpoint, and who shares the
+shape.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,14 @@ import numpy as np
 from facestage.contract.partial import PERSON_CHECKPOINT
 from facestage.contract.schema import decoded_meta
 from facestage.contract.storage import read_arrays, write_arrays
-from facestage.fit.runs.checkpoint import AGAIN, SCHEMA_VERSION, Checkpoint, Within, damaged, other_version
+from facestage.fit.runs.checkpoint import (
+    AGAIN,
+    SCHEMA_VERSION,
+    Checkpoint,
+    Within,
+    damaged,
+    other_version,
+)
 from facestage.fit.runs.checkpoint_schema import finite
 from facestage.fit.runs.member import Member
 from facestage.fit.stages.joint import JointIteration
@@ -21,39 +30,62 @@ from facestage.fit.stages.stage import Stage
 
 @dataclass(frozen=True)
 class JointCheckpoint:
-    """Where a phase of all photos began, and how far it was. Phase, step and damping are the same in every photo's."""
+    """Where a phase of all photos began, and how far it was.
+
+    Phase, step and damping are the same in every photo's.
+    """
 
     photos: tuple[Checkpoint, ...]
     doubts: tuple[str, ...]  # per photo: why it left the shared shape, or empty
-    statistics: tuple[float, ...]  # per photo: how far the fit had pulled its shape when it was last asked
+    # per photo: how far the fit had pulled its shape when it was last asked
+    statistics: tuple[float, ...]
     joined: tuple[bool, ...]  # per photo: whether it takes part in the joint fit
     shape_held: bool  # no photo was believed: the shape is the landmarks'
 
     @classmethod
-    def of(cls, members: list[Member], phase: int, seconds: float, shape_held: bool) -> JointCheckpoint:
+    def of(
+        cls, members: list[Member], phase: int, seconds: float, shape_held: bool
+    ) -> JointCheckpoint:
         """Before anything of the phase is done."""
         return cls(
-            tuple(Checkpoint.of(one.view, phase, seconds, None, one.state, one.trace) for one in members),
-            tuple(one.doubt for one in members), tuple(float(one.statistic) for one in members),
-            tuple(one.joined for one in members), shape_held,
-        )  # fmt: skip
+            tuple(
+                Checkpoint.of(one.view, phase, seconds, None, one.state, one.trace)
+                for one in members
+            ),
+            tuple(one.doubt for one in members),
+            tuple(float(one.statistic) for one in members),
+            tuple(one.joined for one in members),
+            shape_held,
+        )
 
     def after(
-        self, item: JointIteration, stages: Mapping[int, Stage], members: list[Member], seconds: float
+        self,
+        item: JointIteration,
+        stages: Mapping[int, Stage],
+        members: list[Member],
+        seconds: float,
     ) -> JointCheckpoint:
         """The same phase after a step of the photos that have ``stages``, by their number."""
         photos = list(self.photos)
         for (number, stage), part in zip(stages.items(), item.parts, strict=True):
-            within, member = Within.of(item.number, part.state, item.damping, stage), members[number - 1]
-            photos[number - 1] = photos[number - 1].after(within, member.view, seconds, member.trace)
+            within, member = (
+                Within.of(item.number, part.state, item.damping, stage),
+                members[number - 1],
+            )
+            photos[number - 1] = photos[number - 1].after(
+                within, member.view, seconds, member.trace
+            )
         return replace(self, photos=tuple(photos))
 
     def save(self, folder: Path) -> None:
         """Write the checkpoint into ``folder``, replacing the previous one."""
         meta = {
-            "schema": SCHEMA_VERSION, "doubts": self.doubts, "statistics": self.statistics, "joined": self.joined,
+            "schema": SCHEMA_VERSION,
+            "doubts": self.doubts,
+            "statistics": self.statistics,
+            "joined": self.joined,
             "shape_held": self.shape_held,
-        }  # fmt: skip
+        }
         arrays = {"meta": np.array(json.dumps(meta))}
         for number, photo in enumerate(self.photos):
             arrays |= {f"{number}/{name}": array for name, array in photo.arrays().items()}
@@ -61,7 +93,10 @@ class JointCheckpoint:
 
     @classmethod
     def load(cls, folder: Path) -> JointCheckpoint | None:
-        """The checkpoint in ``folder``, or None when there is none. Raises InputError when it is damaged."""
+        """The checkpoint in ``folder``, or None when there is none.
+
+        Raises InputError when it is damaged.
+        """
         if not (folder / PERSON_CHECKPOINT).is_file():
             return None
         arrays = read_arrays(folder / PERSON_CHECKPOINT, "checkpoint")
@@ -78,6 +113,10 @@ class JointCheckpoint:
         photos = []
         for number in range(len(doubts)):
             prefix = f"{number}/"
-            own = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+            own = {
+                name.removeprefix(prefix): array
+                for name, array in arrays.items()
+                if name.startswith(prefix)
+            }
             photos.append(Checkpoint.from_arrays(own, folder))
         return cls(tuple(photos), doubts, statistics, joined, held)

@@ -13,7 +13,9 @@ from facestage.fit.trust.fitted import Progress
 
 @dataclass(frozen=True)
 class JointProgress:
-    """What a listener hears: a step of one photo alone, or of all photos together, told by one of them."""
+    """What a listener hears: a step of one photo alone, or of all photos together, told by one of
+    them.
+    """
 
     photo: int  # 1, 2, ...
     together: bool
@@ -31,8 +33,14 @@ class Teller:
     quiet: bool = False  # while what a checkpoint has seen already is done again
 
     def tell(
-        self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage, together: bool
-    ) -> None:  # fmt: skip
+        self,
+        member: Member,
+        number: int,
+        phase: Phase,
+        item: Iteration,
+        stage: Stage,
+        together: bool,
+    ) -> None:
         """A step that is the last row of the member's trace."""
         if self.quiet:
             return
@@ -47,7 +55,13 @@ class Teller:
         photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
         row = member.trace[-1]
         progress = Progress(
-            phase.name, item.number, self.fraction, row["seconds"], row.get("photo_rms"), item.evaluation, photo,
+            phase.name,
+            item.number,
+            self.fraction,
+            row["seconds"],
+            row.get("photo_rms"),
+            item.evaluation,
+            photo,
             member.state,
-        )  # fmt: skip
+        )
         self.listen(JointProgress(member.number, together, progress))

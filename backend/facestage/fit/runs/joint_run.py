@@ -1,4 +1,6 @@
-"""Runs the fit of several photos of one person: landmarks photo by photo, then all photos as one problem."""
+"""Runs the fit of several photos of one person: landmarks photo by photo, then all photos as one
+problem.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ from facestage.fit.trust.same_person import Difference, combined, odd_ones
 
 @dataclass(frozen=True)
 class JointFitted:
-    """Where the schedule ended for each photo, and which of them do not go with the rest (by index)."""
+    """Where the schedule ended for each photo, and which of them do not go with the rest (by
+    index).
+    """
 
     photos: tuple[Fitted, ...]
     odd: dict[int, Difference]
@@ -61,14 +65,16 @@ class JointRun:
         self._teller = Teller(listen, self.phases, len(self.members))
 
     def run(self, deadline: float, checkpoint: JointCheckpoint | None = None) -> JointFitted:
-        """All phases from the start, or from ``checkpoint``, until done or ``deadline`` (time.monotonic)."""
+        """All phases from the start, or from ``checkpoint``, until done or ``deadline``
+        (time.monotonic).
+        """
         if checkpoint is not None:
             self._check(checkpoint)
             try:
                 return self._run(deadline, checkpoint)
             except MissingStepError:
-                # A photo took no step after it left the others, and its last one was before the checkpoint: rare
-                # enough to begin anew, which ends at the same place.
+                # A photo took no step after it left the others, and its last one was before the
+                # checkpoint: rare enough to begin anew, which ends at the same place.
                 self.members, self.shape_held, self._final = self._new_members(), False, None
         return self._run(deadline, None)
 
@@ -77,7 +83,9 @@ class JointRun:
         for number, (problem, forward, truth) in enumerate(self._given, 1):
             view = View(problem, forward)
             state = view.start_state()
-            phases = (self._schedule or default_schedule(problem.job, problem.fineness.steps_max)).phases
+            phases = (
+                self._schedule or default_schedule(problem.job, problem.fineness.steps_max)
+            ).phases
             members.append(Member(number, view, phases, truth, state, state, state))
         return members
 
@@ -110,7 +118,8 @@ class JointRun:
         return JointFitted(tuple(concluded), odd)
 
     def _landmarks(self) -> dict[int, Difference]:
-        """The phases without the photo: each photo alone, then all with one identity; which do not go with the rest.
+        """The phases without the photo: each photo alone, then all with one identity; which do not
+        go with the rest.
 
         Those are left out where at least two others agree.
         """
@@ -134,10 +143,16 @@ class JointRun:
         return odd
 
     def _photo_phase(self, number: int, checkpoint: JointCheckpoint | None) -> None:
-        """A phase with the photos; again, without the least believed photo, when one is not believed after it."""
+        """A phase with the photos; again, without the least believed photo, when one is not
+        believed after it.
+        """
         while True:
             final = self._final
-            before = [(member, member.state, member.last, member.missing) for member in self.members if member.joined]
+            before = [
+                (member, member.state, member.last, member.missing)
+                for member in self.members
+                if member.joined
+            ]
             self._descend(number, checkpoint)
             leaving = self._least_believed(self.phases[number])
             if leaving is None:
@@ -151,12 +166,19 @@ class JointRun:
                 self.shape_held = True
                 for member in self.members:
                     if not member.stranger:
-                        member.joined, member.state = True, with_shape(member.state, member.together)
+                        member.joined, member.state = (
+                            True,
+                            with_shape(member.state, member.together),
+                        )
             checkpoint = None
 
     def _descend(self, number: int, checkpoint: JointCheckpoint | None) -> None:
-        """All photos that take part, through phase ``number`` together; from ``checkpoint`` if it was left there."""
-        before = checkpoint or JointCheckpoint.of(self.members, number, self._seconds(), self.shape_held)
+        """All photos that take part, through phase ``number`` together; from ``checkpoint`` if it
+        was left there.
+        """
+        before = checkpoint or JointCheckpoint.of(
+            self.members, number, self._seconds(), self.shape_held
+        )
         joined = [member for member in self.members if member.joined]
         phases = {member.number: member.phase(number, self.shape_held) for member in joined}
         found = {member.number: self._stage(member, phases[member.number]) for member in joined}
@@ -173,7 +195,9 @@ class JointRun:
                 scaled[-1], step = own.enter(stages[member.number])
                 member.state = member.view.full_size(phase, scaled[-1], member.state)
                 joint.damping = Damping(*own.within.damping)
-        for item in joint.run(tuple(scaled), joined[0].problem.job.seed + number, self._deadline, step):
+        for item in joint.run(
+            tuple(scaled), joined[0].problem.job.seed + number, self._deadline, step
+        ):
             # Where an accepted step began is saved once it is accepted; landmarks are done again.
             if self.phases[number].face_px is not None:
                 before.save(self.folder)
@@ -181,15 +205,26 @@ class JointRun:
             for member, part in zip(joined, item.parts, strict=True):
                 member.took(phases[member.number], part)
                 if not self._teller.quiet:
-                    member.record(phases[member.number], part, stages[member.number], self._seconds())
+                    member.record(
+                        phases[member.number], part, stages[member.number], self._seconds()
+                    )
             before = before.after(item, stages, self.members, self._seconds())
             # Each step shows another photo.
             shown = item.number % len(joined)
             photo = joined[shown].number
-            self._teller.tell(joined[shown], number, phases[photo], item.parts[shown], stages[photo], together=True)
+            self._teller.tell(
+                joined[shown],
+                number,
+                phases[photo],
+                item.parts[shown],
+                stages[photo],
+                together=True,
+            )
 
     def _stage(self, member: Member, phase: Phase) -> Stage | None:
-        """A photo's stage for a phase, with its lamps chosen and lit where the phase looks at the photo."""
+        """A photo's stage for a phase, with its lamps chosen and lit where the phase looks at the
+        photo.
+        """
         if phase.face_px is not None:
             member.view.choose_lamps(member.state)
         stage = member.view.solver_stage(phase, member.state)
@@ -198,7 +233,9 @@ class JointRun:
         return stage
 
     def _least_believed(self, phase: Phase) -> Member | None:
-        """Of the photos that take part, the one that is least believed about the shape, if any is not."""
+        """Of the photos that take part, the one that is least believed about the shape, if any is
+        not.
+        """
         if self.shape_held or set(SHAPE).isdisjoint(phase.blocks):
             return None
         found = [(member, *member.disbelief()) for member in self.members if member.joined]
@@ -218,7 +255,9 @@ class JointRun:
             if member.joined:
                 member.last = item.marginal(index, joint.layout, free)
 
-    def _heard_alone(self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage) -> None:
+    def _heard_alone(
+        self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage
+    ) -> None:
         """A step that a photo took without the others."""
         if not self._teller.quiet:
             member.record(phase, item, stage, self._seconds())
@@ -231,14 +270,18 @@ class JointRun:
         """Raise InputError unless ``checkpoint`` is of these photos."""
         if len(checkpoint.photos) != len(self.members):
             raise InputError(
-                f"The checkpoint in '{self.folder}' is of {len(checkpoint.photos)} photos, and {len(self.members)} "
-                "were given; give the same photos in the same order, or start again without --resume."
+                f"The checkpoint in '{self.folder}' is of {len(checkpoint.photos)} photos, and "
+                f"{len(self.members)} "
+                "were given; give the same photos in the same order, or start again without "
+                "--resume."
             )
         for photo, member in zip(checkpoint.photos, self.members, strict=True):
             photo.check_fingerprint(member.problem.fingerprint, self.folder)
 
     def _restore(self, checkpoint: JointCheckpoint, first: int) -> None:
-        """Let everybody be where the checkpoint's phase began; ``first``: the first phase with the photos."""
+        """Let everybody be where the checkpoint's phase began; ``first``: the first phase with the
+        photos.
+        """
         self.shape_held = checkpoint.shape_held
         for index, (photo, member) in enumerate(zip(checkpoint.photos, self.members, strict=True)):
             photo.restore(member.view)

@@ -26,7 +26,9 @@ from facestage.fit.trust.same_person import Evidence
 
 
 class MissingStepError(Exception):
-    """Something is asked of a photo's last step, which was taken before the checkpoint that the run went on from."""
+    """Something is asked of a photo's last step, which was taken before the checkpoint that the run
+    went on from.
+    """
 
 
 # Told of each accepted step: the photo, the number of the phase, the phase, the step and its stage.
@@ -46,11 +48,13 @@ class Member:
     together: State  # where the landmark stage of all photos ended
     trace: list[dict[str, Any]] = field(default_factory=list)
     last: Iteration | None = None
-    missing: bool = False  # ``last`` was before the checkpoint that the run goes on from, and is not known
+    # ``last`` was before the checkpoint that the run goes on from, and is not known
+    missing: bool = False
     joined: bool = True  # takes part in the joint fit
     stranger: bool = False  # left out because its landmarks may be another person's
     doubt: str = ""  # why the photo is not believed about the shape
-    statistic: float = 0.0  # how far the joint fit pulled the shape from the photo's own landmarks', see guard.py
+    # how far the joint fit pulled the shape from the photo's own landmarks', see guard.py
+    statistic: float = 0.0
 
     @property
     def problem(self) -> Problem:
@@ -65,10 +69,14 @@ class Member:
             return replace(phase, name=f"{phase.name} together")
         if not shape_held:
             return phase
-        return replace(phase, name=f"{phase.name}, shape held", blocks=_without(phase.blocks, SHAPE))
+        return replace(
+            phase, name=f"{phase.name}, shape held", blocks=_without(phase.blocks, SHAPE)
+        )
 
     def landmarks_alone(self, tell: Tell) -> Evidence | None:
-        """Its own landmark stage; what that says of the identity, where it is fitted and has a prior."""
+        """Its own landmark stage; what that says of the identity, where it is fitted and has a
+        prior.
+        """
         found: tuple[Iteration, Stage] | None = None
         for number, phase in enumerate(self.phases):
             stage = self.view.solver_stage(phase, self.state) if phase.face_px is None else None
@@ -88,10 +96,14 @@ class Member:
         try:
             return self.view.with_initial_lights(stage, self.state)
         except InputError as error:
-            raise InputError(f"Photo {self.number} ('{self.problem.job.image.name}'): {error}") from error
+            raise InputError(
+                f"Photo {self.number} ('{self.problem.job.image.name}'): {error}"
+            ) from error
 
     def disbelief(self) -> tuple[float, str]:
-        """How little the photo is believed about the shape where it stands, above 0 if not at all, and why."""
+        """How little the photo is believed about the shape where it stands, above 0 if not at all,
+        and why.
+        """
         self._need_last_step()
         psnr = self.trace[-1].get("psnr") if self.trace else None
         clause, self.statistic = photo_doubt(self.view, self.start, self.state, self.last, psnr)
@@ -102,7 +114,9 @@ class Member:
         return (self.statistic / limit if self.statistic > limit else np.inf), clause
 
     def follow(self, shared: State, deadline: float, tell: Tell) -> None:
-        """Take the others' shape and skin; pose and expression by landmarks, and light by the photo, are its own."""
+        """Take the others' shape and skin; pose and expression by landmarks, and light by the
+        photo, are its own.
+        """
         state = with_shared(self.together, shared)
         self.state = replace(state, lights=np.zeros_like(state.lights))
         for number, phase in enumerate(self.phases):
@@ -117,23 +131,33 @@ class Member:
                 continue
             if phase.face_px is not None:
                 self.state = self.with_initial_lights(stage)
-            for item in stage.run(self.view.scaled(alone, self.state), self.problem.job.seed + number, deadline):
+            for item in stage.run(
+                self.view.scaled(alone, self.state), self.problem.job.seed + number, deadline
+            ):
                 self.took(alone, item)
                 tell(self, number, alone, item, stage)
 
     def took(self, phase: Phase, item: Iteration) -> None:
         """A step of ``phase``."""
-        self.state, self.last, self.missing = self.view.full_size(phase, item.state, self.state), item, False
+        self.state, self.last, self.missing = (
+            self.view.full_size(phase, item.state, self.state),
+            item,
+            False,
+        )
 
     def record(self, phase: Phase, item: Iteration, stage: Stage, seconds: float) -> None:
         """Add a row to the trace."""
-        self.trace.append(trace_row(self.problem, phase, item, stage, self.state, seconds, self.truth))
+        self.trace.append(
+            trace_row(self.problem, phase, item, stage, self.state, seconds, self.truth)
+        )
 
     def concluded(self, shape_held: bool, seconds: float, in_time: bool) -> Fitted:
         """The fit as it ended, see :func:`conclude`."""
         self._need_last_step()
         phase = self.phase(len(self.phases) - 1, shape_held)
-        ending = Ending(phase, self.start, self.state, self.last, self.trace, self.doubt, self.statistic)
+        ending = Ending(
+            phase, self.start, self.state, self.last, self.trace, self.doubt, self.statistic
+        )
         return conclude(self.view, ending, seconds, in_time)
 
     def _need_last_step(self) -> None:

@@ -1,4 +1,6 @@
-"""The place of a fit's output: one run at a time, never over what is somebody else's, no litter left behind."""
+"""The place of a fit's output: one run at a time, never over what is somebody else's, no litter
+left behind.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,11 @@ TRIES = 100
 
 @contextmanager
 def claimed(out: Path, result_file: str) -> Iterator[Path]:
-    """Hold the place of ``out`` against other runs; yields its partial folder, which is kept if it has a checkpoint.
+    """Hold the place of ``out`` against other runs; yields its partial folder, which is kept if it
+    has a checkpoint.
 
-    Raises InputError at once unless ``out`` is free, or holds an earlier ``result_file``, and nobody else writes there.
+    Raises InputError at once unless ``out`` is free, or holds an earlier ``result_file``, and
+    nobody else writes there.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"The output '{out}' is a file; expected a folder name.")
@@ -41,7 +45,8 @@ def claimed(out: Path, result_file: str) -> Iterator[Path]:
     except OSError as error:
         _remove_empty(missing)
         raise InputError(
-            f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that you may write to."
+            f"Cannot write beside '{out}' ({error.strerror or error}); choose a folder that "
+            "you may write to."
         ) from error
     try:
         # What an earlier run had moved aside is put back before anybody looks whether it is there.
@@ -49,7 +54,8 @@ def claimed(out: Path, result_file: str) -> Iterator[Path]:
         # The result replaces the folder: never one that holds anything but an earlier result.
         if out.is_dir() and any(out.iterdir()) and not (out / result_file).is_file():
             raise InputError(
-                f"The output folder '{out}' holds files that are not a result; choose a new or empty folder."
+                f"The output folder '{out}' holds files that are not a result; choose a new or "
+                "empty folder."
             )
         yield partial
     finally:
@@ -65,7 +71,10 @@ def claimed(out: Path, result_file: str) -> Iterator[Path]:
 
 
 def _locked(out: Path) -> tuple[Path, FileLock]:
-    """The partial folder of ``out``, and its lock, held. Raises InputError when somebody else holds it."""
+    """The partial folder of ``out``, and its lock, held.
+
+    Raises InputError when somebody else holds it.
+    """
     for _ in range(TRIES):
         # Another run that ends may take lock and folder away at any moment before the lock is held.
         with suppress(FileNotFoundError, FileExistsError):
@@ -77,7 +86,8 @@ def _locked(out: Path) -> tuple[Path, FileLock]:
                 if not (partial / LOCK).exists():
                     continue
                 raise InputError(
-                    f"Another fit is writing into '{out}'; wait until it is done, or choose another --out."
+                    f"Another fit is writing into '{out}'; wait until it is done, or choose "
+                    "another --out."
                 ) from None
             try:
                 mark_partial(partial)

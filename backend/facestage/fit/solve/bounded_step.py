@@ -15,7 +15,9 @@ ACTIVE_SET_ROUNDS = 12
 
 @dataclass
 class Damping:
-    """Levenberg-Marquardt damping, steered by the gain ratio (Madsen, Nielsen & Tingleff 2004, alg. 3.16)."""
+    """Levenberg-Marquardt damping, steered by the gain ratio (Madsen, Nielsen & Tingleff 2004, alg.
+    3.16).
+    """
 
     value: float = DAMPING_START
     growth: float = GROWTH
@@ -33,7 +35,9 @@ class Damping:
 
 @dataclass(frozen=True)
 class Step:
-    """A proposed step, the decrease the quadratic model predicts, and the system's condition number."""
+    """A proposed step, the decrease the quadratic model predicts, and the system's condition
+    number.
+    """
 
     step: np.ndarray
     predicted: float
@@ -68,7 +72,9 @@ def bounded_step(
             break
         scale = 1.0 / np.sqrt(diagonal[index])
         fixed = np.flatnonzero(active & ~free & (step != 0))
-        right = -gradient[index] - (hessian[np.ix_(index, fixed)] @ step[fixed] if len(fixed) else 0.0)
+        right = -gradient[index] - (
+            hessian[np.ix_(index, fixed)] @ step[fixed] if len(fixed) else 0.0
+        )
         # Scaled to a unit diagonal, so damping and condition number do not depend on units.
         matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
         matrix[np.diag_indices_from(matrix)] += damping
@@ -80,7 +86,9 @@ def bounded_step(
         if not outside.any():
             break
         crossed = index[outside]
-        step[crossed] = np.clip(values[crossed] + step[crossed], low[crossed], high[crossed]) - values[crossed]
+        step[crossed] = (
+            np.clip(values[crossed] + step[crossed], low[crossed], high[crossed]) - values[crossed]
+        )
         free[crossed] = False
     step = np.clip(values + step, low, high) - values
     predicted = -float(gradient @ step + 0.5 * step @ hessian @ step)
@@ -88,15 +96,21 @@ def bounded_step(
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:
-    """Solution and a condition estimate; grows the diagonal when rounding made the matrix indefinite."""
+    """Solution and a condition estimate; grows the diagonal when rounding made the matrix
+    indefinite.
+    """
     extra = 0.0
     while True:
         try:
             factor = cho_factor(
-                matrix + extra * np.eye(len(matrix)) if extra else matrix, lower=True, check_finite=False
+                matrix + extra * np.eye(len(matrix)) if extra else matrix,
+                lower=True,
+                check_finite=False,
             )
         except LinAlgError:
             extra = max(10 * extra, 1e-10)
             continue
         diagonal = np.abs(np.diag(factor[0]))
-        return cho_solve(factor, right, check_finite=False), float((diagonal.max() / diagonal.min()) ** 2)
+        return cho_solve(factor, right, check_finite=False), float(
+            (diagonal.max() / diagonal.min()) ** 2
+        )

@@ -1,18 +1,23 @@
-"""The covariance that normal equations hold, and what is left of them when some unknowns are not asked for."""
+"""The covariance that normal equations hold, and what is left of them when some unknowns are not
+asked for.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-# Relative to a unit diagonal: keeps null directions of the system invertible, their deviation large.
+# Relative to a unit diagonal: keeps null directions of the system invertible, their deviation
+# large.
 RIDGE = 1e-12
 
 
 def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
-    """(size, size) inverse of ``hessian`` over the ``active`` (size,) entries whose diagonal is not 0.
+    """(size, size) inverse of ``hessian`` over the ``active`` (size,) entries whose diagonal is not
+    0.
 
-    Rows and columns of the others are 0; on the diagonal an active entry that nothing holds has infinity.
+    Rows and columns of the others are 0; on the diagonal an active entry that nothing holds has
+    infinity.
     """
     result = np.zeros_like(hessian, dtype=float)
     diagonal = np.diag(hessian)
@@ -29,7 +34,8 @@ def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
 
 
 def marginal_hessian(hessian: np.ndarray, kept: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(k, k) Hessian over the ``kept`` (k,) indices when all other ``free`` (size,) entries are unknown.
+    """(k, k) Hessian over the ``kept`` (k,) indices when all other ``free`` (size,) entries are
+    unknown.
 
     Its inverse is the block of the whole inverse: the Schur complement.
     """

@@ -1,4 +1,6 @@
-"""Damped Gauss-Newton steps until nothing is gained, whatever they are over: one photo, or several of one person."""
+"""Damped Gauss-Newton steps until nothing is gained, whatever they are over: one photo, or several
+of one person.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ class Descent(ABC, Generic[S, E, Q, T]):
     damping: Damping
 
     def run(self, state: S, seed: int, deadline: float, first: int = 1) -> Iterator[T]:
-        """Accepted steps, numbered from ``first``, until converged, out of steps, or past the ``deadline``."""
+        """Accepted steps, numbered from ``first``, until converged, out of steps, or past the
+        ``deadline``.
+        """
         evaluation = self.evaluate(state, seed, everything=asks_lights(first))
         for number in range(first, self.steps + 1):
             system = self.system(state, evaluation)
@@ -58,7 +62,13 @@ class Descent(ABC, Generic[S, E, Q, T]):
             accepted = False
             for _ in range(MAX_REJECTIONS):
                 proposal = bounded_step(
-                    system.hessian, system.gradient, self.damping.value, self.values(state), self.low, self.high, free
+                    system.hessian,
+                    system.gradient,
+                    self.damping.value,
+                    self.values(state),
+                    self.low,
+                    self.high,
+                    free,
                 )
                 candidate = self.moved(state, proposal.step)
                 # The same random numbers on both sides of a comparison.
@@ -70,7 +80,10 @@ class Descent(ABC, Generic[S, E, Q, T]):
                     break
                 self.damping.reject()
                 # What is left to gain is less than what visibility jumps by from step to step.
-                if time.monotonic() > deadline or proposal.predicted < HOPELESS_SHARE * system.total:
+                if (
+                    time.monotonic() > deadline
+                    or proposal.predicted < HOPELESS_SHARE * system.total
+                ):
                     return
             if not accepted:
                 return
@@ -90,7 +103,9 @@ class Descent(ABC, Generic[S, E, Q, T]):
 
     @abstractmethod
     def rest_lights(self, state: S, gradient: np.ndarray) -> None:
-        """Lights at radiance 0 that the energy would only lower further rest until they are asked again."""
+        """Lights at radiance 0 that the energy would only lower further rest until they are asked
+        again.
+        """
 
     @abstractmethod
     def free(self) -> np.ndarray:
@@ -105,7 +120,9 @@ class Descent(ABC, Generic[S, E, Q, T]):
         """The state after ``step`` (size,)."""
 
     @abstractmethod
-    def accepted(self, number: int, state: S, evaluation: E, system: Q, condition: float, finished: bool) -> T:
+    def accepted(
+        self, number: int, state: S, evaluation: E, system: Q, condition: float, finished: bool
+    ) -> T:
         """What is told of a step to ``state`` that ``system`` proposed."""
 
 

@@ -1,4 +1,6 @@
-"""Where a fit starts: the head pose from landmarks in closed form, light by non-negative least squares."""
+"""Where a fit starts: the head pose from landmarks in closed form, light by non-negative least
+squares.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,10 @@ def scaled_orthographic_pose(
     total = weights.sum()
     centre3, centre2 = weights @ points / total, weights @ pixels / total
     a = (points - centre3) * weights[:, None]
-    image = np.stack([pixels[:, 0] - centre2[0], -(pixels[:, 1] - centre2[1])], axis=1) * weights[:, None]
+    image = (
+        np.stack([pixels[:, 0] - centre2[0], -(pixels[:, 1] - centre2[1])], axis=1)
+        * weights[:, None]
+    )
     # A little ridge: coplanar points leave the third column open.
     rows = np.linalg.solve(a.T @ a + 1e-6 * np.trace(a.T @ a) * np.eye(3), a.T @ image).T
     scale = max(0.5 * float(np.linalg.norm(rows[0]) + np.linalg.norm(rows[1])), 1e-6)
@@ -33,16 +38,22 @@ def scaled_orthographic_pose(
     two = u @ vt
     rotation = np.vstack([two, np.cross(two[0], two[1])])
     depth = camera.focal_px / scale
-    ray = np.array([
-        (centre2[0] - camera.principal_px[0]) / camera.focal_px,
-        -(centre2[1] - camera.principal_px[1]) / camera.focal_px,
-        -1.0,
-    ])  # fmt: skip
+    ray = np.array(
+        [
+            (centre2[0] - camera.principal_px[0]) / camera.focal_px,
+            -(centre2[1] - camera.principal_px[1]) / camera.focal_px,
+            -1.0,
+        ]
+    )
     return rotation, depth * ray - rotation @ centre3
 
 
-def initial_pose(geometry: FaceGeometry, landmarks: Landmarks, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Pose of the mean face; points that fit the first guess badly are taken out and it is done again."""
+def initial_pose(
+    geometry: FaceGeometry, landmarks: Landmarks, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pose of the mean face; points that fit the first guess badly are taken out and it is done
+    again.
+    """
     vertices, barycentric = geometry.model.landmark_vertices(landmarks.scheme)
     points = np.einsum("mi,mix->mx", barycentric, geometry.model.vertices[vertices]).astype(float)
     pixels = np.nan_to_num(landmarks.points)
@@ -55,13 +66,16 @@ def initial_pose(geometry: FaceGeometry, landmarks: Landmarks, camera: Camera) -
     weights = sure
     for _ in range(10):
         rotation, translation = scaled_orthographic_pose(points, pixels, camera, weights)
-        distance = np.linalg.norm(camera.project(points @ rotation.T + translation) - pixels, axis=1)
+        distance = np.linalg.norm(
+            camera.project(points @ rotation.T + translation) - pixels, axis=1
+        )
         scale = max(float(np.median(distance[usable])), 1.0)
         weights = sure / (1 + (distance / (2 * scale)) ** 2)
     return rotation, translation
 
 
-# Share of the largest eigenvalue added to the light system: neighbouring lights look alike on a face.
+# Share of the largest eigenvalue added to the light system: neighbouring lights look alike on a
+# face.
 LIGHT_RIDGE = 1e-3
 ROBUST_ROUNDS = 5
 
@@ -69,16 +83,22 @@ ROBUST_ROUNDS = 5
 def initial_lights(
     evaluation: Evaluation, photo: PhotoTerm, lights: LightParameters, ridge: float = LIGHT_RIDGE
 ) -> np.ndarray:
-    """Radiance (N, 3) of all lights that best explains the photo on the current geometry and albedo.
+    """Radiance (N, 3) of all lights that best explains the photo on the current geometry and
+    albedo.
 
     The image is linear in the lights, so this is a non-negative least-squares problem per channel;
-    lights that are not fitted keep their radiance. Residuals are absolute: bright pixels say where the
-    light is; relative residuals would let black explain a half-lit face. Huber weights calm highlights.
-    A clipped pixel counts while the model is darker than it: it says "at least this bright".
+    lights that are not fitted keep their radiance. Residuals are absolute: bright pixels say where
+    the light is; relative residuals would let black explain a half-lit face. Huber weights calm
+    highlights. A clipped pixel counts while the model is darker than it: it says "at least this
+    bright".
     """
     image = evaluation.image
     y, x = photo.index(image.surface)
-    weights, target, clipped = evaluation.base_weight[y, x], photo.photo.color[y, x], photo.photo.clipped[y, x]
+    weights, target, clipped = (
+        evaluation.base_weight[y, x],
+        photo.photo.color[y, x],
+        photo.photo.clipped[y, x],
+    )
     result = lights.fixed_radiance.copy()
     for channel in range(result.shape[1]):
         columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse

@@ -1,9 +1,10 @@
 """Several photos of one person as one least-squares problem.
 
-Identity and skin are shared, all else is each photo's own, so the Hessian is an arrow: a block of shared parameters,
-a block per photo, and what ties each photo to the shared ones. It is the sum of the photos' own Hessians, scattered.
-At the eight photos and 2500 parameters that this is meant for, one dense factorisation costs less than a ray-traced
-step of one photo, so nothing is eliminated by hand.
+Identity and skin are shared, all else is each photo's own, so the Hessian is an arrow: a block of
+shared parameters, a block per photo, and what ties each photo to the shared ones. It is the sum of
+the photos' own Hessians, scattered. At the eight photos and 2500 parameters that this is meant for,
+one dense factorisation costs less than a ray-traced step of one photo, so nothing is eliminated by
+hand.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ Evaluations = tuple[Evaluation | None, ...]
 
 
 class JointLayout:
-    """Where the parameters of each photo lie in the joint vector: the shared blocks first, then photo by photo."""
+    """Where the parameters of each photo lie in the joint vector: the shared blocks first, then
+    photo by photo.
+    """
 
     def __init__(self, layouts: Sequence[Layout]) -> None:
         """Raises ValueError when the photos' shared blocks differ in size."""
@@ -42,7 +45,8 @@ class JointLayout:
                 a, b = layout.slices[name], first.slices[name]
                 if a.stop - a.start != b.stop - b.start:
                     raise ValueError(f"The block '{name}' differs in size between the photos.")
-        self.columns: list[np.ndarray] = []  # per photo: (size,) int, the joint index of each of its parameters
+        # per photo: (size,) int, the joint index of each of its parameters
+        self.columns: list[np.ndarray] = []
         start = self.shared
         for mask in is_shared:
             columns = np.empty(len(mask), int)
@@ -95,15 +99,18 @@ class JointIteration:
     """One accepted step of all photos."""
 
     number: int
-    parts: tuple[Iteration, ...]  # each photo's, with its own Hessian: what that photo alone would say
+    # each photo's, with its own Hessian: what that photo alone would say
+    parts: tuple[Iteration, ...]
     damping: Damping
     finished: bool
     hessian: np.ndarray  # (size, size) of the joint system
 
     def marginal(self, index: int, layout: JointLayout, free: np.ndarray) -> Iteration:
-        """Photo ``index``'s part with the Hessian of its parameters when those of the others are unknown.
+        """Photo ``index``'s part with the Hessian of its parameters when those of the others are
+        unknown.
 
-        Its inverse is that photo's block of the joint covariance. ``free`` (size,) bool marks what was fitted.
+        Its inverse is that photo's block of the joint covariance. ``free`` (size,) bool marks what
+        was fitted.
         """
         own, shared = layout.columns[index], layout.columns[index] < layout.shared
         prior = self.parts[index].prior_hessian.copy()
@@ -111,14 +118,17 @@ class JointIteration:
         first = layout.columns[0] < layout.shared
         prior[np.ix_(shared, shared)] = self.parts[0].prior_hessian[np.ix_(first, first)]
         return replace(
-            self.parts[index], hessian=marginal_hessian(self.hessian, own, free), prior_hessian=prior
-        )  # fmt: skip
+            self.parts[index],
+            hessian=marginal_hessian(self.hessian, own, free),
+            prior_hessian=prior,
+        )
 
 
 class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
     """The solver over the stages of all photos; their shared parameters move as one.
 
-    Noise, robust weights and resting lights are each photo's own; damping and line search see the total energy.
+    Noise, robust weights and resting lights are each photo's own; damping and line search see the
+    total energy.
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
@@ -129,7 +139,9 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
             stage.energy.priors.omitted = frozenset(SHARED)
         low = self.layout.gathered([stage.low for stage in stages])
         high = self.layout.gathered([stage.high for stage in stages])
-        super().__init__(max(stage.steps for stage in stages), low, high, CONVERGED_SHARE, Damping())
+        super().__init__(
+            max(stage.steps for stage in stages), low, high, CONVERGED_SHARE, Damping()
+        )
 
     @property
     def active(self) -> np.ndarray:
@@ -138,7 +150,10 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
 
     def evaluate(self, state: States, seed: int, everything: bool = False) -> Evaluations:
         """Each photo's, one after another."""
-        return tuple(stage.evaluate(one, seed, everything) for stage, one in zip(self.stages, state, strict=True))
+        return tuple(
+            stage.evaluate(one, seed, everything)
+            for stage, one in zip(self.stages, state, strict=True)
+        )
 
     def system(self, state: States, evaluation: Evaluations) -> JointSystem:
         """The sum of the photos' quadratic models."""
@@ -156,7 +171,9 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
 
     def values(self, state: States) -> np.ndarray:
         """The photos' values; the shared ones are equal."""
-        return self.layout.gathered([stage.values(one) for stage, one in zip(self.stages, state, strict=True)])
+        return self.layout.gathered(
+            [stage.values(one) for stage, one in zip(self.stages, state, strict=True)]
+        )
 
     def moved(self, state: States, step: np.ndarray) -> States:
         """Every photo's state after its part of the step."""
@@ -164,13 +181,22 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
         return tuple(stage.moved(one, step[columns]) for stage, one, columns in parts)
 
     def accepted(
-        self, number: int, state: States, evaluation: Evaluations, system: JointSystem, condition: float,
+        self,
+        number: int,
+        state: States,
+        evaluation: Evaluations,
+        system: JointSystem,
+        condition: float,
         finished: bool,
-    ) -> JointIteration:  # fmt: skip
+    ) -> JointIteration:
         """The step as each photo's own."""
         parts = tuple(
-            replace(stage.accepted(number, one, answer, own, condition, finished), damping=self.damping)
-            for stage, one, answer, own in zip(self.stages, state, evaluation, system.systems, strict=True)
+            replace(
+                stage.accepted(number, one, answer, own, condition, finished), damping=self.damping
+            )
+            for stage, one, answer, own in zip(
+                self.stages, state, evaluation, system.systems, strict=True
+            )
         )
         return JointIteration(number, parts, self.damping, finished, system.hessian)
 
@@ -178,5 +204,9 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
 def with_shared(state: State, shared: State) -> State:
     """``state`` with the shared parameters of another."""
     return replace(
-        state, identity=shared.identity, albedo=shared.albedo, roughness=shared.roughness, specular=shared.specular
+        state,
+        identity=shared.identity,
+        albedo=shared.albedo,
+        roughness=shared.roughness,
+        specular=shared.specular,
     )

@@ -1,4 +1,6 @@
-"""The phases of a fit: what moves in each, at which size of the face, with how many light samples."""
+"""The phases of a fit: what moves in each, at which size of the face, with how many light
+samples.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from facestage.fit.given.problem import COARSE_FACE_PX, FINE_FACE_PX
 
 @dataclass(frozen=True)
 class Phase:
-    """A step of the schedule: what moves, at which size of the face, with how many light samples."""
+    """A step of the schedule: what moves, at which size of the face, with how many light
+    samples.
+    """
 
     name: str
     blocks: tuple[str, ...]
@@ -37,7 +41,8 @@ PHASES = (
     Phase("joint", SHAPE + SKIN + LAMPS + GLOSS, FINE_FACE_PX, 8, samples=4, share=0.40),
 )
 
-# What the best quality does in the last phase: a face of more pixels, less noise in the light, more steps.
+# What the best quality does in the last phase: a face of more pixels, less noise in the light, more
+# steps.
 BEST_JOINT: dict[str, Any] = {"face_px": 1.35 * FINE_FACE_PX, "steps": 20, "samples": 8}
 
 
@@ -48,12 +53,18 @@ class Schedule:
     phases: tuple[Phase, ...] = PHASES
 
     def scaled(self, resolution: float = 1.0, samples: float = 1.0) -> Schedule:
-        """Every photo phase at ``resolution`` times the pixels along a side and ``samples`` times the light samples."""
+        """Every photo phase at ``resolution`` times the pixels along a side and ``samples`` times
+        the light samples.
+        """
         return Schedule(
             tuple(
                 phase
                 if phase.face_px is None
-                else replace(phase, face_px=phase.face_px * resolution, samples=max(round(phase.samples * samples), 1))
+                else replace(
+                    phase,
+                    face_px=phase.face_px * resolution,
+                    samples=max(round(phase.samples * samples), 1),
+                )
                 for phase in self.phases
             )
         )
@@ -69,7 +80,9 @@ class Schedule:
         return cls()
 
     def with_shadow_edges(self, on: bool) -> Schedule:
-        """Every photo phase that moves the shape with, or without, the motion of cast shadows in its derivatives."""
+        """Every photo phase that moves the shape with, or without, the motion of cast shadows in
+        its derivatives.
+        """
         return Schedule(
             tuple(
                 phase
@@ -97,7 +110,8 @@ class Schedule:
 
 
 def default_schedule(job: Job, steps_max: int | None = None) -> Schedule:
-    """The schedule of a job's quality: cast shadows move in its derivatives where the lamps' places are known.
+    """The schedule of a job's quality: cast shadows move in its derivatives where the lamps' places
+    are known.
 
     ``steps_max``: see :class:`Fineness`.
     """

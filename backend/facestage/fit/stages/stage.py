@@ -1,4 +1,6 @@
-"""A stage of the schedule (Garrido et al. 2016, Algorithm 1): the solver over one photo's energy."""
+"""A stage of the schedule (Garrido et al. 2016, Algorithm 1): the solver over one photo's
+energy.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +37,21 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
     """The solver over some blocks of one photo's parameters."""
 
     def __init__(
-        self, name: str, blocks: tuple[str, ...], energy: Energy, steps: int, freeze: np.ndarray, low: np.ndarray,
-        high: np.ndarray, tolerance: float = CONVERGED_SHARE,
-    ) -> None:  # fmt: skip
+        self,
+        name: str,
+        blocks: tuple[str, ...],
+        energy: Energy,
+        steps: int,
+        freeze: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        tolerance: float = CONVERGED_SHARE,
+    ) -> None:
         """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter."""
         super().__init__(steps, low, high, tolerance, Damping())
         self.name, self.blocks, self.energy, self.freeze = name, blocks, energy, freeze
-        # What the ledger says after the next evaluation, which a run that was stopped has made, and counted, before.
+        # What the ledger says after the next evaluation, which a run that was stopped has made, and
+        # counted, before.
         self.counted: Ledger | None = None
 
     @property
@@ -75,14 +85,27 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         return self.energy.layout.apply(state, step)
 
     def accepted(
-        self, number: int, state: State, evaluation: Evaluation | None, system: System, condition: float,
+        self,
+        number: int,
+        state: State,
+        evaluation: Evaluation | None,
+        system: System,
+        condition: float,
         finished: bool,
-    ) -> Iteration:  # fmt: skip
+    ) -> Iteration:
         """The step with its system."""
         return Iteration(
-            self.name, number, state, evaluation, system.terms, condition, self.damping, finished, system.hessian,
+            self.name,
+            number,
+            state,
+            evaluation,
+            system.terms,
+            condition,
+            self.damping,
+            finished,
+            system.hessian,
             system.prior_hessian,
-        )  # fmt: skip
+        )
 
     @property
     def resting(self) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""One photo of a fit: what it brings to each stage of the solver, and what it remembers between phases."""
+"""One photo of a fit: what it brings to each stage of the solver, and what it remembers between
+phases.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ from facestage.fit.stages.visible import VisiblePhoto
 
 # Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
 LANDMARK_SIGMA_SHARE = 0.0085
-# Side over distance beyond which a light needs more samples in proportion, up to a limit: their noise would
-# otherwise be taken for shape.
+# Side over distance beyond which a light needs more samples in proportion, up to a limit: their
+# noise would otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 
 
@@ -41,7 +43,8 @@ class Memory:
     penumbra: float | None
     camera_to_stage: np.ndarray | None  # (4, 4)
     strong: np.ndarray  # (N,) bool, the lights whose position is fitted
-    hidden: np.ndarray | None  # (h, w) bool at the size of the first photo phase; None before it was looked for
+    # (h, w) bool at the size of the first photo phase; None before it was looked for
+    hidden: np.ndarray | None
 
 
 class View:
@@ -50,8 +53,12 @@ class View:
     States are at the photo's full size; a stage works on them scaled by the phase's factor.
     """
 
-    def __init__(self, problem: Problem, forward: ForwardModel, penumbra_min: float = PENUMBRA_MIN) -> None:
-        """``penumbra_min``: share of the light in penumbra from which on shadows are followed as they move."""
+    def __init__(
+        self, problem: Problem, forward: ForwardModel, penumbra_min: float = PENUMBRA_MIN
+    ) -> None:
+        """``penumbra_min``: share of the light in penumbra from which on shadows are followed as
+        they move.
+        """
         self._penumbra_min = penumbra_min
         self.problem, self.forward = problem, forward
         self.visible = VisiblePhoto(problem)
@@ -66,37 +73,55 @@ class View:
     @property
     def memory(self) -> Memory:
         """What later phases depend on beside the state."""
-        return Memory(self.light_scale, self.penumbra, self.camera_to_stage, self.strong, self.visible.hidden)
+        return Memory(
+            self.light_scale, self.penumbra, self.camera_to_stage, self.strong, self.visible.hidden
+        )
 
     @memory.setter
     def memory(self, known: Memory) -> None:
-        self.light_scale, self.penumbra, self.strong = known.light_scale, known.penumbra, known.strong
+        self.light_scale, self.penumbra, self.strong = (
+            known.light_scale,
+            known.penumbra,
+            known.strong,
+        )
         self.camera_to_stage, self.visible.hidden = known.camera_to_stage, known.hidden
 
     def start_state(self) -> State:
-        """Where a fit starts: the job's own values, else the landmarks' pose and the mean of everything."""
+        """Where a fit starts: the job's own values, else the landmarks' pose and the mean of
+        everything.
+        """
         problem, initial = self.problem, self.problem.job.initial
         model = problem.geometry.model
         rotation, translation = initial_pose(problem.geometry, problem.landmarks, problem.camera)
         if "model_to_camera" in initial:
-            rotation, translation = initial["model_to_camera"][:3, :3], initial["model_to_camera"][:3, 3]
+            rotation, translation = (
+                initial["model_to_camera"][:3, :3],
+                initial["model_to_camera"][:3, 3],
+            )
         size = problem.fineness.specular_size
         return State(
-            rotation=rotation, translation=translation, camera=problem.camera,
+            rotation=rotation,
+            translation=translation,
+            camera=problem.camera,
             identity=initial.get("identity", np.zeros(len(model.identity_names))).astype(float),
-            expression=initial.get("expression", np.zeros(len(model.expression_names))).astype(float),
-            lights=np.zeros(problem.lights.size), light_position=np.zeros((len(problem.lit_stage), AXES)),
+            expression=initial.get("expression", np.zeros(len(model.expression_names))).astype(
+                float
+            ),
+            lights=np.zeros(problem.lights.size),
+            light_position=np.zeros((len(problem.lit_stage), AXES)),
             albedo=initial.get("albedo", np.zeros(len(model.albedo_basis))).astype(float),
             roughness=float(initial.get("roughness", ROUGHNESS_MEAN)),
             specular=initial.get("specular", np.full((size, size), SPECULAR_MEAN)).astype(float),
-        )  # fmt: skip
+        )
 
     def frozen(self) -> set[str]:
         """Blocks that the job, or a known camera, holds."""
         return set(self.problem.job.freeze) | (set() if self.problem.fit_focal else {"focal"})
 
     def held(self, layout: Layout) -> np.ndarray:
-        """(size,) bool: parameters that the job, or a known camera, holds, and the places of weak lights."""
+        """(size,) bool: parameters that the job, or a known camera, holds, and the places of weak
+        lights.
+        """
         held = layout.mask(self.frozen())
         held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
         return held
@@ -106,10 +131,14 @@ class View:
         return int((layout.mask(SHAPE) & ~layout.mask(self.frozen())).sum())
 
     def choose_lamps(self, state: State) -> None:
-        """Before a phase: the strongest lights may move, unless someone put each light in its lamp's place."""
+        """Before a phase: the strongest lights may move, unless someone put each light in its
+        lamp's place.
+        """
         if state.lights.any() and not lamps_known(self.problem.job):
             lights = self.problem.lights
-            self.strong = strong_lights(self.problem.lit_stage, lights.radiance(state.lights), lights.fitted)
+            self.strong = strong_lights(
+                self.problem.lit_stage, lights.radiance(state.lights), lights.fitted
+            )
 
     def factor(self, phase: Phase) -> float:
         """What a phase scales the photo by."""
@@ -125,14 +154,18 @@ class View:
         return replace(scaled, camera=replace(reference.camera, focal_px=focal_px))
 
     def anchor(self, state: State) -> np.ndarray:
-        """camera_to_stage: the job's, or axes parallel to the camera's with the face at the centre."""
+        """camera_to_stage: the job's, or axes parallel to the camera's with the face at the
+        centre.
+        """
         if self.camera_to_stage is None:
             self.camera_to_stage = np.eye(4)
             self.camera_to_stage[:3, 3] = -state.translation
         return self.camera_to_stage
 
     def placed_stage(self, state: State) -> LightStage:
-        """The lit lights in the camera frame, where ``state`` turned them to and as bright as it says."""
+        """The lit lights in the camera frame, where ``state`` turned them to and as bright as it
+        says.
+        """
         stage = turned(self._stage_in_camera(state), state.light_position, self._pivot(state))
         return stage.with_radiance(self.problem.lights.radiance(state.lights))
 
@@ -148,21 +181,33 @@ class View:
         box = problem.geometry.model.expression_box
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
         priors = Priors(
-            layout, replace(state, camera=problem.camera.scaled(factor)), box, job.weights, self.light_scale,
-            len(problem.stage), problem.focal_sigma,
-        )  # fmt: skip
+            layout,
+            replace(state, camera=problem.camera.scaled(factor)),
+            box,
+            job.weights,
+            self.light_scale,
+            len(problem.stage),
+            problem.focal_sigma,
+        )
         energy = Energy(
-            layout, priors, LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
-            job.weights, problem.lights,
-            photo=None if phase.face_px is None else self._photo_term(phase, layout, freeze, scaled),
+            layout,
+            priors,
+            LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
+            job.weights,
+            problem.lights,
+            photo=None
+            if phase.face_px is None
+            else self._photo_term(phase, layout, freeze, scaled),
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
             silhouette=self._silhouette_term(phase, layout, freeze),
-        )  # fmt: skip
+        )
         low, high = layout.bounds(box, len(problem.stage))
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
-        """Before the first photo phase: lights by non-negative least squares, and the scale of E_light."""
+        """Before the first photo phase: lights by non-negative least squares, and the scale of
+        E_light.
+        """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
             return state
@@ -183,14 +228,20 @@ class View:
         return replace(state, lights=problem.lights.from_radiance(radiance))
 
     def _samples_factor(self) -> int:
-        """How many times more samples than usual the lights need, by the one that looks widest from the face."""
+        """How many times more samples than usual the lights need, by the one that looks widest from
+        the face.
+        """
         stage, face = self.problem.lit_stage, np.zeros(3)
         if self.camera_to_stage is not None:
             # The landmarks' pose, so that a resumed fit finds the same.
-            _, translation = initial_pose(self.problem.geometry, self.problem.landmarks, self.problem.camera)
+            _, translation = initial_pose(
+                self.problem.geometry, self.problem.landmarks, self.problem.camera
+            )
             face = self.camera_to_stage[:3, :3] @ translation + self.camera_to_stage[:3, 3]
         distance = np.maximum(np.linalg.norm(stage.position - face, axis=1), 1e-3)
-        return int(np.clip(np.ceil((stage.side / distance).max() / WIDE_LIGHT), 1, SAMPLES_FACTOR_MAX))
+        return int(
+            np.clip(np.ceil((stage.side / distance).max() / WIDE_LIGHT), 1, SAMPLES_FACTOR_MAX)
+        )
 
     def _stage_in_camera(self, state: State) -> LightStage:
         """The lit lights where the job has them."""
@@ -200,29 +251,50 @@ class View:
         """(3,) the stage's centre in the camera frame."""
         return np.linalg.inv(self.anchor(state))[:3, 3]
 
-    def _silhouette_term(self, phase: Phase, layout: Layout, frozen: np.ndarray) -> SilhouetteTerm | None:
+    def _silhouette_term(
+        self, phase: Phase, layout: Layout, frozen: np.ndarray
+    ) -> SilhouetteTerm | None:
         """None in phases that move no shape, where the outline is as it is."""
-        if phase.face_px is None or not (layout.mask(set(phase.blocks) & set(SHAPE)) & ~frozen).any():
+        if (
+            phase.face_px is None
+            or not (layout.mask(set(phase.blocks) & set(SHAPE)) & ~frozen).any()
+        ):
             return None
         factor = self.factor(phase)
-        return SilhouetteTerm(self.forward, self.visible.at(factor), factor * self.problem.face_size_px)
+        return SilhouetteTerm(
+            self.forward, self.visible.at(factor), factor * self.problem.face_size_px
+        )
 
-    def _photo_term(self, phase: Phase, layout: Layout, freeze: np.ndarray, scaled: State) -> PhotoTerm:
+    def _photo_term(
+        self, phase: Phase, layout: Layout, freeze: np.ndarray, scaled: State
+    ) -> PhotoTerm:
         """The photo's residuals, with derivatives by what the phase may move."""
         wanted = layout.mask(phase.blocks)
         free = wanted & ~freeze if self.plan.rules.columns else wanted
         held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
         photo = self.visible.at(self.factor(phase))
         samples = phase.samples * self.samples_factor
-        term = PhotoTerm(self.forward, photo, samples, layout.blocks_of(free), self.plan, held, self._pivot(scaled))
+        term = PhotoTerm(
+            self.forward,
+            photo,
+            samples,
+            layout.blocks_of(free),
+            self.plan,
+            held,
+            self._pivot(scaled),
+        )
         term.casting = self._casting(phase, term, scaled)
         return term
 
     def _casting(self, phase: Phase, photo: PhotoTerm, scaled: State) -> np.ndarray | None:
-        """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not worth it."""
+        """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not
+        worth it.
+        """
         if not phase.shadow_edges or photo.blocks.isdisjoint(SHAPE):
             return None
         known = lamps_known(self.problem.job)
         casting = np.ones_like(self.strong) if known else self.strong
-        self.penumbra = photo.penumbra_share(scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed)
+        self.penumbra = photo.penumbra_share(
+            scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed
+        )
         return casting if self.penumbra >= self._penumbra_min else None

@@ -22,7 +22,8 @@ class VisiblePhoto:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        # (h, w) bool at the size of the first photo phase, what something flat hides; None before it was looked for.
+        # (h, w) bool at the size of the first photo phase, what something flat hides; None before
+        # it was looked for.
         self.hidden: np.ndarray | None = None
 
     def at(self, factor: float) -> Photo:
@@ -41,9 +42,11 @@ class VisiblePhoto:
     def lights_without_occluders(
         self, forward: ForwardModel, energy: Energy, evaluation: Evaluation, radiance: np.ndarray
     ) -> np.ndarray:
-        """Look for what hides the face under the first estimate of the light; if found, estimate without it.
+        """Look for what hides the face under the first estimate of the light; if found, estimate
+        without it.
 
-        ``radiance`` (N, 3) and the answer are those of the lit lights; the photo of ``energy`` loses what is hidden.
+        ``radiance`` (N, 3) and the answer are those of the lit lights; the photo of ``energy``
+        loses what is hidden.
         """
         problem, photo, image = self.problem, energy.photo, evaluation.image
         assert photo is not None and energy.stage is not None
@@ -56,10 +59,12 @@ class VisiblePhoto:
         if not (self.hidden & used).any():
             return radiance
         if (self.hidden & used).sum() > (1 - VISIBLE_SHARE_MIN) * used.sum():
-            # Nothing hides all of a face that has landmarks: photo and light do not belong together, and the few
-            # pixels that are left would bend the shape until they did.
+            # Nothing hides all of a face that has landmarks: photo and light do not belong
+            # together, and the few pixels that are left would bend the shape until they did.
             self.hidden = np.ones_like(self.hidden)
         photo.photo = without(photo.photo, self.hidden)
         if self.hidden.all():
             return radiance
-        return initial_lights(photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights)
+        return initial_lights(
+            photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights
+        )

@@ -1,4 +1,6 @@
-"""The per-texel albedo that the albedo basis cannot express, without the shadows and highlights of the photo."""
+"""The per-texel albedo that the albedo basis cannot express, without the shadows and highlights of
+the photo.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +14,20 @@ from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, doubled, solve_field
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
-# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a highlight. Where the
-# model paints brows or lips, they may be elsewhere or not there at all.
+# Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a
+# highlight. Where the model paints brows or lips, they may be elsewhere or not there at all.
 LOG_DARKER_MAX, LOG_LIGHTER_MAX = 0.7, 0.5
 FEATURE_DARKER = 0.5
-# Irradiance, relative to the brightest tenth of the face, below which the photo says little of the skin: at the
-# edge of a shadow a small error of the light is a large one of the albedo.
+# Irradiance, relative to the brightest tenth of the face, below which the photo says little of the
+# skin: at the edge of a shadow a small error of the light is a large one of the albedo.
 LIT_FULL = 0.4
 # No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
 LOG_CHROMA_MAX = 0.5
-# Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo basis.
+# Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo
+# basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
-# How much skin differs from the albedo basis, and beyond how many times the doubt of its shading it surely does.
-# Beside a highlight what is too bright is more likely more of it.
+# How much skin differs from the albedo basis, and beyond how many times the doubt of its shading it
+# surely does. Beside a highlight what is too bright is more likely more of it.
 PIGMENT_SIGMA, PLAIN_FACTOR, HIGHLIGHT_PLAIN_FACTOR = 0.06, 1.0, 3.0
 # Tie of a texel that the photo does not show to its mirror image, in units of its tie to the basis.
 SYMMETRY = 20.0
@@ -53,27 +56,38 @@ class AlbedoDetail:
     mirrored: np.ndarray  # (S, S) bool: the photo shows its mirror image only
 
 
-def albedo_detail(atlas: Atlas, shown: Shown, half_mirror: np.ndarray | None, doubts: Doubts = DOUBTS) -> AlbedoDetail:
-    """The smooth, shrunken field of log albedo that explains the photo, completed by the face's other side.
+def albedo_detail(
+    atlas: Atlas, shown: Shown, half_mirror: np.ndarray | None, doubts: Doubts = DOUBTS
+) -> AlbedoDetail:
+    """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
+    other side.
 
-    ``half_mirror`` (S / 2, S / 2) int as of :func:`symmetry.mirrored_texels`; None: no symmetry. Where neither side is
-    seen, the detail decays to zero.
+    ``half_mirror`` (S / 2, S / 2) int as of :func:`symmetry.mirrored_texels`; None: no symmetry.
+    Where neither side is seen, the detail decays to zero.
     """
     weight, target = albedo_observations(shown, doubts)
-    density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)  # texels per pixel: the tie is per pixel
+    # texels per pixel: the tie is per pixel
+    density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
     found, known = solve_field(field)
     seen = (known > KNOWN) & atlas.skin
     if half_mirror is None or not seen.any():
         return AlbedoDetail(found, seen, np.zeros_like(seen))
     change, known_too = _completion(field.halved(), half_mirror)
-    # What is seen stays as it is; the rest of the change is smooth, so that half the texels are enough for it.
-    found = np.where(atlas.skin[..., None], found + (1 - known)[..., None] * doubled(change), 0.0).astype(np.float32)
-    return AlbedoDetail(found, seen, (doubled(known_too[..., None])[..., 0] > KNOWN) & ~seen & atlas.skin)
+    # What is seen stays as it is; the rest of the change is smooth, so that half the texels are
+    # enough for it.
+    found = np.where(
+        atlas.skin[..., None], found + (1 - known)[..., None] * doubled(change), 0.0
+    ).astype(np.float32)
+    return AlbedoDetail(
+        found, seen, (doubled(known_too[..., None])[..., 0] > KNOWN) & ~seen & atlas.skin
+    )
 
 
 def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the mirror images of the texels add to ``field``'s solution (s, s, 3), and how much is then known (s, s)."""
+    """What the mirror images of the texels add to ``field``'s solution (s, s, 3), and how much is
+    then known (s, s).
+    """
     found, known = solve_field(field)
     paired = mirror >= 0
     other = np.where(paired, mirror, 0).ravel()
@@ -81,25 +95,34 @@ def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarra
     seen_there = np.clip((other_known - KNOWN) / (1 - KNOWN), 0, 1)
     trust = SYMMETRY * field.shrinkage * (1 - known) ** 4 * seen_there
     guess = found.reshape(-1, 3)[other].reshape(found.shape)
-    completed, known_too = solve_field(replace(field, guess_weight=trust.astype(np.float32), guess=guess))
+    completed, known_too = solve_field(
+        replace(field, guess_weight=trust.astype(np.float32), guess=guess)
+    )
     return completed - found, known_too
 
 
 def albedo_observations(shown: Shown, doubts: Doubts = DOUBTS) -> tuple[np.ndarray, np.ndarray]:
     """(P,) confidence and (P, 3) what each pixel says of log albedo minus the basis'.
 
-    Of what a pixel lacks, only the share that is more likely pigment than wrong shading is passed on: shading errors
-    are alike over whole regions, so that a lower weight alone would not keep them out.
+    Of what a pixel lacks, only the share that is more likely pigment than wrong shading is passed
+    on: shading errors are alike over whole regions, so that a lower weight alone would not keep
+    them out.
     """
     diffuse, specular = shown.diffuse, shown.specular
     lit = (diffuse / max(float(np.percentile(diffuse, 90)), 1e-9)).min(axis=1)
-    wanted = np.clip((shown.photo - specular) / np.maximum(diffuse, 1e-9), ALBEDO_MIN, ALBEDO_BRIGHTEST)
+    wanted = np.clip(
+        (shown.photo - specular) / np.maximum(diffuse, 1e-9), ALBEDO_MIN, ALBEDO_BRIGHTEST
+    )
     target = np.log(wanted) - np.log(np.maximum(shown.albedo, 1e-6))
-    # What the skin itself sends back: under a brow that the model paints and the photo lacks, more than the basis says.
+    # What the skin itself sends back: under a brow that the model paints and the photo lacks, more
+    # than the basis says.
     skin = diffuse * shown.albedo * np.exp(np.clip(target, 0, shown.feature[:, None]))
     # Relative error of the albedo grows where little of the light is diffuse.
     share = (skin / np.maximum(skin + specular, 1e-9)).min(axis=1)
-    darker, lighter = LOG_DARKER_MAX + FEATURE_DARKER * shown.feature, LOG_LIGHTER_MAX + shown.feature
+    darker, lighter = (
+        LOG_DARKER_MAX + FEATURE_DARKER * shown.feature,
+        LOG_LIGHTER_MAX + shown.feature,
+    )
     brightness = target.mean(axis=1)
     robust = 1.0 / (1.0 + (brightness / np.where(brightness < 0, darker, lighter)) ** 4)
     confidence = shown.weight * np.minimum(lit / LIT_FULL, 1.0) ** 3 * share**2 * robust
@@ -110,23 +133,32 @@ def albedo_observations(shown: Shown, doubts: Doubts = DOUBTS) -> tuple[np.ndarr
     gloss = specular.mean(axis=1)
     matte = diffuse.mean(axis=1)
     shading = doubts.shading_shift * shown.change_over_shift(matte) / np.maximum(matte, 1e-9)
-    highlight = np.hypot(doubts.highlight * gloss, doubts.highlight_shift * shown.change_over_shift(gloss)) / body
+    highlight = (
+        np.hypot(doubts.highlight * gloss, doubts.highlight_shift * shown.change_over_shift(gloss))
+        / body
+    )
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
     confidence *= pigment_share(brightness, np.hypot(shading, shown.doubt), highlight, sigma)
     return confidence, target * pigment_share(brightness, shading, highlight, sigma)[:, None]
 
 
 def pigment_share(
-    brightness: np.ndarray, shading: np.ndarray, highlight: np.ndarray, sigma: np.ndarray | float = PIGMENT_SIGMA
+    brightness: np.ndarray,
+    shading: np.ndarray,
+    highlight: np.ndarray,
+    sigma: np.ndarray | float = PIGMENT_SIGMA,
 ) -> np.ndarray:
-    """(P,) 0..1, how much of a residual of the log albedo is more likely pigment than wrong shading.
+    """(P,) 0..1, how much of a residual of the log albedo is more likely pigment than wrong
+    shading.
 
-    What is small may be either; what is many times larger than the doubt of ``shading`` (P,) and ``highlight`` (P,)
-    can only be pigment. ``sigma``: how much pigment varies.
+    What is small may be either; what is many times larger than the doubt of ``shading`` (P,) and
+    ``highlight`` (P,) can only be pigment. ``sigma``: how much pigment varies.
     """
     common = sigma**2 / (sigma**2 + shading**2 + highlight**2)
     factor = np.where(brightness > 0, HIGHLIGHT_PLAIN_FACTOR, PLAIN_FACTOR)
-    plain = brightness**2 / (brightness**2 + (PLAIN_FACTOR * shading) ** 2 + (factor * highlight) ** 2 + 1e-12)
+    plain = brightness**2 / (
+        brightness**2 + (PLAIN_FACTOR * shading) ** 2 + (factor * highlight) ** 2 + 1e-12
+    )
     return np.maximum(common, plain)
 
 

@@ -31,7 +31,9 @@ class Atlas:
         tracer = RayTracer(geometry.triangle_uvs, len(uvs))
         tracer.update(np.concatenate([uvs, np.zeros((len(uvs), 1))], axis=1))
         v, u = np.mgrid[:size, :size]
-        origin = np.stack([(u + 0.5) / size, 1.0 - (v + 0.5) / size, np.ones(u.shape)], axis=-1).reshape(-1, 3)
+        origin = np.stack(
+            [(u + 0.5) / size, 1.0 - (v + 0.5) / size, np.ones(u.shape)], axis=-1
+        ).reshape(-1, 3)
         hits = tracer.first_hits(origin, np.broadcast_to([0.0, 0.0, -1.0], origin.shape))
         covered = (hits.triangle >= 0).reshape(size, size)
         triangle = hits.triangle[hits.triangle >= 0]
@@ -39,12 +41,19 @@ class Atlas:
         skin[covered] = geometry.triangle_part[triangle] == SKIN
         nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
         return cls(
-            size, covered, skin, geometry.triangles[triangle], hits.barycentric[hits.triangle >= 0], triangle,
+            size,
+            covered,
+            skin,
+            geometry.triangles[triangle],
+            hits.barycentric[hits.triangle >= 0],
+            triangle,
             (nearest[0], nearest[1]),
-        )  # fmt: skip
+        )
 
     def bake(self, values: np.ndarray) -> np.ndarray:
-        """(S, S, c) texture of vertex values (m, c); uncovered texels repeat the nearest covered one."""
+        """(S, S, c) texture of vertex values (m, c); uncovered texels repeat the nearest covered
+        one.
+        """
         texture = np.zeros((self.size, self.size, values.shape[1]), np.float32)
         texture[self.covered] = np.einsum("ti,tic->tc", self.weights, values[self.corners])
         return texture[self.nearest]

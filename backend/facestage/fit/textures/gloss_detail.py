@@ -1,4 +1,6 @@
-"""Specular and roughness maps from what highlights differ from the fitted ones: one Gauss-Newton step."""
+"""Specular and roughness maps from what highlights differ from the fitted ones: one Gauss-Newton
+step.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ STEPS, TOLERANCE = 80, 1e-3
 
 @dataclass(frozen=True)
 class GlossStep:
-    """Changes of both maps (G, G), and how much of each is known (G, G) 0..1: 0 is the fitted map alone."""
+    """Changes of both maps (G, G), and how much of each is known (G, G) 0..1: 0 is the fitted map
+    alone.
+    """
 
     specular: np.ndarray
     roughness: np.ndarray
@@ -35,11 +39,14 @@ class GlossStep:
     roughness_known: np.ndarray
 
 
-def gloss_step(texels: np.ndarray, shown: Shown, by_specular: np.ndarray, by_roughness: np.ndarray) -> GlossStep:
-    """The change of c_spec and roughness on ``texels`` (G, G) bool that explains what the photo shows.
+def gloss_step(
+    texels: np.ndarray, shown: Shown, by_specular: np.ndarray, by_roughness: np.ndarray
+) -> GlossStep:
+    """The change of c_spec and roughness on ``texels`` (G, G) bool that explains what the photo
+    shows.
 
-    ``by_specular`` and ``by_roughness`` (P, 3) are the model's derivatives; a map whose derivative is 0 stays. Both
-    maps are Gaussian fields of the deviations above, found together.
+    ``by_specular`` and ``by_roughness`` (P, 3) are the model's derivatives; a map whose derivative
+    is 0 stays. Both maps are Gaussian fields of the deviations above, found together.
     """
     residual, sigma = _residual(shown)
     size = len(texels)
@@ -60,7 +67,11 @@ def gloss_step(texels: np.ndarray, shown: Shown, by_specular: np.ndarray, by_rou
     def solved(system: sp.spmatrix, right: np.ndarray) -> np.ndarray:
         start = np.zeros((len(right), 1), np.float32)
         return conjugate_gradients(
-            system.tocsr().astype(np.float32), right[:, None].astype(np.float32), start, TOLERANCE, STEPS
+            system.tocsr().astype(np.float32),
+            right[:, None].astype(np.float32),
+            start,
+            TOLERANCE,
+            STEPS,
         )[:, 0]
 
     def spread(values: np.ndarray) -> np.ndarray:
@@ -70,19 +81,25 @@ def gloss_step(texels: np.ndarray, shown: Shown, by_specular: np.ndarray, by_rou
 
     prior = field_precision(numbers.reshape(size, size), count, LENGTH_SHARE * size)
     blocks = [[product(a, b) for b in columns] for a in columns]
-    right = np.concatenate([pick.T @ (weight * (column * scaled).sum(axis=1)) for column in columns])
+    right = np.concatenate(
+        [pick.T @ (weight * (column * scaled).sum(axis=1)) for column in columns]
+    )
     both = sp.bmat([[blocks[0][0] + prior, blocks[0][1]], [blocks[1][0], blocks[1][1] + prior]])
     specular, roughness = np.split(solved(both, right), 2)
     known = [solved(blocks[k][k] + prior, blocks[k][k] @ np.ones(count)) for k in range(2)]
     roughness = np.clip(ROUGHNESS_SIGMA * roughness, -ROUGHNESS_MOST, ROUGHNESS_MOST)
     return GlossStep(
-        spread(SPECULAR_SIGMA * specular), spread(roughness),
-        np.clip(spread(known[0]), 0, 1), np.clip(spread(known[1]), 0, 1),
-    )  # fmt: skip
+        spread(SPECULAR_SIGMA * specular),
+        spread(roughness),
+        np.clip(spread(known[0]), 0, 1),
+        np.clip(spread(known[1]), 0, 1),
+    )
 
 
 def _residual(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
-    """(P, 3) photo minus model, and its standard deviation by all that is neither specular nor roughness."""
+    """(P, 3) photo minus model, and its standard deviation by all that is neither specular nor
+    roughness.
+    """
     model = shown.image.color
     residual = shown.photo - model
     residual = np.where(shown.clipped, np.maximum(residual, 0), residual)
@@ -91,14 +108,17 @@ def _residual(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     relative = np.sqrt(PIGMENT_SIGMA**2 + shown.feature**2 + shown.doubt**2 + shading**2)
     displaced = HIGHLIGHT_MOVED * shown.change_over_shift(shown.specular.mean(axis=1))
     level = NOISE * (model + 0.5 * model.mean())
-    return residual, np.sqrt((body * relative[:, None]) ** 2 + displaced[:, None] ** 2 + level**2 + 1e-18)
+    return residual, np.sqrt(
+        (body * relative[:, None]) ** 2 + displaced[:, None] ** 2 + level**2 + 1e-18
+    )
 
 
 def field_precision(index: np.ndarray, count: int, length: float) -> sp.csr_matrix:
-    """(n, n) inverse covariance of a field of unit variance, correlated over ``length`` texels (Lindgren 2011, eq. 2).
+    """(n, n) inverse covariance of a field of unit variance, correlated over ``length`` texels
+    (Lindgren 2011, eq. 2).
 
-    ``index`` (G, G) numbers the n texels. A plane's field of precision s (1 / length^2 - Laplacian) has the variance
-    log(pi length) / (2 pi s) on a lattice, to first order.
+    ``index`` (G, G) numbers the n texels. A plane's field of precision s (1 / length^2 - Laplacian)
+    has the variance log(pi length) / (2 pi s) on a lattice, to first order.
     """
     stiffness = np.log(np.pi * max(length, 1.0)) / (2 * np.pi)
     return stiffness * (neighbour_laplacian(index, count) + sp.identity(count) / length**2)

@@ -1,4 +1,6 @@
-"""One texture from several photos: each texel is the mean of what the photos say, by how well they see it."""
+"""One texture from several photos: each texel is the mean of what the photos say, by how well they
+see it.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +11,22 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.textures.atlas import Atlas
 
-# Cosine between view and surface from which a texel is seen in full; what is seen at a slant is smeared.
+# Cosine between view and surface from which a texel is seen in full; what is seen at a slant is
+# smeared.
 COSINE_FULL = 0.8
-# Width of the seam where a photo's coverage ends, as a share of the texture: photos differ a little in tone.
+# Width of the seam where a photo's coverage ends, as a share of the texture: photos differ a little
+# in tone.
 SEAM_SHARE = 0.03
-# Weight, relative to a photo that sees a texel in full, of the basis that all photos share. On a rendered person with
-# known skin, the mean of four photos' detail without it was no better than the basis alone.
+# Weight, relative to a photo that sees a texel in full, of the basis that all photos share. On a
+# rendered person with known skin, the mean of four photos' detail without it was no better than the
+# basis alone.
 BASIS = 0.1
 
 
 class MergedTexture:
-    """The weighted mean of textures (S, S, c), taken up one photo after another; where none sees, their basis."""
+    """The weighted mean of textures (S, S, c), taken up one photo after another; where none sees,
+    their basis.
+    """
 
     def __init__(self, geometry: FaceGeometry, size: int, basis: np.ndarray) -> None:
         """``basis`` (m, c): by vertex, what the textures are a detail of."""
@@ -30,7 +37,9 @@ class MergedTexture:
         self.coverage = np.zeros((size, size), bool)  # texels that any photo shows
 
     def add(self, texture: np.ndarray, coverage: np.ndarray, state: State, weight: float) -> None:
-        """A photo's ``texture`` (S, S, c) and ``coverage`` (S, S) bool, with its ``weight`` 0..1 among the photos."""
+        """A photo's ``texture`` (S, S, c) and ``coverage`` (S, S) bool, with its ``weight`` 0..1
+        among the photos.
+        """
         confidence = weight * _confidence(self._atlas, self._geometry, state, coverage)
         self._sum += confidence[..., None] * texture
         self._weight += confidence
@@ -41,12 +50,18 @@ class MergedTexture:
         return np.asarray(self._sum / self._weight[..., None])
 
 
-def _confidence(atlas: Atlas, geometry: FaceGeometry, state: State, coverage: np.ndarray) -> np.ndarray:
-    """(S, S) 0..1: the cosine at which the camera sees each texel, down to 0 at the edge of the ``coverage``."""
+def _confidence(
+    atlas: Atlas, geometry: FaceGeometry, state: State, coverage: np.ndarray
+) -> np.ndarray:
+    """(S, S) 0..1: the cosine at which the camera sees each texel, down to 0 at the edge of the
+    ``coverage``.
+    """
     vertices = geometry.vertices(state.identity, state.expression)
     normals = geometry.vertex_normals(vertices)[0] @ state.rotation.T
     rays = vertices @ state.rotation.T + state.translation
     cosine = -np.einsum("mx,mx->m", normals, rays) / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
     seen = np.clip(atlas.bake(cosine[:, None])[..., 0] / COSINE_FULL, 0, 1) ** 2
-    inside = distance_transform_edt(coverage) if not coverage.all() else np.full(coverage.shape, np.inf)
+    inside = (
+        distance_transform_edt(coverage) if not coverage.all() else np.full(coverage.shape, np.inf)
+    )
     return np.asarray(seen * np.minimum(inside / (SEAM_SHARE * atlas.size), 1.0))

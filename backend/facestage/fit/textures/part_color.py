@@ -16,8 +16,8 @@ from facestage.render.tracer import PLAIN
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SAMPLES = 16
-# Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand for it are blurred
-# into each other, and dimmed so that they do not veil the iris.
+# Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand
+# for it are blurred into each other, and dimmed so that they do not veil the iris.
 WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
 # Albedo of what the model paints as pupil, at most, and as iris, at most.
 PUPIL_MAX, IRIS_MAX = 0.02, 0.25
@@ -25,7 +25,8 @@ PUPIL_MAX, IRIS_MAX = 0.02, 0.25
 PRIOR_PIXELS, PIXELS_MIN = 10.0, 6
 # Irradiance, relative to the part's brightest tenth, below which a pixel says little.
 LIT_MIN = 0.2
-# The white of an eye has less than this share of the skin's red over blue (of the logarithm); else a lid hides it.
+# The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
+# a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
 
 
@@ -63,15 +64,18 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
         parts += [
             Part("iris", iris, 0.01, 0.35, 1.5),
             Part("white", eyes & (luminance >= IRIS_MAX), 0.25, 0.8, 0.2),
-        ]  # fmt: skip
+        ]
     return [part for part in parts if part.vertices.any()]
 
 
-def part_colors(forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int = 0) -> np.ndarray:
-    """(m, 3) what to add to the vertices' log albedo to give the parts the colors that the photo shows of them.
+def part_colors(
+    forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int = 0
+) -> np.ndarray:
+    """(m, 3) what to add to the vertices' log albedo to give the parts the colors that the photo
+    shows of them.
 
-    A color is the median over the pixels inside the part of what they say of its albedo under the light of ``stage``
-    (camera frame), drawn to the model's own where few pixels show it.
+    A color is the median over the pixels inside the part of what they say of its albedo under the
+    light of ``stage`` (camera frame), drawn to the model's own where few pixels show it.
     """
     geometry = forward.geometry
     parts = parts_of(geometry)
@@ -92,13 +96,18 @@ def part_colors(forward: ForwardModel, state: State, stage: LightStage, look: Lo
 def _albedo_by_part(
     forward: ForwardModel, state: State, stage: LightStage, look: Look, parts: list[Part], seed: int
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each part the albedo (P, 3) that the photo's pixels inside it say, and the model's own there (P, 3)."""
+    """Of each part the albedo (P, 3) that the photo's pixels inside it say, and the model's own
+    there (P, 3).
+    """
     y, x = np.nonzero(look.usable)
     surface = forward.surface(state, np.stack([x, y], axis=1) + 0.5)
     surface = surface.part(np.isin(forward.geometry.triangle_part[surface.triangle], (EYES, TEETH)))
     if not parts or not len(surface.pixels):
         return [(np.zeros((0, 3)), np.zeros((0, 3))) for _ in parts]
-    rough, c_spec = np.full(len(surface.pixels), WET_ROUGHNESS), np.full(len(surface.pixels), WET_SPECULAR)
+    rough, c_spec = (
+        np.full(len(surface.pixels), WET_ROUGHNESS),
+        np.full(len(surface.pixels), WET_SPECULAR),
+    )
     terms = forward.light_terms(state, surface, stage, SAMPLES, seed, PLAIN, roughness=rough)
     image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
     diffuse, specular = brdf.K_DIFFUSE / np.pi * image.diffuse, brdf.K_SPECULAR * image.specular
@@ -118,12 +127,16 @@ def _log_change(part: Part, albedo: np.ndarray, own: np.ndarray) -> np.ndarray:
     chroma = np.clip(change - change.mean(), -part.chroma, part.chroma)
     color = np.median(np.log(own), axis=0) + change.mean() + chroma
     luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
-    limited: np.ndarray = change.mean() + chroma + np.clip(luminance, np.log(part.low), np.log(part.high)) - luminance
+    limited: np.ndarray = (
+        change.mean() + chroma + np.clip(luminance, np.log(part.low), np.log(part.high)) - luminance
+    )
     return limited
 
 
 def _eyes_open(white: np.ndarray, look: Look) -> bool:
-    """Whether what lies where the model has the white of its eyes, albedo (P, 3), is paler than the skin."""
+    """Whether what lies where the model has the white of its eyes, albedo (P, 3), is paler than the
+    skin.
+    """
     skin = look.color[look.usable & (look.skin > 0.9)]
     if len(white) < PIXELS_MIN or not len(skin):
         return False

@@ -1,4 +1,6 @@
-"""The per-texel stage: specular and roughness maps, then albedo detail, completed by symmetry, with their coverage."""
+"""The per-texel stage: specular and roughness maps, then albedo detail, completed by symmetry, with
+their coverage.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +36,27 @@ class Refined:
     coverage: np.ndarray  # (S, S, 3) uint8, see CONVENTIONS.md
 
 
-def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | None = None) -> Refined:
-    """All maps of a finished fit; those that the job froze, and texels of which nothing is known, are as fitted.
+def refine(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | None = None
+) -> Refined:
+    """All maps of a finished fit; those that the job froze, and texels of which nothing is known,
+    are as fitted.
 
     ``size`` S of the albedo, by default what the photo holds.
     """
     atlas = Atlas.build(
-        problem.geometry, texture_size(problem.face_size_px, problem.fineness) if size is None else size
+        problem.geometry,
+        texture_size(problem.face_size_px, problem.fineness) if size is None else size,
     )
     # Specular and roughness are found on half as many texels.
     small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
     logs = atlas.bake(forward.log_albedo(fitted.state))
     freeze = set(problem.job.freeze)
-    shown = None if freeze >= {"albedo", "specular", "roughness"} else what_is_shown(problem, forward, fitted)
+    shown = (
+        None
+        if freeze >= {"albedo", "specular", "roughness"}
+        else what_is_shown(problem, forward, fitted)
+    )
     gloss = None
     if shown is not None and not freeze >= {"specular", "roughness"}:
         gloss = _gloss(small, shown, fitted, freeze)
@@ -55,10 +65,16 @@ def refine(problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | 
         )
     detail = None
     if shown is not None and "albedo" not in freeze:
-        half = small if 2 * small.size == atlas.size else Atlas.build(problem.geometry, atlas.size // 2)
+        half = (
+            small
+            if 2 * small.size == atlas.size
+            else Atlas.build(problem.geometry, atlas.size // 2)
+        )
         detail = albedo_detail(atlas, shown, mirrored_texels(half, problem.geometry))
         photo = problem.photograph
-        look = Look(photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin)
+        look = Look(
+            photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin
+        )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
         logs = logs + detail.log_albedo + atlas.bake(parts)
     textures = Textures(painted(logs), *_gloss_textures(small, problem, fitted, gloss))
@@ -87,13 +103,19 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
 def _gloss_textures(
     small: Atlas, problem: Problem, fitted: Fitted, gloss: GlossStep | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Specular and roughness (S, S) of the ``small`` atlas: skin as found, eyes and teeth a clear layer."""
+    """Specular and roughness (S, S) of the ``small`` atlas: skin as found, eyes and teeth a clear
+    layer.
+    """
     size, state = small.size, fitted.state
     specular = resampled(state.specular, size)
     roughness = np.full((size, size), state.roughness)
     if gloss is not None:
-        specular = np.where(small.skin, specular + resampled(gloss.specular, size), specular)[small.nearest]
-        roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)[small.nearest]
+        specular = np.where(small.skin, specular + resampled(gloss.specular, size), specular)[
+            small.nearest
+        ]
+        roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)[
+            small.nearest
+        ]
     wet = np.zeros((size, size), bool)
     wet[small.covered] = np.isin(problem.geometry.triangle_part[small.triangle], (EYES, TEETH))
     specular = np.where(wet[small.nearest], WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
@@ -105,8 +127,12 @@ def _rough(values: np.ndarray) -> np.ndarray:
     return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
 
 
-def _coverage(atlas: Atlas, gloss_size: int, detail: AlbedoDetail | None, gloss: GlossStep | None) -> np.ndarray:
-    """(S, S, 3) uint8: where the albedo is from, and how much the photo says of c_spec and roughness."""
+def _coverage(
+    atlas: Atlas, gloss_size: int, detail: AlbedoDetail | None, gloss: GlossStep | None
+) -> np.ndarray:
+    """(S, S, 3) uint8: where the albedo is from, and how much the photo says of c_spec and
+    roughness.
+    """
     result = np.zeros((atlas.size, atlas.size, 3), np.uint8)
     if detail is not None:
         result[..., 0] = np.where(detail.seen, SEEN, np.where(detail.mirrored, BY_SYMMETRY, 0))

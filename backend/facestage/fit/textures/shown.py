@@ -17,15 +17,20 @@ from facestage.render.tracer import Asked
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6
-# Of a face of more pixels across than any texture shows, only every second, third, ... is looked at.
+# Of a face of more pixels across than any texture shows, only every second, third, ... is looked
+# at.
 PIXELS_ACROSS = 1000.0
-# Cosine between the view and the skin below which a pixel is not looked at, and above which it counts in full.
+# Cosine between the view and the skin below which a pixel is not looked at, and above which it
+# counts in full.
 GRAZING, FACING = 0.15, 0.45
 
 
 @dataclass(frozen=True)
 class Shown:
-    """P pixels of skin. ``image`` is the fitted model there, with the specular derivative by roughness."""
+    """P pixels of skin.
+
+    ``image`` is the fitted model there, with the specular derivative by roughness.
+    """
 
     image: Image
     uvs: np.ndarray  # (P, 2)
@@ -33,7 +38,8 @@ class Shown:
     clipped: np.ndarray  # (P, 3) bool: at least as bright as the photo says
     clear: np.ndarray  # (P,) 0..1 how well the pixel shows skin, and not at a grazing angle
     doubt: np.ndarray  # (P,) of the shading's shape, see shading_doubt.py
-    feature: np.ndarray  # (P,) how far the mean face's log albedo departs there from its skin: brows, lips
+    # (P,) how far the mean face's log albedo departs there from its skin: brows, lips
+    feature: np.ndarray
     shift_px: int  # how far the fitted face may be off
 
     @property
@@ -57,22 +63,30 @@ class Shown:
         return brdf.K_SPECULAR * self.image.c_spec[:, None] * self.image.specular
 
     def with_gloss(self, c_spec: np.ndarray, roughness: np.ndarray) -> Shown:
-        """The same with c_spec and roughness changed by so much (P,); to first order in the roughness."""
+        """The same with c_spec and roughness changed by so much (P,); to first order in the
+        roughness.
+        """
         image = self.image
         changed = np.clip(image.c_spec + c_spec, 0, brdf.SPECULAR_MAX)
-        specular = np.maximum(image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0)
+        specular = np.maximum(
+            image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0
+        )
         color = self.diffuse * image.albedo + brdf.K_SPECULAR * changed[:, None] * specular
         return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
 
     def change_over_shift(self, values: np.ndarray) -> np.ndarray:
-        """(P,) by how much ``values`` (P,) vary within ``shift_px`` of each pixel: what a wrong place would change."""
+        """(P,) by how much ``values`` (P,) vary within ``shift_px`` of each pixel: what a wrong
+        place would change.
+        """
         column, row = self.image.surface.pixels.astype(int).T
         row, column = row - row.min(), column - column.min()
         width = 2 * self.shift_px + 1
         high = np.full((row.max() + 1, column.max() + 1), -np.inf)
         low = np.full(high.shape, np.inf)
         high[row, column] = low[row, column] = values
-        return (maximum_filter(high, width, mode="nearest") - minimum_filter(low, width, mode="nearest"))[row, column]
+        return (
+            maximum_filter(high, width, mode="nearest") - minimum_filter(low, width, mode="nearest")
+        )[row, column]
 
 
 def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Shown | None:
@@ -82,10 +96,12 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
-    samples = int(np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES))
+    samples = int(
+        np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES)
+    )
     terms = forward.light_terms(
         fitted.state, surface, fitted.stage, samples, problem.job.seed, Asked(by_roughness=True)
-    )  # fmt: skip
+    )
     image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
@@ -93,13 +109,15 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     return Shown(
-        image=image, uvs=forward.uvs(surface), photo=problem.photograph.color[row, column].astype(np.float64),
+        image=image,
+        uvs=forward.uvs(surface),
+        photo=problem.photograph.color[row, column].astype(np.float64),
         clipped=problem.photograph.clipped[row, column],
         clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.einsum("pi,pi->p", surface.weights, departure[surface.corners]),
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
-    )  # fmt: skip
+    )
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> np.ndarray:

@@ -10,17 +10,18 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-# A texel whose mirrored point lies farther from the point that it was given, in metres and in texels, has none:
-# a seam runs through its triangle's image, or the model is not symmetric there.
+# A texel whose mirrored point lies farther from the point that it was given, in metres and in
+# texels, has none: a seam runs through its triangle's image, or the model is not symmetric there.
 DISTANCE_MAX, TEXELS_MAX = 1e-3, 1.5
 NEAR_VERTICES = 2
 
 
 def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> np.ndarray:
-    """(S, S) int: the flat index of the skin texel at each skin texel's mirror point on the mean face, -1 if none.
+    """(S, S) int: the flat index of the skin texel at each skin texel's mirror point on the mean
+    face, -1 if none.
 
-    Every vertex of the skin is reflected at x = 0 and put on the nearest point of the skin, whose texture coordinates
-    are then interpolated over the triangles as any vertex value.
+    Every vertex of the skin is reflected at x = 0 and put on the nearest point of the skin, whose
+    texture coordinates are then interpolated over the triangles as any vertex value.
     """
     size = atlas.size
     result = np.full(size * size, -1)
@@ -29,32 +30,46 @@ def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> np.ndarray:
     used = np.unique(skin)
     triangle, weights = nearest_points(geometry.mean[used] * MIRROR, geometry.mean, skin)
     mirrored = np.zeros((len(geometry.mean), 2))
-    mirrored[used] = np.einsum("vi,vix->vx", weights, geometry.model.uvs[skin_uvs[triangle]].astype(np.float64))
+    mirrored[used] = np.einsum(
+        "vi,vix->vx", weights, geometry.model.uvs[skin_uvs[triangle]].astype(np.float64)
+    )
     texels = np.flatnonzero(atlas.skin)
     own = atlas.skin[atlas.covered]
     corners, share = atlas.corners[own], atlas.weights[own].astype(np.float64)
     uvs = np.einsum("ti,tix->tx", share, mirrored[corners])
     place = np.einsum("ti,tix->tx", share, geometry.mean[corners])
-    column, row = np.floor(np.stack([uvs[:, 0], 1 - uvs[:, 1]]) * size).astype(int).clip(0, size - 1)
+    column, row = (
+        np.floor(np.stack([uvs[:, 0], 1 - uvs[:, 1]]) * size).astype(int).clip(0, size - 1)
+    )
     found = row * size + column
     positions = np.full((size * size, 3), np.inf)
     positions[texels] = place
     valid = atlas.skin.ravel()[found]
     distance = np.full(len(texels), np.inf)
     distance[valid] = np.linalg.norm(positions[found[valid]] - place[valid] * MIRROR, axis=1)
-    result[texels] = np.where(distance <= DISTANCE_MAX + TEXELS_MAX * _texel_size(positions, size)[texels], found, -1)
+    result[texels] = np.where(
+        distance <= DISTANCE_MAX + TEXELS_MAX * _texel_size(positions, size)[texels], found, -1
+    )
     return result.reshape(size, size)
 
 
-def nearest_points(points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle (n,) and barycentric weights (n, 3) of the mesh's nearest point to each of ``points`` (n, 3).
+def nearest_points(
+    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangle (n,) and barycentric weights (n, 3) of the mesh's nearest point to each of
+    ``points`` (n, 3).
 
-    Looked for on the triangles around each point's nearest vertices, so right where triangles are as large as their
-    neighbours. The nearest point of a triangle: Ericson 2004, Real-Time Collision Detection, 5.1.5.
+    Looked for on the triangles around each point's nearest vertices, so right where triangles are
+    as large as their neighbours. The nearest point of a triangle: Ericson 2004, Real-Time Collision
+    Detection, 5.1.5.
     """
     used, order = np.unique(triangles), np.argsort(triangles.ravel(), kind="stable")
     first = np.searchsorted(triangles.ravel()[order], np.arange(len(vertices) + 1))
-    near = used[cKDTree(vertices[used]).query(points, k=min(NEAR_VERTICES, len(used)))[1].reshape(len(points), -1)]
+    near = used[
+        cKDTree(vertices[used])
+        .query(points, k=min(NEAR_VERTICES, len(used)))[1]
+        .reshape(len(points), -1)
+    ]
     counts = (first[near + 1] - first[near]).ravel()
     owner = np.repeat(np.repeat(np.arange(len(points)), near.shape[1]), counts)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -68,7 +83,9 @@ def nearest_points(points: np.ndarray, vertices: np.ndarray, triangles: np.ndarr
 
 
 def _nearest_on_triangle(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of each triangle (n, 3, 3) nearest to ``points`` (n, 3)."""
+    """(n, 3) barycentric weights of the point of each triangle (n, 3, 3) nearest to ``points`` (n,
+    3).
+    """
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     result = np.zeros((len(points), 3))
     best = np.full(len(points), np.inf)
@@ -93,7 +110,9 @@ def _nearest_on_triangle(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _texel_size(positions: np.ndarray, size: int) -> np.ndarray:
-    """(S * S,) metres from a texel to its neighbours, the larger of right and below; 0 where there is none."""
+    """(S * S,) metres from a texel to its neighbours, the larger of right and below; 0 where there
+    is none.
+    """
     grid = positions.reshape(size, size, 3)
     result = np.zeros((size, size))
     with np.errstate(invalid="ignore"):
@@ -102,4 +121,6 @@ def _texel_size(positions: np.ndarray, size: int) -> np.ndarray:
     result[:, :-1] = np.where(np.isfinite(right), right, 0)
     result[:-1] = np.maximum(result[:-1], np.where(np.isfinite(below), below, 0))
     # Across a seam two neighbours may be far apart on the face.
-    return np.minimum(result, 4 * np.median(result[result > 0]) if (result > 0).any() else 0.0).ravel()
+    return np.minimum(
+        result, 4 * np.median(result[result > 0]) if (result > 0).any() else 0.0
+    ).ravel()

@@ -1,4 +1,6 @@
-"""A smooth field over a texture's texels that explains what pixels say: least squares, coarse to fine."""
+"""A smooth field over a texture's texels that explains what pixels say: least squares, coarse to
+fine.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from facestage.fit.forward.shading import bilinear_weights, sample_bilinear
 COARSEST = 64
 TOLERANCE = 2e-3
 STEPS_COARSE, STEPS_FINE = 60, 10
-# Share of the answer that is known, on the level before, below which a texel is not solved for again.
+# Share of the answer that is known, on the level before, below which a texel is not solved for
+# again.
 NEGLIGIBLE = 0.005
 
 
@@ -30,7 +33,8 @@ class Field:
     values: np.ndarray  # (P, k)
     smoothness: float
     shrinkage: float  # per texel; on a level of half the size four times as much
-    guess_weight: np.ndarray | None = None  # (S, S) W, what other texels say of this one; None: nothing
+    # (S, S) W, what other texels say of this one; None: nothing
+    guess_weight: np.ndarray | None = None
     guess: np.ndarray | None = None  # (S, S, k) Y
 
     def halved(self) -> Field:
@@ -39,14 +43,25 @@ class Field:
             weight, guess = None, None
         else:
             weight = _quads(self.guess_weight[..., None])[..., 0]
-            guess = _quads(self.guess * self.guess_weight[..., None]) / np.maximum(weight, 1e-12)[..., None]
-        return replace(self, texels=halved(self.texels), shrinkage=4 * self.shrinkage, guess_weight=weight, guess=guess)
+            guess = (
+                _quads(self.guess * self.guess_weight[..., None])
+                / np.maximum(weight, 1e-12)[..., None]
+            )
+        return replace(
+            self,
+            texels=halved(self.texels),
+            shrinkage=4 * self.shrinkage,
+            guess_weight=weight,
+            guess=guess,
+        )
 
 
 def solve_field(field: Field) -> tuple[np.ndarray, np.ndarray]:
-    """The field (S, S, k) float32 and (S, S) 0..1, how much of it is known: its value where all observations are 1.
+    """The field (S, S, k) float32 and (S, S) 0..1, how much of it is known: its value where all
+    observations are 1.
 
-    Zero outside the texels. Each level starts from the one of half its size, so that few steps are left to do.
+    Zero outside the texels. Each level starts from the one of half its size, so that few steps are
+    left to do.
     """
     size = field.texels.shape[0]
     channels = field.values.shape[1]
@@ -68,34 +83,48 @@ def solve_field(field: Field) -> tuple[np.ndarray, np.ndarray]:
     return found[..., :-1], np.clip(found[..., -1], 0, 1)
 
 
-def _normal_equations(field: Field, wanted: np.ndarray, texels: np.ndarray) -> tuple[sp.csr_matrix, np.ndarray]:
-    """System (n, n) and right sides (n, k + 1) for the ``texels``, the last for observations that are all 1."""
+def _normal_equations(
+    field: Field, wanted: np.ndarray, texels: np.ndarray
+) -> tuple[sp.csr_matrix, np.ndarray]:
+    """System (n, n) and right sides (n, k + 1) for the ``texels``, the last for observations that
+    are all 1.
+    """
     size = len(wanted)
     compact = np.full(size * size, -1)
     compact[texels] = np.arange(len(texels))
     used = field.weight > 0
     pick = texel_rows(field.uvs[used], compact, len(texels))
     weight = field.weight[used].astype(np.float32)
-    weighted = sp.csr_matrix((pick.data * np.repeat(weight, 4), pick.indices, pick.indptr), shape=pick.shape)
-    observed = np.concatenate([field.values[used], np.ones((pick.shape[0], 1))], axis=1).astype(np.float32)
+    weighted = sp.csr_matrix(
+        (pick.data * np.repeat(weight, 4), pick.indices, pick.indptr), shape=pick.shape
+    )
+    observed = np.concatenate([field.values[used], np.ones((pick.shape[0], 1))], axis=1).astype(
+        np.float32
+    )
     diagonal = np.full(len(texels), field.shrinkage, np.float32)
     right = weighted.T @ observed
     if field.guess_weight is not None and field.guess is not None:
         guess_weight = field.guess_weight.reshape(-1)[texels].astype(np.float32)
         diagonal += guess_weight
         guess = field.guess.reshape(size * size, -1)[texels]
-        right += guess_weight[:, None] * np.concatenate([guess, np.ones((len(texels), 1))], axis=1).astype(np.float32)
+        right += guess_weight[:, None] * np.concatenate(
+            [guess, np.ones((len(texels), 1))], axis=1
+        ).astype(np.float32)
     laplacian = neighbour_laplacian(compact.reshape(size, size), len(texels))
     return (pick.T @ weighted + field.smoothness * laplacian + sp.diags(diagonal)).tocsr(), right
 
 
 def texel_rows(uvs: np.ndarray, numbers: np.ndarray, count: int) -> sp.csr_matrix:
-    """(P, n) bilinear lookups at ``uvs`` (P, 2) in a square texture; ``numbers`` (S * S,) of its n texels, -1: none."""
+    """(P, n) bilinear lookups at ``uvs`` (P, 2) in a square texture; ``numbers`` (S * S,) of its n
+    texels, -1: none.
+    """
     index, share = bilinear_weights(uvs, int(np.sqrt(len(numbers))))
     index = numbers[index]
     share = np.where(index >= 0, share, 0.0).astype(np.float32)
     rows = np.arange(0, 4 * len(index) + 1, 4)
-    return sp.csr_matrix((share.ravel(), np.maximum(index, 0).ravel(), rows), shape=(len(index), count))
+    return sp.csr_matrix(
+        (share.ravel(), np.maximum(index, 0).ravel(), rows), shape=(len(index), count)
+    )
 
 
 def halved(mask: np.ndarray) -> np.ndarray:
@@ -111,7 +140,9 @@ def resampled(texture: np.ndarray, size: int) -> np.ndarray:
 
 
 def neighbour_laplacian(index: np.ndarray, count: int) -> sp.csr_matrix:
-    """(n, n) float32 graph Laplacian of four neighbours each; ``index`` (S, S) numbers the n texels, -1: none."""
+    """(n, n) float32 graph Laplacian of four neighbours each; ``index`` (S, S) numbers the n
+    texels, -1: none.
+    """
     rows, columns = [], []
     for a, b in ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:])):
         both = (a >= 0) & (b >= 0)
@@ -125,10 +156,11 @@ def neighbour_laplacian(index: np.ndarray, count: int) -> sp.csr_matrix:
 def conjugate_gradients(
     system: sp.csr_matrix, right: np.ndarray, start: np.ndarray, tolerance: float, steps: int
 ) -> np.ndarray:
-    """(n, k) solutions of ``system`` x = ``right`` (n, k), all columns in step; Jacobi-preconditioned.
+    """(n, k) solutions of ``system`` x = ``right`` (n, k), all columns in step;
+    Jacobi-preconditioned.
 
-    Ends when every column's residual is ``tolerance`` of its right side (in the preconditioner's norm), or after
-    ``steps``.
+    Ends when every column's residual is ``tolerance`` of its right side (in the preconditioner's
+    norm), or after ``steps``.
     """
     scale = (1.0 / system.diagonal())[:, None].astype(np.float32)
     x = start.astype(np.float32)

@@ -12,88 +12,120 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.guard import INFORMATIVE_SHARE_MIN
 
-# Median distance of the landmarks, as a share of the face's size, beyond which they and the fit disagree.
+# Median distance of the landmarks, as a share of the face's size, beyond which they and the fit
+# disagree.
 LANDMARK_SHARE_MAX = 0.05
-# PSNR in dB on the skin below which a photo counts as poorly explained: a hand and hair over half a face leave 22.8,
-# other photographs of faces 28 and more.
+# PSNR in dB on the skin below which a photo counts as poorly explained: a hand and hair over half a
+# face leave 22.8, other photographs of faces 28 and more.
 PSNR_MIN = 24.0
 # Shares of the face that may be hidden: worth a word, and too much to call the rest a face.
 HIDDEN_MENTIONED, HIDDEN_MAX = 0.02, 0.6
 
 
-def verdict(problem: Problem, fitted: Fitted, picture: Picture, errors: Mapping[str, float]) -> tuple[str, str]:
-    """Status and advice: CONVERGED only when nothing speaks against the fit, then the advice begins "Converged:"."""
+def verdict(
+    problem: Problem, fitted: Fitted, picture: Picture, errors: Mapping[str, float]
+) -> tuple[str, str]:
+    """Status and advice: CONVERGED only when nothing speaks against the fit, then the advice begins
+    "Converged:".
+    """
     value = errors.get("psnr_skin", np.nan)
     if not fitted.in_time:
         return BUDGET_SPENT, (
-            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so far); "
+            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB "
+            "so far); "
             "give more --budget, or continue with --resume."
         )
     hidden = _hidden_share(fitted, picture)
     against = _against(problem, fitted, picture, errors, hidden)
     if against:
         return STOPPED, against
-    left = f"; {hidden:.0%} of the face is behind something flat and was left out" if hidden > HIDDEN_MENTIONED else ""
-    return CONVERGED, f"Converged: the render explains the skin with a PSNR of {value:.1f} dB{left}."
+    left = (
+        f"; {hidden:.0%} of the face is behind something flat and was left out"
+        if hidden > HIDDEN_MENTIONED
+        else ""
+    )
+    return (
+        CONVERGED,
+        f"Converged: the render explains the skin with a PSNR of {value:.1f} dB{left}.",
+    )
 
 
 def _against(
     problem: Problem, fitted: Fitted, picture: Picture, errors: Mapping[str, float], hidden: float
-) -> str:  # fmt: skip
+) -> str:
     """The first thing that speaks against a fit, with a remedy; empty when nothing does."""
     value, pixels = errors.get("psnr_skin", np.nan), errors.get("landmark_px", np.nan)
     share = informative_share(problem, picture)
     if not np.isfinite(pixels):
-        return "The fit ended with landmarks behind the camera; check the landmark file and the focal length."
+        return (
+            "The fit ended with landmarks behind the camera; check the landmark file and "
+            "the focal length."
+        )
     if pixels > LANDMARK_SHARE_MAX * problem.face_size_px / problem.window.factor:
         return (
-            f"The fit ended with landmarks that are {pixels:.1f} px off (median); check the landmark file, "
+            f"The fit ended with landmarks that are {pixels:.1f} px off (median); check the "
+            "landmark file, "
             "or free the pose and expression."
         )
     if hidden > HIDDEN_MAX:
         return (
-            f"{hidden:.0%} of the face shows none of the shading that these lights must cast on it, so the shape is "
-            "the landmarks' own; check the landmarks, lights that are held, and what stands in front of the face."
+            f"{hidden:.0%} of the face shows none of the shading that these lights must cast "
+            "on it, so the shape is "
+            "the landmarks' own; check the landmarks, lights that are held, and what stands "
+            "in front of the face."
         )
     if not np.isfinite(value):
-        return "The face covers no usable pixel of the photo; check the landmarks and the photo's mask."
+        return (
+            "The face covers no usable pixel of the photo; check the landmarks and the "
+            "photo's mask."
+        )
     if share < INFORMATIVE_SHARE_MIN:
         return (
-            f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or saturated: shape, skin "
-            "and light are little more than landmarks and statistics; give a photo of another exposure, or mask less."
+            f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or "
+            "saturated: shape, skin "
+            "and light are little more than landmarks and statistics; give a photo of another "
+            "exposure, or mask less."
         )
     if fitted.company:
         return fitted.company
     if fitted.doubt:
         return (
-            f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, and mask what is not the "
+            f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, "
+            "and mask what is not the "
             "face with an alpha channel."
         )
     if value < PSNR_MIN:
         return (
-            f"The fit explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong make-up or "
+            f"The fit explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong "
+            "make-up or "
             "wrong landmarks are the usual reasons: mask them with an alpha channel."
         )
     if fitted.lens is not None and fitted.lens.doubtful:
         return (
-            f"The landmarks speak against the given focal length: {fitted.lens.ratio:g} times it fits them better "
-            f"(F = {fitted.lens.statistic:.0f}); check the camera, or leave it out to have the lens fitted."
+            f"The landmarks speak against the given focal length: {fitted.lens.ratio:g} times "
+            "it fits them better "
+            f"(F = {fitted.lens.statistic:.0f}); check the camera, or leave it out to have the "
+            "lens fitted."
         )
     if problem.job.weights.prior == 0 and not {"identity", "expression"} <= set(problem.job.freeze):
         return (
-            "The statistical prior is off, so what one photo cannot tell, depth above all, is held by nothing (PSNR "
+            "The statistical prior is off, so what one photo cannot tell, depth above all, is "
+            "held by nothing (PSNR "
             f"{value:.1f} dB); give the prior a weight above 0."
         )
     if not fitted.settled:
         return (
-            f"The schedule ended while its steps still changed the fit, or found none that improves it (PSNR "
+            "The schedule ended while its steps still changed the fit, or found none that "
+            "improves it (PSNR "
             f"{value:.1f} dB); the priors may be too weak, or held values contradict the photo."
         )
     return ""
 
 
 def informative_share(problem: Problem, picture: Picture) -> float:
-    """Share of the rendered skin's pixels where the photo says more than "masked", "black" or "saturated"."""
+    """Share of the rendered skin's pixels where the photo says more than "masked", "black" or
+    "saturated".
+    """
     photo = problem.photograph
     says = photo.mask & (photo.color > 0).any(axis=2) & ~photo.clipped.all(axis=2)
     return float(says[picture.fitted].mean()) if picture.fitted.any() else 0.0

@@ -1,8 +1,10 @@
-"""How well the answer is known: standard deviations from the last normal equations, and what nothing observed.
+"""How well the answer is known: standard deviations from the last normal equations, and what
+nothing observed.
 
-The inverse of the Gauss-Newton Hessian, priors included, is the covariance of the answer (Laplace's approximation);
-the inverse of the priors' part alone is what was known before. A parameter whose two standard deviations agree
-has learned nothing from photo and landmarks: a hidden expression, a light behind the head, a null direction.
+The inverse of the Gauss-Newton Hessian, priors included, is the covariance of the answer (Laplace's
+approximation); the inverse of the priors' part alone is what was known before. A parameter whose
+two standard deviations agree has learned nothing from photo and landmarks: a hidden expression, a
+light behind the head, a null direction.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ NAMED_MAX = 200
 
 @dataclass(frozen=True)
 class Deviations:
-    """Standard deviations (size,) of every parameter after and before the data; NaN where not fitted.
+    """Standard deviations (size,) of every parameter after and before the data; NaN where not
+    fitted.
 
     ``before`` is infinite where no prior exists.
     """
@@ -41,8 +44,12 @@ class Deviations:
 
 
 def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
-    """From the Hessian of all terms and that of the priors alone (size, size), for the ``active`` (size,) entries."""
-    return Deviations(*(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior)))
+    """From the Hessian of all terms and that of the priors alone (size, size), for the ``active``
+    (size,) entries.
+    """
+    return Deviations(
+        *(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior))
+    )
 
 
 def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
@@ -54,15 +61,21 @@ def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:
 class Certainty:
     """What a result says of its parameters, by block."""
 
-    deviations: dict[str, np.ndarray]  # standard deviation of each entry; 0 where frozen, infinite where unknown
-    unobserved: dict[str, list[str]]  # names of the entries that neither photo nor landmarks say anything of
-    before: dict[str, np.ndarray] = field(default_factory=dict)  # the priors' standard deviations, likewise
-    vertices_mm: np.ndarray | None = None  # (n, 3) float32, along the camera's axes, similarity-aligned
-    directions: dict[str, Any] = field(default_factory=dict)  # what is seen only together, or not at all
+    # standard deviation of each entry; 0 where frozen, infinite where unknown
+    deviations: dict[str, np.ndarray]
+    # names of the entries that neither photo nor landmarks say anything of
+    unobserved: dict[str, list[str]]
+    # the priors' standard deviations, likewise
+    before: dict[str, np.ndarray] = field(default_factory=dict)
+    # (n, 3) float32, along the camera's axes, similarity-aligned
+    vertices_mm: np.ndarray | None = None
+    # what is seen only together, or not at all
+    directions: dict[str, Any] = field(default_factory=dict)
 
 
 def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
-    """By block: standard deviations, and the unobserved entries' names; without a name, an entry is its number.
+    """By block: standard deviations, and the unobserved entries' names; without a name, an entry is
+    its number.
 
     Of a block as large as the specular map, whose entries nobody names, the count is given.
     """

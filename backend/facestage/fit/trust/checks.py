@@ -1,4 +1,6 @@
-"""What is asked of a fit after its last step: how sure it is, and whether photo and lens may be believed."""
+"""What is asked of a fit after its last step: how sure it is, and whether photo and lens may be
+believed.
+"""
 
 from __future__ import annotations
 
@@ -42,20 +44,40 @@ class Ending:
 
 
 def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitted:
-    """The fit as it ended after ``seconds``, with what is asked of it; whether it came to its end ``in_time``."""
+    """The fit as it ended after ``seconds``, with what is asked of it; whether it came to its end
+    ``in_time``.
+    """
     began, state, last = time.monotonic(), ending.state, ending.last
     certainty, shading = _certainty(view, state, last), _shading_doubt(view, last)
     lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
     return Fitted(
-        state, view.anchor(state), view.placed_stage(state), ending.trace, last.energy if last else {},
-        last.condition if last else 1.0, seconds, time.monotonic() - began, in_time, certainty, shading,
-        view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width), ending.doubt, settled, lens,
-        ending.statistic, view.plan.ledger, view.penumbra,
-    )  # fmt: skip
+        state,
+        view.anchor(state),
+        view.placed_stage(state),
+        ending.trace,
+        last.energy if last else {},
+        last.condition if last else 1.0,
+        seconds,
+        time.monotonic() - began,
+        in_time,
+        certainty,
+        shading,
+        view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width),
+        ending.doubt,
+        settled,
+        lens,
+        ending.statistic,
+        view.plan.ledger,
+        view.penumbra,
+    )
 
 
-def photo_doubt(view: View, start: State, end: State, last: Iteration | None, psnr: float | None) -> tuple[str, float]:
-    """Why the photo is not believed about the shape at ``end``, if so, and the landmark statistic."""
+def photo_doubt(
+    view: View, start: State, end: State, last: Iteration | None, psnr: float | None
+) -> tuple[str, float]:
+    """Why the photo is not believed about the shape at ``end``, if so, and the landmark
+    statistic.
+    """
     free = view.free_shape(Layout(end))
     if last is None or last.evaluation is None or not free:
         return "", 0.0
@@ -68,8 +90,13 @@ def photo_doubt(view: View, start: State, end: State, last: Iteration | None, ps
 
 
 def _settled(view: View, phase: Phase, trace: Sequence[dict[str, Any]]) -> bool:
-    """Whether the last phase converged, rather than stop at its last step, or without a single one."""
-    if phase.face_px is None or not Layout(view.start_state()).mask(set(phase.blocks) - view.frozen()).any():
+    """Whether the last phase converged, rather than stop at its last step, or without a single
+    one.
+    """
+    if (
+        phase.face_px is None
+        or not Layout(view.start_state()).mask(set(phase.blocks) - view.frozen()).any()
+    ):
         return True
     errors = [row["photo_rms"] for row in trace if row["stage"] == phase.name]
     if len(errors) < 2:
@@ -99,9 +126,12 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
     model = problem.geometry.model
     region = model.regions.get("narrow_face", problem.geometry.used)
     vertices = vertex_deviation(
-        model, model.shape(state.identity, state.expression), state.rotation,
-        covariance(last.hessian, free)[shape, shape], region,
-    )  # fmt: skip
+        model,
+        model.shape(state.identity, state.expression),
+        state.rotation,
+        covariance(last.hessian, free)[shape, shape],
+        region,
+    )
     directions = find_null_directions(
         last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
     )
@@ -121,11 +151,18 @@ def _names(problem: Problem) -> dict[str, list[str]]:
     lights = problem.lights
     numbers = np.flatnonzero(problem.lit)[lights.fitted].tolist()
     if lights.uniform:
-        light_names = [f"light {number}" for number in numbers] + [f"color {channel}" for channel in CHANNEL_NAMES]
+        light_names = [f"light {number}" for number in numbers] + [
+            f"color {channel}" for channel in CHANNEL_NAMES
+        ]
     else:
-        light_names = [f"light {number} {channel}" for number in numbers for channel in CHANNEL_NAMES]
+        light_names = [
+            f"light {number} {channel}" for number in numbers for channel in CHANNEL_NAMES
+        ]
     model = problem.geometry.model
     return {
-        "identity": list(model.identity_names), "expression": list(model.expression_names), "lights": light_names,
-        "focal": ["focal"], "roughness": ["roughness"],
-    }  # fmt: skip
+        "identity": list(model.identity_names),
+        "expression": list(model.expression_names),
+        "lights": light_names,
+        "focal": ["focal"],
+        "roughness": ["roughness"],
+    }

@@ -1,11 +1,12 @@
 """Directions that photo and landmarks do not see, found in the normal equations and said in words.
 
-With C the covariance after the data and Pi that of the priors, the generalised eigenvectors of C v = mu Pi v are the
-independent things that could be learned: mu = 1 / (1 + lambda), where lambda is what the data tell of one relative to
-its prior. Those with a small lambda are counted. A quantity with a name, such as the size of the head, is unseen when
-nearly all of its prior variance is left, and traded off when the data see little more than its sum with, or ratio to,
-another one: then their errors are correlated. Pose, lens and specular map are marginalised: what only they could tell
-apart counts as unseen.
+With C the covariance after the data and Pi that of the priors, the generalised eigenvectors of C v
+= mu Pi v are the independent things that could be learned: mu = 1 / (1 + lambda), where lambda is
+what the data tell of one relative to its prior. Those with a small lambda are counted. A quantity
+with a name, such as the size of the head, is unseen when nearly all of its prior variance is left,
+and traded off when the data see little more than its sum with, or ratio to, another one: then their
+errors are correlated. Pose, lens and specular map are marginalised: what only they could tell apart
+counts as unseen.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ BLOCKS = ("identity", "expression", "lights", "albedo", "roughness")
 
 @dataclass(frozen=True)
 class NullDirections:
-    """How many of the ``of`` directions are unseen, their effective number by block, and what has a name.
+    """How many of the ``of`` directions are unseen, their effective number by block, and what has a
+    name.
 
     ``left``: share of its prior variance that the data leave to a quantity.
     """
@@ -53,9 +55,13 @@ class NullDirections:
 
 
 class Unseen:
-    """The span of the unseen directions, in the priors' standard deviations, and what is left of any quantity."""
+    """The span of the unseen directions, in the priors' standard deviations, and what is left of
+    any quantity.
+    """
 
-    def __init__(self, hessian: np.ndarray, prior: np.ndarray, active: np.ndarray, layout: Layout) -> None:
+    def __init__(
+        self, hessian: np.ndarray, prior: np.ndarray, active: np.ndarray, layout: Layout
+    ) -> None:
         """Hessians (size, size) of all terms and of the priors, ``active`` (size,) bool."""
         self.layout, self.covariance = layout, covariance(hessian, active)
         self.index = np.flatnonzero(active & layout.mask(BLOCKS) & (np.diag(prior) > 0))
@@ -68,7 +74,9 @@ class Unseen:
         self.span = vectors[:, values > 1.0 / (1.0 + TELLS_MIN)]
 
     def left(self, functional: np.ndarray) -> float:
-        """Share of its prior variance, 0..1, that the data leave to the linear ``functional`` (size,); 0 if frozen."""
+        """Share of its prior variance, 0..1, that the data leave to the linear ``functional``
+        (size,); 0 if frozen.
+        """
         weights = functional[self.index]
         before = float(weights @ self.before @ weights)
         return float(weights @ self.after @ weights) / before if before > 0 else 0.0
@@ -92,15 +100,24 @@ class Unseen:
         result = {}
         for name in BLOCKS:
             where = self.layout.slices[name]
-            result[name] = float(energy[(self.index >= where.start) & (self.index < where.stop)].sum())
+            result[name] = float(
+                energy[(self.index >= where.start) & (self.index < where.stop)].sum()
+            )
         return {name: value for name, value in result.items() if value > 0.5}
 
 
 def find_null_directions(
-    hessian: np.ndarray, prior: np.ndarray, active: np.ndarray, state: State, geometry: FaceGeometry,
-    lights: LightParameters, names: Mapping[str, Sequence[str]],
-) -> NullDirections:  # fmt: skip
-    """The unseen directions of the last normal equations around ``state``; ``names`` of the entries by block."""
+    hessian: np.ndarray,
+    prior: np.ndarray,
+    active: np.ndarray,
+    state: State,
+    geometry: FaceGeometry,
+    lights: LightParameters,
+    names: Mapping[str, Sequence[str]],
+) -> NullDirections:
+    """The unseen directions of the last normal equations around ``state``; ``names`` of the entries
+    by block.
+    """
     layout = Layout(state)
     if not (active & layout.mask(BLOCKS) & (np.diag(prior) > 0)).any():
         return NullDirections()
@@ -112,13 +129,19 @@ def find_null_directions(
     focal = _unit(layout, layout.slices["focal"].start)
     sentences = []
     if unseen.left(brightness) >= NAMED_SHARE or unseen.traded_off(brightness, total):
-        sentences.append("brightness of the skin against strength of the light: the priors of albedo and light fix it")
+        sentences.append(
+            "brightness of the skin against strength of the light: the priors of albedo and "
+            "light fix it"
+        )
     if unseen.left(size) >= NAMED_SHARE or unseen.traded_off(size, distance):
         sentences.append("size of the head against its distance: the mean size of faces fixes it")
     if unseen.traded_off(focal, distance):
         sentences.append("focal length against distance: the usual lens fixes it")
     sentences += _lights(unseen, layout, lights, list(names.get("lights", ())))
-    for block, words in (("expression", "hidden expressions"), ("identity", "hidden identity modes")):
+    for block, words in (
+        ("expression", "hidden expressions"),
+        ("identity", "hidden identity modes"),
+    ):
         where = layout.slices[block]
         hidden = [
             names[block][number]
@@ -127,8 +150,13 @@ def find_null_directions(
         ]
         if hidden:
             sentences.append(f"{words}: {', '.join(hidden)}")
-    left = {name: unseen.left(value) for name, value in (("skin brightness", brightness), ("head size", size))}
-    return NullDirections(unseen.span.shape[1], len(unseen.index), unseen.by_block(), left, sentences)
+    left = {
+        name: unseen.left(value)
+        for name, value in (("skin brightness", brightness), ("head size", size))
+    }
+    return NullDirections(
+        unseen.span.shape[1], len(unseen.index), unseen.by_block(), left, sentences
+    )
 
 
 def _unit(layout: Layout, *entries: int) -> np.ndarray:
@@ -146,7 +174,9 @@ def _brightness(layout: Layout, geometry: FaceGeometry) -> np.ndarray:
 
 
 def _size(state: State, layout: Layout, geometry: FaceGeometry) -> np.ndarray:
-    """(size,) relative size of the face, as a similarity alignment finds it, by the shape coefficients."""
+    """(size,) relative size of the face, as a similarity alignment finds it, by the shape
+    coefficients.
+    """
     result = np.zeros(layout.size)
     face = np.unique(geometry.triangles[geometry.fitted])
     vertices = geometry.vertices(state.identity, state.expression)[face]

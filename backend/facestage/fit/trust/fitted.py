@@ -45,10 +45,13 @@ class Fitted:
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
     hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
-    doubt: str  # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    # why the photo was not believed about the shape, which is then the landmarks' own; or empty
+    doubt: str
     settled: bool  # the last phase ended by itself, not at a limit or a wall
     lens: LensCheck | None  # None when the focal length was fitted
-    landmark_statistic: float  # how far the photo pulled the shape from the landmarks', see guard.py
+    # how far the photo pulled the shape from the landmarks', see guard.py
+    landmark_statistic: float
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
-    penumbra: float | None = None  # share of the light on the face from partly hidden lights; None: did not look
+    # share of the light on the face from partly hidden lights; None: did not look
+    penumbra: float | None = None
     company: str = ""  # what speaks against this photo beside others of the same person; or empty

@@ -1,9 +1,11 @@
-"""Whether the photo may be believed about the shape, after the fit: if not, the landmarks' shape is kept.
+"""Whether the photo may be believed about the shape, after the fit: if not, the landmarks' shape is
+kept.
 
-The landmark stage ends at the maximum of its posterior, whose curvature there says how far the true shape may lie.
-In its own units that squared distance, here twice the rise of the landmarks' and the priors' energy (Wilks 1938),
-is chi-squared with as many degrees of freedom as the shape has parameters. A photo that pulls the shape beyond what
-chance allows contradicts the landmarks or is not of a face; so does one that the fitted face does not explain at all.
+The landmark stage ends at the maximum of its posterior, whose curvature there says how far the true
+shape may lie. In its own units that squared distance, here twice the rise of the landmarks' and the
+priors' energy (Wilks 1938), is chi-squared with as many degrees of freedom as the shape has
+parameters. A photo that pulls the shape beyond what chance allows contradicts the landmarks or is
+not of a face; so does one that the fitted face does not explain at all.
 """
 
 from __future__ import annotations
@@ -20,17 +22,23 @@ from facestage.fit.given.photo import Photo
 CHANCE = 1e-3
 # PSNR in dB below which a render is not a picture of what the photo shows.
 EXPLAINED_MIN_DB = 15.0
-# Share of the face's pixels that must be neither black nor saturated for the photo to say anything of the shape.
+# Share of the face's pixels that must be neither black nor saturated for the photo to say anything
+# of the shape.
 INFORMATIVE_SHARE_MIN = 0.2
 
 
 def landmark_statistic(energy: Energy, start: State, end: State) -> float:
-    """Twice the rise of landmark and shape prior energy from ``start``, the landmark stage's state, to ``end``.
+    """Twice the rise of landmark and shape prior energy from ``start``, the landmark stage's state,
+    to ``end``.
 
     ``energy``: the landmark stage's, at the photo's own size.
     """
-    focal = [energy.priors.energies(state, energy.light_parameters)["focal"] for state in (start, end)]
-    return 2.0 * (landmark_energy(energy, end) - landmark_energy(energy, start) + focal[1] - focal[0])
+    focal = [
+        energy.priors.energies(state, energy.light_parameters)["focal"] for state in (start, end)
+    ]
+    return 2.0 * (
+        landmark_energy(energy, end) - landmark_energy(energy, start) + focal[1] - focal[0]
+    )
 
 
 def landmark_energy(energy: Energy, state: State) -> float:
@@ -41,12 +49,16 @@ def landmark_energy(energy: Energy, state: State) -> float:
 
 
 def statistic_limit(parameters: int) -> float:
-    """What :func:`landmark_statistic` exceeds with a chance of CHANCE, for so many free shape parameters."""
+    """What :func:`landmark_statistic` exceeds with a chance of CHANCE, for so many free shape
+    parameters.
+    """
     return float(chi2.ppf(1.0 - CHANCE, max(parameters, 1)))
 
 
 def informative_share(photo: Photo, evaluation: Evaluation) -> float:
-    """Share of the rendered skin's usable pixels that are neither black nor saturated in every channel."""
+    """Share of the rendered skin's usable pixels that are neither black nor saturated in every
+    channel.
+    """
     surface = evaluation.image.surface
     column, row = surface.pixels.astype(int).T
     says = (photo.color[row, column] > 0).any(axis=1) & ~photo.clipped[row, column].all(axis=1)
@@ -57,7 +69,8 @@ def doubt(statistic: float, limit: float, psnr: float | None, share: float) -> s
     """Why the photo is not believed about the shape, as a clause; empty when it is."""
     if statistic > limit:
         return (
-            f"the photo pulls the shape further than landmarks and face statistics allow (a squared distance of "
+            "the photo pulls the shape further than landmarks and face statistics allow (a "
+            "squared distance of "
             f"{statistic:.0f}, at most {limit:.0f} is plausible)"
         )
     if share < INFORMATIVE_SHARE_MIN:

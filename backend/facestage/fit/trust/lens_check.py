@@ -1,8 +1,9 @@
 """Whether the landmarks contradict a focal length that is said to be known.
 
-A lens that is too long or too short bends the face's perspective; the shape can follow only by becoming unlike
-other faces. So the landmark stage is run again through other lenses, the face as large in each: how much better the
-best of them is than the given one, in units of what misfit remains, is an F statistic with one degree of freedom.
+A lens that is too long or too short bends the face's perspective; the shape can follow only by
+becoming unlike other faces. So the landmark stage is run again through other lenses, the face as
+large in each: how much better the best of them is than the given one, in units of what misfit
+remains, is an F statistic with one degree of freedom.
 """
 
 from __future__ import annotations
@@ -18,15 +19,17 @@ from facestage.fit.trust.guard import landmark_energy
 
 # Focal lengths that are tried, relative to the given one.
 RATIOS = (1 / 8, 1 / 4, 1 / 2, 2.0, 4.0)
-# F beyond which the lens is in doubt: four standard deviations, as landmarks of different annotators disagree a little
-# like another lens.
+# F beyond which the lens is in doubt: four standard deviations, as landmarks of different
+# annotators disagree a little like another lens.
 DOUBTFUL = 16.0
 POSE_PARAMETERS = 6
 
 
 @dataclass(frozen=True)
 class LensCheck:
-    """The best of the other lenses: its focal length relative to the given one, and the F statistic."""
+    """The best of the other lenses: its focal length relative to the given one, and the F
+    statistic.
+    """
 
     ratio: float
     statistic: float
@@ -38,20 +41,25 @@ class LensCheck:
 
 
 def check_lens(stage_of: Callable[[State], Stage | None], start: State, seed: int) -> LensCheck:
-    """``stage_of`` gives the landmark stage for a state with another camera; ``start`` is where it ended before."""
+    """``stage_of`` gives the landmark stage for a state with another camera; ``start`` is where it
+    ended before.
+    """
     stage = stage_of(start)
     if stage is None:
         return LensCheck(1.0, 0.0)
     given = landmark_energy(stage.energy, start)
     trials = [_energy_through(stage_of, start, ratio, seed) for ratio in RATIOS]
     best = int(np.argmin(trials))
-    # The priors count as observations: as many more residuals as there are coefficients, which leaves the pose.
+    # The priors count as observations: as many more residuals as there are coefficients, which
+    # leaves the pose.
     freedom = max(2 * stage.energy.landmarks.observations - POSE_PARAMETERS, 1)
     scale = max(2.0 * trials[best] / freedom, 1e-12)
     return LensCheck(RATIOS[best], max(2.0 * (given - trials[best]) / scale, 0.0))
 
 
-def _energy_through(stage_of: Callable[[State], Stage | None], start: State, ratio: float, seed: int) -> float:
+def _energy_through(
+    stage_of: Callable[[State], Stage | None], start: State, ratio: float, seed: int
+) -> float:
     camera = replace(start.camera, focal_px=start.camera.focal_px * ratio)
     state = replace(start, camera=camera, translation=start.translation * [1.0, 1.0, ratio])
     stage = stage_of(state)

@@ -1,9 +1,10 @@
 """Whether the landmarks of several photos can be of one person.
 
-Each photo's landmark stage, alone, ends at an identity m_k with the information J_k that its landmarks hold of it, pose
-and expression unknown. If all photos show one person, the others' landmarks predict what photo k's own say. How far
-off that is, squared and in standard deviations over the modes that its landmarks tell something of, in units of how
-badly each photo's own face fits its landmarks, is an F statistic: careless landmarks are not taken for another face.
+Each photo's landmark stage, alone, ends at an identity m_k with the information J_k that its
+landmarks hold of it, pose and expression unknown. If all photos show one person, the others'
+landmarks predict what photo k's own say. How far off that is, squared and in standard deviations
+over the modes that its landmarks tell something of, in units of how badly each photo's own face
+fits its landmarks, is an F statistic: careless landmarks are not taken for another face.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from facestage.fit.trust.guard import landmark_energy
 
 # Chance of so large a difference between photos of one person.
 CHANCE = 1e-3
-# Information, relative to the prior's, below which a mode is not compared: its landmarks say nothing of it.
+# Information, relative to the prior's, below which a mode is not compared: its landmarks say
+# nothing of it.
 INFORMED = 1.0
 POSE_PARAMETERS = 6
 
@@ -45,7 +47,9 @@ class Evidence:
         information = marginal_hessian(last.hessian, kept, stage.active) - prior
         seen = int(np.isfinite(stage.energy.landmarks.sigma).sum())
         misfit = 2.0 * landmark_energy(stage.energy, last.state)
-        return cls(last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1))
+        return cls(
+            last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1)
+        )
 
     @property
     def pull(self) -> np.ndarray:
@@ -67,7 +71,9 @@ class Difference:
 
 
 def combined(evidence: Sequence[Evidence]) -> tuple[np.ndarray, np.ndarray]:
-    """Identity (k,) and its covariance (k, k) given the landmarks of all of ``evidence``; the prior counts once."""
+    """Identity (k,) and its covariance (k, k) given the landmarks of all of ``evidence``; the prior
+    counts once.
+    """
     covariance = np.linalg.inv(evidence[0].prior + sum(one.information for one in evidence))
     return covariance @ sum(one.pull for one in evidence), covariance
 
@@ -91,12 +97,17 @@ def difference(one: Evidence, others: Sequence[Evidence]) -> Difference:
 
 
 def odd_ones(evidence: Sequence[Evidence]) -> dict[int, Difference]:
-    """The photos that do not go with the rest, the oddest first; of two that do not go together, both."""
+    """The photos that do not go with the rest, the oddest first; of two that do not go together,
+    both.
+    """
     found: dict[int, Difference] = {}
     left = list(range(len(evidence)))
     while len(left) > 1:
         differences = {
-            index: difference(evidence[index], [evidence[other] for other in left if other != index]) for index in left
+            index: difference(
+                evidence[index], [evidence[other] for other in left if other != index]
+            )
+            for index in left
         }
         worst = max(left, key=lambda index: differences[index].statistic / differences[index].limit)
         if not differences[worst].doubtful:

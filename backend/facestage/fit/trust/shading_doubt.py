@@ -1,7 +1,7 @@
 """How much of a pixel's shading is in doubt: what the albedo detail must not take for paint.
 
-Where the shape is uncertain (beside the nose, at the lids and lips) or the surface shines, a residual is more
-likely wrong shading than pigment.
+Where the shape is uncertain (beside the nose, at the lids and lips) or the surface shines, a
+residual is more likely wrong shading than pigment.
 """
 
 from __future__ import annotations
@@ -21,11 +21,15 @@ SHAPE_BLOCKS = ("pose", "focal", "identity", "expression")
 DOUBT_MAX = 2.0
 
 
-def shading_doubt(forward: ForwardModel, evaluation: Evaluation, layout: Layout, covariance: np.ndarray) -> np.ndarray:
-    """(h, w) standard deviation of each pixel's radiance, relative to its diffuse part; DOUBT_MAX where no skin is.
+def shading_doubt(
+    forward: ForwardModel, evaluation: Evaluation, layout: Layout, covariance: np.ndarray
+) -> np.ndarray:
+    """(h, w) standard deviation of each pixel's radiance, relative to its diffuse part; DOUBT_MAX
+    where no skin is.
 
-    ``covariance`` (size, size) of the parameters, zero where held: the shape's part of it is carried through the
-    photometric Jacobian. Of a highlight the share that the noise model doubts is added.
+    ``covariance`` (size, size) of the parameters, zero where held: the shape's part of it is
+    carried through the photometric Jacobian. Of a highlight the share that the noise model doubts
+    is added.
     """
     image = evaluation.image
     free = layout.mask(SHAPE_BLOCKS) & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance))
@@ -36,10 +40,14 @@ def shading_doubt(forward: ForwardModel, evaluation: Evaluation, layout: Layout,
     shape = covariance[np.ix_(columns, columns)].astype(np.float32)
     variance = np.zeros(len(image.color))
     for block in jacobian.blocks():
-        variance[block.pixels] = np.einsum("cbi,cbi->b", block.dense @ shape, block.dense) / len(block.dense)
+        variance[block.pixels] = np.einsum("cbi,cbi->b", block.dense @ shape, block.dense) / len(
+            block.dense
+        )
     diffuse = brdf.K_DIFFUSE / np.pi * (image.albedo * image.diffuse).mean(axis=1)
     gloss = brdf.K_SPECULAR * image.c_spec * image.specular.mean(axis=1)
-    doubt = np.sqrt(np.maximum(variance, 0.0) + (HIGHLIGHT_SHARE * gloss) ** 2) / np.maximum(diffuse, 1e-9)
+    doubt = np.sqrt(np.maximum(variance, 0.0) + (HIGHLIGHT_SHARE * gloss) ** 2) / np.maximum(
+        diffuse, 1e-9
+    )
     result = np.full(evaluation.base_weight.shape, DOUBT_MAX)
     x, y = image.surface.pixels.astype(int).T
     result[y, x] = np.minimum(doubt, DOUBT_MAX)

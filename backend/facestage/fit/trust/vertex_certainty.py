@@ -1,4 +1,6 @@
-"""How well each vertex is known: the joint covariance of the shape coefficients, carried through the basis."""
+"""How well each vertex is known: the joint covariance of the shape coefficients, carried through
+the basis.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ ROWS_AT_ONCE = 8192
 
 
 def similarity_motions(vertices: np.ndarray) -> np.ndarray:
-    """(n, 3, 7) motion of ``vertices`` (n, 3) by a unit of each translation, rotation and of relative size."""
+    """(n, 3, 7) motion of ``vertices`` (n, 3) by a unit of each translation, rotation and of
+    relative size.
+    """
     motions = np.zeros((len(vertices), 3, 7))
     motions[:, :, :3] = np.eye(3)
     motions[:, :, 3:6] = np.moveaxis(np.cross(np.eye(3)[:, None], vertices[None]), 0, 2)
@@ -26,15 +30,21 @@ def _basis(model: FaceModel, chosen: np.ndarray) -> np.ndarray:
 
 
 def vertex_deviation(
-    model: FaceModel, vertices: np.ndarray, rotation: np.ndarray, covariance: np.ndarray, region: np.ndarray
+    model: FaceModel,
+    vertices: np.ndarray,
+    rotation: np.ndarray,
+    covariance: np.ndarray,
+    region: np.ndarray,
 ) -> np.ndarray:
-    """(n, 3) float32 standard deviation in mm of every vertex along the camera's axes, similarity-aligned.
+    """(n, 3) float32 standard deviation in mm of every vertex along the camera's axes,
+    similarity-aligned.
 
-    The square roots of the diagonal of J C J^T with C the ``covariance`` (k + e, k + e) of identity and expression. J
-    is the basis less what the best similarity transform over the vertices in ``region`` takes out, so pose and size
-    drop out, as in errors after alignment; so does a coefficient that nothing holds (infinite: it moves nothing).
-    ``vertices`` (n, 3) m, model frame; ``rotation`` (3, 3) to the camera. The length of a row is a vertex's root mean
-    square distance from the truth, if the model is right.
+    The square roots of the diagonal of J C J^T with C the ``covariance`` (k + e, k + e) of identity
+    and expression. J is the basis less what the best similarity transform over the vertices in
+    ``region`` takes out, so pose and size drop out, as in errors after alignment; so does a
+    coefficient that nothing holds (infinite: it moves nothing). ``vertices`` (n, 3) m, model frame;
+    ``rotation`` (3, 3) to the camera. The length of a row is a vertex's root mean square distance
+    from the truth, if the model is right.
     """
     covariance = np.where(np.isfinite(covariance), covariance, 0.0)
     values, vectors = eigh(covariance) if len(covariance) else (np.zeros(0), np.zeros((0, 0)))

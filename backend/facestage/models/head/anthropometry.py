@@ -1,8 +1,8 @@
 """Published means and standard deviations of adult heads, and how they are measured on the model.
 
-Zhuang and Bradtmiller 2005, "Head-and-face anthropometric survey of U.S. respirator users", J. Occup. Environ.
-Hyg. 2(11), averaged over men and women; ear, lips and eye openings after Farkas 1994, "Anthropometry of the Head
-and Face". All in mm.
+Zhuang and Bradtmiller 2005, "Head-and-face anthropometric survey of U.S. respirator users", J.
+Occup. Environ. Hyg. 2(11), averaged over men and women; ear, lips and eye openings after Farkas
+1994, "Anthropometry of the Head and Face". All in mm.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Puts the neutral head together: skin, eyeballs, mouth bag and teeth in one mesh with one UV atlas."""
+"""Puts the neutral head together: skin, eyeballs, mouth bag and teeth in one mesh with one UV
+atlas.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,10 @@ _SKIN_U = (0.005, 0.995)
 
 @dataclass(frozen=True)
 class HeadMesh:
-    """The neutral head. Positions in mm in the frame of the control net; index tables of its structured pieces."""
+    """The neutral head.
+
+    Positions in mm in the frame of the control net; index tables of its structured pieces.
+    """
 
     vertices: np.ndarray  # (n, 3)
     polygons: np.ndarray  # (p, 4) int32, -1 in the fourth place for triangles
@@ -30,8 +35,10 @@ class HeadMesh:
     uvs: np.ndarray  # (u, 2) in 0..1
     chart: np.ndarray  # (n, 2) station and level of skin vertices, NaN elsewhere
     grid: np.ndarray  # (rows, columns) vertex indices, -1 inside windows
-    loops: dict[str, np.ndarray]  # window name -> (rings, n) vertex indices, the window border first
-    bag: np.ndarray  # (rings, n) vertex indices of the mouth bag, without the border it shares with the lips
+    # window name -> (rings, n) vertex indices, the window border first
+    loops: dict[str, np.ndarray]
+    # (rings, n) vertex indices of the mouth bag, without the border it shares with the lips
+    bag: np.ndarray
     eyeballs: dict[str, np.ndarray]  # side -> (m,) vertex indices
     teeth: dict[str, np.ndarray]  # "upper", "lower" -> (m,) vertex indices
     tongue: np.ndarray  # (m,) vertex indices
@@ -39,7 +46,10 @@ class HeadMesh:
     @property
     def triangles(self) -> np.ndarray:
         """(t, 3) vertex indices."""
-        first, second = self.polygons[:, [0, 1, 2]], self.polygons[self.polygons[:, 3] >= 0][:, [0, 2, 3]]
+        first, second = (
+            self.polygons[:, [0, 1, 2]],
+            self.polygons[self.polygons[:, 3] >= 0][:, [0, 2, 3]],
+        )
         return np.concatenate([first, second])
 
 
@@ -48,7 +58,9 @@ def assemble() -> HeadMesh:
     surface = BaseSurface()
     builder = MeshBuilder()
     station, level = np.meshgrid(STATION_LINES, LEVEL_LINES)
-    positions = add_features(surface.point(station.ravel(), level.ravel())).reshape(*station.shape, 3)
+    positions = add_features(surface.point(station.ravel(), level.ravel())).reshape(
+        *station.shape, 3
+    )
     crown = surface.point(np.zeros(1), np.full(1, float(LEVELS)))[0]
     grid, grid_uv = topology.grid_quads(builder, positions, crown, SKIN)
     patches, bag_positions = _patches(surface)
@@ -68,10 +80,25 @@ def assemble() -> HeadMesh:
     skin = parts == SKIN
     corner_used = polygons[skin] >= 0
     chart[polygons[skin][corner_used]] = chart_uvs[polygon_uvs[skin][corner_used]]
-    return HeadMesh(vertices, polygons, polygon_uvs, parts, uvs, chart, grid, loops, bag, eyeballs, teeth, tongue)
+    return HeadMesh(
+        vertices,
+        polygons,
+        polygon_uvs,
+        parts,
+        uvs,
+        chart,
+        grid,
+        loops,
+        bag,
+        eyeballs,
+        teeth,
+        tongue,
+    )
 
 
-def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops: dict[str, np.ndarray]) -> np.ndarray:
+def _faired(
+    vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops: dict[str, np.ndarray]
+) -> np.ndarray:
     """Vertices with the nose and the corners of the windows smoothed; lids, lips and ears stay."""
     n = len(vertices)
     following = np.where(polygons[:, [1, 2, 3, 0]] < 0, polygons[:, :1], polygons[:, [1, 2, 3, 0]])
@@ -86,9 +113,13 @@ def _faired(vertices: np.ndarray, polygons: np.ndarray, grid: np.ndarray, loops:
         free[loops[f"eye_{side}"][1:3]] = 1.0
         free[loops[f"ear_{side}"][0]] = 0.0
     nose = np.array([[-14.0, -45.0, 100.0], [14.0, -45.0, 100.0]])
-    near_nose = np.exp(-(((vertices[:, None] - nose) / [11.0, 10.0, 18.0]) ** 2).sum(axis=2)).max(axis=1)
+    near_nose = np.exp(-(((vertices[:, None] - nose) / [11.0, 10.0, 18.0]) ** 2).sum(axis=2)).max(
+        axis=1
+    )
     corner = np.array([[-31.0, -73.0, 80.0], [31.0, -73.0, 80.0]])
-    near_corner = np.exp(-(((vertices[:, None] - corner) / [8.0, 10.0, 14.0]) ** 2).sum(axis=2)).max(axis=1)
+    near_corner = np.exp(
+        -(((vertices[:, None] - corner) / [8.0, 10.0, 14.0]) ** 2).sum(axis=2)
+    ).max(axis=1)
     weight = free * (0.12 + 0.38 * near_nose + 0.25 * near_corner)
     for _ in range(4):
         vertices = vertices + weight[:, None] * ((links @ vertices) / degree[:, None] - vertices)
@@ -108,14 +139,21 @@ def _patches(surface: BaseSurface) -> tuple[dict[str, eyes.Patch], np.ndarray]:
     return patches | {"ear_left": shell, "ear_right": eyes.mirrored(shell)}, bag
 
 
-def _add_patch(builder: MeshBuilder, name: str, patch: eyes.Patch, grid: np.ndarray, grid_uv: np.ndarray) -> np.ndarray:
+def _add_patch(
+    builder: MeshBuilder, name: str, patch: eyes.Patch, grid: np.ndarray, grid_uv: np.ndarray
+) -> np.ndarray:
     """Loops of vertex indices, the window border first."""
     column, row = WINDOWS[name].loop().T
     shape = patch.positions.shape[:2]
     vertex = np.concatenate(
-        [grid[row, column][None], builder.add_vertices(patch.positions.reshape(-1, 3)).reshape(shape)]
+        [
+            grid[row, column][None],
+            builder.add_vertices(patch.positions.reshape(-1, 3)).reshape(shape),
+        ]
     )
-    uv = np.concatenate([grid_uv[row, column][None], builder.add_uvs(patch.chart.reshape(-1, 2)).reshape(shape)])
+    uv = np.concatenate(
+        [grid_uv[row, column][None], builder.add_uvs(patch.chart.reshape(-1, 2)).reshape(shape)]
+    )
     builder.add_polygons(topology.ring_quads(vertex), topology.ring_quads(uv), SKIN)
     if name.startswith("ear"):
         builder.add_polygons(topology.cap_quads(vertex[-1]), topology.cap_quads(uv[-1]), SKIN)
@@ -143,7 +181,9 @@ def _add_eyeball(builder: MeshBuilder, side: str) -> np.ndarray:
     rows, n = points.shape[:2]
     center = EYE_CENTER * [sign, 1, 1]
     ring = builder.add_vertices((points + center).reshape(-1, 3)).reshape(rows, n)
-    poles = builder.add_vertices(center + np.array([[0.0, 0.0, EYE_RADIUS], [0.0, 0.0, -EYE_RADIUS]]))
+    poles = builder.add_vertices(
+        center + np.array([[0.0, 0.0, EYE_RADIUS], [0.0, 0.0, -EYE_RADIUS]])
+    )
     middle = np.array([0.06 if side == "left" else 0.17, 0.055])
     angle = 2 * np.pi * np.arange(n) / n
     disc = (0.05 * polar / np.pi)[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -169,7 +209,9 @@ def _add_teeth(builder: MeshBuilder, row: str) -> np.ndarray:
     profile, m = strip.shape[:2]
     index = builder.add_vertices(strip.reshape(-1, 3)).reshape(profile, m)
     left, bottom = (0.40, 0.008) if row == "upper" else (0.70, 0.008)
-    u, v = np.meshgrid(left + 0.28 * np.arange(m) / (m - 1), bottom + 0.09 * np.arange(profile) / (profile - 1))
+    u, v = np.meshgrid(
+        left + 0.28 * np.arange(m) / (m - 1), bottom + 0.09 * np.arange(profile) / (profile - 1)
+    )
     v = v if row == "lower" else v[::-1]
     uv = builder.add_uvs(np.stack([u.ravel(), v.ravel()], axis=-1)).reshape(profile, m)
 
@@ -223,5 +265,9 @@ class _Atlas:
         u = np.interp(chart[:, 0], self._station, self._u)
         v = np.interp(chart[:, 1], self._level, self._v)
         return np.stack(
-            [_SKIN_U[0] + (_SKIN_U[1] - _SKIN_U[0]) * u, _SKIN_V[0] + (_SKIN_V[1] - _SKIN_V[0]) * v], axis=-1
+            [
+                _SKIN_U[0] + (_SKIN_U[1] - _SKIN_U[0]) * u,
+                _SKIN_V[0] + (_SKIN_V[1] - _SKIN_V[0]) * v,
+            ],
+            axis=-1,
         )

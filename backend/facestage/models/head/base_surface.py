@@ -1,7 +1,8 @@
-"""The smooth head without features: a bicubic B-spline through the control net, over a chart (station, level).
+"""The smooth head without features: a bicubic B-spline through the control net, over a chart
+(station, level).
 
-Chart: the station runs over -10..10, 0 at the front midline, positive on the subject's left, +-10 the same line at
-the back; the level runs over 0..26 from the neck base to the crown.
+Chart: the station runs over -10..10, 0 at the front midline, positive on the subject's left, +-10
+the same line at the back; the level runs over 0..26 from the neck base to the crown.
 """
 
 from __future__ import annotations
@@ -18,15 +19,19 @@ _PAD = 4
 
 
 class BaseSurface:
-    """Evaluates points of the chart, and finds the chart point of a position seen from the front."""
+    """Evaluates points of the chart, and finds the chart point of a position seen from the
+    front.
+    """
 
     def __init__(self) -> None:
         half = control_net()
         mirrored = half[:, 1:10][:, ::-1] * [-1, 1, 1]
-        target = np.concatenate([half, mirrored], axis=1)  # (rows, 20, 3), stations 0..19 round the head
+        # (rows, 20, 3), stations 0..19 round the head
+        target = np.concatenate([half, mirrored], axis=1)
         coefficients = target.copy()
         for _ in range(3):
-            # A B-spline smooths its control points; a few corrections bring it near them without ringing.
+            # A B-spline smooths its control points; a few corrections bring it near them without
+            # ringing.
             coefficients += 0.8 * (target - _smoothed(coefficients))
         self._padded = _padded(coefficients)
         self._probe_chart, self._probe_xy, self._probe_tree = self._front_probe()
@@ -37,14 +42,22 @@ class BaseSurface:
         columns = np.mod(np.asarray(station, np.float64), PERIOD) + _PAD
         return np.stack(
             [
-                map_coordinates(self._padded[..., axis], [rows, columns], order=3, prefilter=False, mode="nearest")
+                map_coordinates(
+                    self._padded[..., axis],
+                    [rows, columns],
+                    order=3,
+                    prefilter=False,
+                    mode="nearest",
+                )
                 for axis in range(3)
             ],
             axis=-1,
         )
 
     def chart_at(self, xy: np.ndarray) -> np.ndarray:
-        """(m, 2) chart points (station, level) whose positions have the given front view coordinates (m, 2) in mm."""
+        """(m, 2) chart points (station, level) whose positions have the given front view
+        coordinates (m, 2) in mm.
+        """
         xy = np.asarray(xy, np.float64)
         chart = self._probe_chart[self._probe_tree.query(xy)[1]].copy()
         step = 1e-3
@@ -72,7 +85,9 @@ def _smoothed(points: np.ndarray) -> np.ndarray:
 
 
 def _extended(points: np.ndarray, count: int) -> np.ndarray:
-    """Rows beyond both ends: straight on below the neck, over the crown to the opposite side above."""
+    """Rows beyond both ends: straight on below the neck, over the crown to the opposite side
+    above.
+    """
     below = [points[0] + k * (points[0] - points[1]) for k in range(count, 0, -1)]
     above = [np.roll(points[-1 - k], PERIOD // 2, axis=0) for k in range(1, count + 1)]
     return np.concatenate([below, points, above])

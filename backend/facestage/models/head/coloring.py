@@ -1,4 +1,6 @@
-"""Mean albedo of the head: pigment maps on the skin, brows, lips, a shade of hair, eyes and teeth."""
+"""Mean albedo of the head: pigment maps on the skin, brows, lips, a shade of hair, eyes and
+teeth.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,22 @@ from facestage.models.head.features import BROW_LINE
 from facestage.models.head.masks import Masks, eye_center, smoothstep
 from facestage.models.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 
-SCLERA, IRIS, IRIS_RIM, PUPIL = (0.62, 0.57, 0.54), (0.15, 0.095, 0.055), (0.035, 0.028, 0.024), (0.008, 0.008, 0.008)
-TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.45, 0.36, 0.30), (0.42, 0.18, 0.16)  # GAP: relative to the crown
+SCLERA, IRIS, IRIS_RIM, PUPIL = (
+    (0.62, 0.57, 0.54),
+    (0.15, 0.095, 0.055),
+    (0.035, 0.028, 0.024),
+    (0.008, 0.008, 0.008),
+)
+# GAP: relative to the crown
+TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.45, 0.36, 0.30), (0.42, 0.18, 0.16)
 MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
-# Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et al. 2010,
-# "A practical appearance model for dynamic facial color".
+# Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et
+# al. 2010, "A practical appearance model for dynamic facial color".
 _BLOOD = (
-    ((38.0, -32.0), (20.0, 18.0), 0.75), ((0.0, -43.0), (11.0, 9.0), 0.8), ((15.0, -47.0), (7.0, 7.0), 0.6),
-    ((0.0, -103.0), (16.0, 10.0), 0.25), ((30.0, 2.0), (20.0, 9.0), 0.25), ((0.0, 55.0), (50.0, 25.0), -0.15),
+    ((38.0, -32.0), (20.0, 18.0), 0.75), ((0.0, -43.0), (11.0, 9.0), 0.8), ((15.0, -47.0),
+    (7.0, 7.0), 0.6),
+    ((0.0, -103.0), (16.0, 10.0), 0.25), ((30.0, 2.0), (20.0, 9.0), 0.25), ((0.0, 55.0),
+    (50.0, 25.0), -0.15),
 )  # fmt: skip
 
 
@@ -28,7 +38,9 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     x, y, z = masks.points.T
     blood, melanin = np.ones(masks.count), np.ones(masks.count)
     for center, radii, gain in _BLOOD:
-        bell = np.exp(-(((np.abs(x) - center[0]) / radii[0]) ** 2) - ((y - center[1]) / radii[1]) ** 2)
+        bell = np.exp(
+            -(((np.abs(x) - center[0]) / radii[0]) ** 2) - ((y - center[1]) / radii[1]) ** 2
+        )
         blood += gain * bell * masks.front
     for side in SIDES:
         ear = np.unique(mesh.loops[f"ear_{side}"][3:])
@@ -42,13 +54,17 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     color = _blend(color, (0.36, 0.15, 0.13), _lid_edge_weight(mesh, masks))
     color = _blend(color, HAIR, 0.76 * brow_weight(masks))
     color = _blend(color, HAIR, 0.42 * hair_weight(masks))
-    nostril = np.exp(-((((np.stack([np.abs(x), y, z], -1) - [6.6, -48.0, 103.0]) / [3.2, 4.5, 5.0]) ** 2).sum(1)))
+    nostril = np.exp(
+        -((((np.stack([np.abs(x), y, z], -1) - [6.6, -48.0, 103.0]) / [3.2, 4.5, 5.0]) ** 2).sum(1))
+    )
     color = _blend(color, (0.06, 0.02, 0.016), 0.85 * np.minimum(1.6 * nostril, 1.0) * masks.skin)
     _paint_part(color, mesh, MOUTH, masks.mouth_bag, MOUTH_INSIDE)
     for name, row in (("upper", teeth.UPPER), ("lower", teeth.LOWER)):
         color[mesh.teeth[name]] = _teeth_color(row).reshape(-1, 3)
     for side in SIDES:
-        color[mesh.eyeballs[side]] = _eye_color(masks.points[mesh.eyeballs[side]] - eye_center(side))
+        color[mesh.eyeballs[side]] = _eye_color(
+            masks.points[mesh.eyeballs[side]] - eye_center(side)
+        )
     return color
 
 
@@ -60,7 +76,9 @@ def brow_weight(masks: Masks) -> np.ndarray:
     along = np.clip((np.abs(x) - line_x[0]) / (line_x[-1] - line_x[0]), 0.0, 1.0)
     thickness = 1.9 + 1.9 * (1 - along) ** 0.7 * smoothstep(0.55 + 3.0 * along)
     across = np.exp(-(np.abs((y - middle) / thickness) ** 3))
-    ends = smoothstep((np.abs(x) - line_x[0] + 4.0) / 5.0) * smoothstep((line_x[-1] + 5.0 - np.abs(x)) / 12.0)
+    ends = smoothstep((np.abs(x) - line_x[0] + 4.0) / 5.0) * smoothstep(
+        (line_x[-1] + 5.0 - np.abs(x)) / 12.0
+    )
     return across * ends * masks.skin * (z > 50)
 
 
@@ -69,7 +87,9 @@ def hair_weight(masks: Masks) -> np.ndarray:
     y, z = masks.points[:, 1], masks.points[:, 2]
     # The hairline: high over the forehead, down the temples, behind the ears, to the nape.
     line = np.interp(
-        z, (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0), (-72, -68, -40, 12, 14, 16, 34, 58, 72)
+        z,
+        (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0),
+        (-72, -68, -40, 12, 14, 16, 34, 58, 72),
     )
     weight = smoothstep((y - line) / 18.0 + 0.5) * masks.skin
     for side in SIDES:
@@ -125,7 +145,11 @@ def _blend(color: np.ndarray, target: tuple[float, float, float], weight: np.nda
 
 
 def _paint_part(
-    color: np.ndarray, mesh: HeadMesh, part: int, mask: np.ndarray, target: tuple[float, float, float]
+    color: np.ndarray,
+    mesh: HeadMesh,
+    part: int,
+    mask: np.ndarray,
+    target: tuple[float, float, float],
 ) -> None:
     color[mask] = target
     if part == MOUTH:

@@ -8,21 +8,26 @@ from scipy.interpolate import CubicSpline
 from facestage.models.head.base_surface import BaseSurface
 from facestage.models.head.eyes import Patch
 
-# Outline in the plane of the ear (backward, up) in mm from the ear canal, counterclockwise seen from outside,
-# starting at the tragus; height about 63 mm and breadth about 36 mm (Farkas 1994).
+# Outline in the plane of the ear (backward, up) in mm from the ear canal, counterclockwise seen
+# from outside, starting at the tragus; height about 63 mm and breadth about 36 mm (Farkas 1994).
 _OUTLINE = np.array([
-    (-4.5, -4), (-4.8, -13), (-3.8, -22), (0, -29), (7.5, -31), (14, -26), (19.5, -13), (25, 2), (27.5, 16), (24, 27),
+    (-4.5, -4), (-4.8, -13), (-3.8, -22), (0, -29), (7.5, -31), (14, -26), (19.5, -13), (25, 2),
+    (27.5, 16), (24, 27),
     (15.5, 32.5), (6, 31), (-0.5, 24), (-3.5, 14), (-4.3, 4),
 ])  # fmt: skip
-# How free of the head the ear is at each outline point: 0 in front, 1 behind; and how strongly the helix curls.
+# How free of the head the ear is at each outline point: 0 in front, 1 behind; and how strongly the
+# helix curls.
 _FREE = np.array([0, 0, 0.25, 0.8, 1, 1, 1, 1, 1, 1, 1, 0.9, 0.5, 0.1, 0], float)
 _CURL = np.array([0, 0, 0, 0, 0.1, 0.4, 0.8, 1, 1, 1, 1, 1, 0.9, 0.6, 0.15], float)
 _TRAGUS = np.array([1, 0.6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.4], float)
 _CENTER = np.array([4.5, -5.0])
-# Loops from the back edge inward: scale about the centre, height of the curled and of the flat outline.
+# Loops from the back edge inward: scale about the centre, height of the curled and of the flat
+# outline.
 _LOOPS = (
-    (0.965, -2.2, -1.2), (1.0, -0.5, 0.0), (0.985, 1.6, 1.0), (0.92, 2.2, 1.3), (0.85, 1.0, 1.3), (0.78, -1.6, 1.2),
-    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -2.5, -2.0), (0.34, -6.0, -5.5), (0.2, -7.0, -7.0),
+    (0.965, -2.2, -1.2), (1.0, -0.5, 0.0), (0.985, 1.6, 1.0), (0.92, 2.2, 1.3), (0.85, 1.0, 1.3),
+    (0.78, -1.6, 1.2),
+    (0.69, -1.0, 1.2), (0.61, 1.4, 1.2), (0.53, 1.2, 0.6), (0.44, -2.5, -2.0),
+    (0.34, -6.0, -5.5), (0.2, -7.0, -7.0),
 )  # fmt: skip
 _PROTRUSION_DEGREES = 21.0
 _TILT_DEGREES = 12.0
@@ -36,10 +41,14 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     angle = np.unwrap(np.arctan2(relative[:, 1], relative[:, 0]))
     angle += 2 * np.pi * np.round((np.pi - angle[0]) / (2 * np.pi))
     fine = np.linspace(0, 1, 2001)
-    fine_outline = CubicSpline(knots, np.concatenate([_OUTLINE, _OUTLINE[:1]]), bc_type="periodic")(fine)
-    # Loops run straight out from the ear: the same direction on the window, the seam and the outline.
+    fine_outline = CubicSpline(knots, np.concatenate([_OUTLINE, _OUTLINE[:1]]), bc_type="periodic")(
+        fine
+    )
+    # Loops run straight out from the ear: the same direction on the window, the seam and the
+    # outline.
     around = np.arctan2(fine_outline[:-1, 1] / 31.0, (fine_outline[:-1, 0] - 10.0) / 15.0)
-    # ... but the window has few vertices above and below, where the outline needs them: meet half-way.
+    # ... but the window has few vertices above and below, where the outline needs them: meet
+    # half-way.
     even = np.pi + 2 * np.pi * np.arange(len(angle)) / len(angle)
     phase = np.interp(0.25 * angle + 0.75 * even, around, fine[:-1], period=2 * np.pi)
     angle = 0.6 * angle + 0.4 * even
@@ -49,7 +58,9 @@ def ear_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
 
     outline = along(_OUTLINE)
     free, curl, tragus = (np.clip(along(values), 0, 1) for values in (_FREE, _CURL, _TRAGUS))
-    attached = np.stack([7.36 + 0.29 * np.cos(angle), 0.5 * (low + high)[1] + 3.0 * np.sin(angle)], axis=-1)
+    attached = np.stack(
+        [7.36 + 0.29 * np.cos(angle), 0.5 * (low + high)[1] + 3.0 * np.sin(angle)], axis=-1
+    )
     seam = surface.point(*attached.T)
     origin, back, up, out = _frame(surface)
 

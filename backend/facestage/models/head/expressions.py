@@ -1,6 +1,8 @@
-"""Ninety expression blendshapes: the 52 ARKit shapes, then shapes named after FACS action units and visemes.
+"""Ninety expression blendshapes: the 52 ARKit shapes, then shapes named after FACS action units and
+visemes.
 
-FACS: Ekman and Friesen 1978, "Facial Action Coding System". Displacements in mm at weight 1, full natural strength.
+FACS: Ekman and Friesen 1978, "Facial Action Coding System". Displacements in mm at weight 1, full
+natural strength.
 """
 
 from __future__ import annotations
@@ -14,16 +16,59 @@ from facestage.models.head.masks import JAW_HINGE, Masks, eye_center, rotate_abo
 
 _JAW_OPEN_DEGREES = 21.0
 ARKIT_NAMES = (
-    "browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight", "cheekPuff",
-    "cheekSquintLeft", "cheekSquintRight", "eyeBlinkLeft", "eyeBlinkRight", "eyeLookDownLeft", "eyeLookDownRight",
-    "eyeLookInLeft", "eyeLookInRight", "eyeLookOutLeft", "eyeLookOutRight", "eyeLookUpLeft", "eyeLookUpRight",
-    "eyeSquintLeft", "eyeSquintRight", "eyeWideLeft", "eyeWideRight", "jawForward", "jawLeft", "jawOpen", "jawRight",
-    "mouthClose", "mouthDimpleLeft", "mouthDimpleRight", "mouthFrownLeft", "mouthFrownRight", "mouthFunnel",
-    "mouthLeft", "mouthLowerDownLeft", "mouthLowerDownRight", "mouthPressLeft", "mouthPressRight", "mouthPucker",
-    "mouthRight", "mouthRollLower", "mouthRollUpper", "mouthShrugLower", "mouthShrugUpper", "mouthSmileLeft",
-    "mouthSmileRight", "mouthStretchLeft", "mouthStretchRight", "mouthUpperUpLeft", "mouthUpperUpRight",
-    "noseSneerLeft", "noseSneerRight", "tongueOut",
-)  # fmt: skip
+    "browDownLeft",
+    "browDownRight",
+    "browInnerUp",
+    "browOuterUpLeft",
+    "browOuterUpRight",
+    "cheekPuff",
+    "cheekSquintLeft",
+    "cheekSquintRight",
+    "eyeBlinkLeft",
+    "eyeBlinkRight",
+    "eyeLookDownLeft",
+    "eyeLookDownRight",
+    "eyeLookInLeft",
+    "eyeLookInRight",
+    "eyeLookOutLeft",
+    "eyeLookOutRight",
+    "eyeLookUpLeft",
+    "eyeLookUpRight",
+    "eyeSquintLeft",
+    "eyeSquintRight",
+    "eyeWideLeft",
+    "eyeWideRight",
+    "jawForward",
+    "jawLeft",
+    "jawOpen",
+    "jawRight",
+    "mouthClose",
+    "mouthDimpleLeft",
+    "mouthDimpleRight",
+    "mouthFrownLeft",
+    "mouthFrownRight",
+    "mouthFunnel",
+    "mouthLeft",
+    "mouthLowerDownLeft",
+    "mouthLowerDownRight",
+    "mouthPressLeft",
+    "mouthPressRight",
+    "mouthPucker",
+    "mouthRight",
+    "mouthRollLower",
+    "mouthRollUpper",
+    "mouthShrugLower",
+    "mouthShrugUpper",
+    "mouthSmileLeft",
+    "mouthSmileRight",
+    "mouthStretchLeft",
+    "mouthStretchRight",
+    "mouthUpperUpLeft",
+    "mouthUpperUpRight",
+    "noseSneerLeft",
+    "noseSneerRight",
+    "tongueOut",
+)
 
 
 def expressions(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
@@ -51,7 +96,10 @@ def _sided(stem: str, side: str) -> str:
 def _muscles(masks: Masks, muscles: tuple[Muscle, ...], side: str | None) -> np.ndarray:
     """Sum of muscle pulls on both sides, or on one side only."""
     sides = SIDES if side is None else (side,)
-    return sum((_muscle(masks, muscle, each) for muscle in muscles for each in sides), np.zeros((masks.count, 3)))
+    return sum(
+        (_muscle(masks, muscle, each) for muscle in muscles for each in sides),
+        np.zeros((masks.count, 3)),
+    )
 
 
 def _muscle(masks: Masks, muscle: Muscle, side: str) -> np.ndarray:
@@ -87,14 +135,20 @@ def _jaw_shapes(masks: Masks) -> dict[str, np.ndarray]:
     lips[masks.mesh.loops["mouth"][5:]] = 1.0
     gap = opened[masks.mesh.loops["mouth"][mouth.LIP_LOOPS]]
     n = len(gap)
-    # The lower lip at the midline moves furthest; the upper one comes to meet it, but stays before the upper teeth.
+    # The lower lip at the midline moves furthest; the upper one comes to meet it, but stays before
+    # the upper teeth.
     middle = gap[n // 4] * [0.35, 0.35, 0.14]
     bell = np.clip(1 - (points[:, 0] / 34.0) ** 2, 0.0, 1.0)[:, None]
     close = lips[:, None] * (-opened + bell * middle)
     return {
-        "jawOpen": opened, "jawForward": forward, "jawLeft": left, "jawRight": right, "mouthClose": close,
-        "tongueOut": _tongue_out(masks), "jaw_back": jaw * np.array([0.0, 0.8, -3.5]),
-    }  # fmt: skip
+        "jawOpen": opened,
+        "jawForward": forward,
+        "jawLeft": left,
+        "jawRight": right,
+        "mouthClose": close,
+        "tongueOut": _tongue_out(masks),
+        "jaw_back": jaw * np.array([0.0, 0.8, -3.5]),
+    }
 
 
 def _jaw_turn(masks: Masks, degrees: float) -> np.ndarray:
@@ -103,13 +157,17 @@ def _jaw_turn(masks: Masks, degrees: float) -> np.ndarray:
     # The condyles slide forward as the jaw opens.
     moved[:, 2] += 0.12 * degrees * masks.jaw
     # The corners are drawn in and the cheeks flatten.
-    corner = np.exp(-(((np.abs(masks.points[:, 0]) - 26) / 12) ** 2) - ((masks.points[:, 1] + 75) / 14) ** 2)
+    corner = np.exp(
+        -(((np.abs(masks.points[:, 0]) - 26) / 12) ** 2) - ((masks.points[:, 1] + 75) / 14) ** 2
+    )
     moved[:, 0] -= np.sign(masks.points[:, 0]) * corner * masks.front * degrees * 0.10
     return moved
 
 
 def _mouth_sideways(masks: Masks, sign: float) -> np.ndarray:
-    """The mouth drawn to the subject's left (sign 1) or right (-1); that corner goes further and back."""
+    """The mouth drawn to the subject's left (sign 1) or right (-1); that corner goes further and
+    back.
+    """
     x, y = masks.points[:, 0] * sign, masks.points[:, 1]
     deep = smoothstep((masks.points[:, 2] - 62.0) / 22.0)
     bell = np.exp(-((x / 34.0) ** 2) - ((y + 73.0) / 17.0) ** 2) * masks.front * deep

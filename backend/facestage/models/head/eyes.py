@@ -15,31 +15,62 @@ LID_THICKNESS = 1.2
 LID_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
 
 IRIS_RADIUS, PUPIL_RADIUS = 5.9, 2.0
-_POLAR_DEGREES = (3.2, 6.4, 9.2, 10.2, 13, 17, 21, 25, 27.4, 28.6, 30.5, 34, 40, 48, 58, 70, 85, 100, 120, 145)
+_POLAR_DEGREES = (
+    3.2,
+    6.4,
+    9.2,
+    10.2,
+    13,
+    17,
+    21,
+    25,
+    27.4,
+    28.6,
+    30.5,
+    34,
+    40,
+    48,
+    58,
+    70,
+    85,
+    100,
+    120,
+    145,
+)
 EYE_SEGMENTS = 28
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Loops that fill a window: positions (rings, n, 3) mm and chart points (rings, n, 2), outermost first."""
+    """Loops that fill a window: positions (rings, n, 3) mm and chart points (rings, n, 2),
+    outermost first.
+    """
 
     positions: np.ndarray
     chart: np.ndarray
 
 
 def lid_curve(count: int) -> np.ndarray:
-    """(count, 2) front view of the left lid margin, counterclockwise from the inner corner along the lower lid."""
+    """(count, 2) front view of the left lid margin, counterclockwise from the inner corner along
+    the lower lid.
+    """
     half = count // 2
     along = np.arange(half + 1) / half
     along = 0.6 * along + 0.4 * (0.5 - 0.5 * np.cos(np.pi * along))
     chord = INNER_CORNER + along[:, None] * (OUTER_CORNER - INNER_CORNER)
-    lower = chord - np.stack([np.zeros(half + 1), 4.7 * np.sin(np.pi * along**1.1) ** 1.02], axis=-1)
-    upper = chord + np.stack([np.zeros(half + 1), 6.1 * np.sin(np.pi * along**0.88) ** 1.05], axis=-1)
+    lower = chord - np.stack(
+        [np.zeros(half + 1), 4.7 * np.sin(np.pi * along**1.1) ** 1.02], axis=-1
+    )
+    upper = chord + np.stack(
+        [np.zeros(half + 1), 6.1 * np.sin(np.pi * along**0.88) ** 1.05], axis=-1
+    )
     return np.concatenate([lower[:-1], upper[:0:-1]])
 
 
 def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
-    """Loops of the left eye inside its window border (n, 2): lid surface, lid margin, and the tuck behind the lid."""
+    """Loops of the left eye inside its window border (n, 2): lid surface, lid margin, and the tuck
+    behind the lid.
+    """
     n = len(window_chart)
     margin_xy = lid_curve(n)
     margin_chart = surface.chart_at(margin_xy)
@@ -59,7 +90,9 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
         fold = np.exp(-(((t - 0.68) / 0.1) ** 2)) * upper
         point = _over_eyeball(point, LID_THICKNESS + 0.5 * (1 - t))
         relative = point - EYE_CENTER
-        point = point - 1.5 * fold[:, None] * relative / np.linalg.norm(relative, axis=1, keepdims=True)
+        point = point - 1.5 * fold[:, None] * relative / np.linalg.norm(
+            relative, axis=1, keepdims=True
+        )
         positions.append(point)
         charts.append(chart)
     # In the chart the loops behind the margin draw together towards the line between the corners.
@@ -68,7 +101,9 @@ def lid_patch(surface: BaseSurface, window_chart: np.ndarray) -> Patch:
     along = ((margin_chart - center) @ chord)[:, None] * chord / (chord @ chord)
     for shrink, radius, spread in ((0.25, 0.2, -0.35), (0.5, -1.5, 2.0)):
         positions.append(_behind_margin(positions[len(LID_LOOPS)], radius, spread))
-        charts.append(center + 0.84**shrink * along + (1 - shrink) * (margin_chart - center - along))
+        charts.append(
+            center + 0.84**shrink * along + (1 - shrink) * (margin_chart - center - along)
+        )
     return Patch(np.stack(positions), np.stack(charts))
 
 
@@ -81,14 +116,20 @@ def _over_eyeball(points: np.ndarray, thickness: float) -> np.ndarray:
 
 
 def _behind_margin(margin: np.ndarray, offset: float, spread: float) -> np.ndarray:
-    """The margin moved to a radius `offset` mm from the eyeball's and `spread` mm away from the opening."""
+    """The margin moved to a radius `offset` mm from the eyeball's and `spread` mm away from the
+    opening.
+    """
     opposite = margin[(len(margin) - np.arange(len(margin))) % len(margin)]
     away = np.array([[0.0, 1.0, 0.0]]) * np.sign(margin[:, 1:2] - opposite[:, 1:2])
     gap = np.abs(margin[:, 1:2] - opposite[:, 1:2])
-    moved = margin + away * np.where(spread < 0, np.maximum(spread, -0.2 * gap), spread * np.minimum(gap / 4, 1))
+    moved = margin + away * np.where(
+        spread < 0, np.maximum(spread, -0.2 * gap), spread * np.minimum(gap / 4, 1)
+    )
     relative = moved - EYE_CENTER
     radius = np.linalg.norm(relative, axis=1, keepdims=True)
-    excess = np.maximum(np.linalg.norm(margin - EYE_CENTER, axis=1, keepdims=True) - EYE_RADIUS - LID_THICKNESS, 0.0)
+    excess = np.maximum(
+        np.linalg.norm(margin - EYE_CENTER, axis=1, keepdims=True) - EYE_RADIUS - LID_THICKNESS, 0.0
+    )
     return EYE_CENTER + relative / radius * (EYE_RADIUS + offset + 0.45 * excess)
 
 
@@ -100,9 +141,13 @@ def mirrored(patch: Patch) -> Patch:
 
 
 def eyeball() -> tuple[np.ndarray, np.ndarray]:
-    """(rings, segments, 3) mm relative to the eye's centre, from the pupil backwards, and its polar angles (rings,)."""
+    """(rings, segments, 3) mm relative to the eye's centre, from the pupil backwards, and its polar
+    angles (rings,).
+    """
     polar = np.radians(_POLAR_DEGREES)
     angle = 2 * np.pi * np.arange(EYE_SEGMENTS) / EYE_SEGMENTS
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(EYE_SEGMENTS)], axis=-1)
-    points = np.sin(polar)[:, None, None] * ring + np.cos(polar)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    points = np.sin(polar)[:, None, None] * ring + np.cos(polar)[:, None, None] * np.array(
+        [0.0, 0.0, 1.0]
+    )
     return EYE_RADIUS * points, polar

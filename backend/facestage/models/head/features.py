@@ -1,6 +1,7 @@
 """Local relief on the smooth base: nose wings and nostrils, philtrum, folds, cheekbones, neck.
 
-Positions are mm in the frame of the control net. Every feature is mirrored: it is written for the subject's left.
+Positions are mm in the frame of the control net. Every feature is mirrored: it is written for the
+subject's left.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ import numpy as np
 
 EYE_CENTER = np.array([31.4, -0.3, 67.2])
 EYE_RADIUS = 12.2
-# Centre line of the hair of the brow, from its inner to its outer end: front view (|x|, y). Level with a slight arch,
-# highest over the outer third.
+# Centre line of the hair of the brow, from its inner to its outer end: front view (|x|, y). Level
+# with a slight arch, highest over the outer third.
 BROW_LINE = ((12.0, 20.0), (24.0, 22.6), (36.0, 24.0), (46.5, 22.4), (55.5, 17.8))
 
 # Reliefs: centre |x|, y; Gaussian radii; displacement (outward x, y, z).
@@ -47,7 +48,10 @@ def add_features(points: np.ndarray) -> np.ndarray:
     front = _smoothstep((local[:, 2] - 20.0) / 20.0)
     result = inflate(local, np.array([11.4, -46.3, 93.5]), np.array([6.6, 6.6, 11.0]), 0.5)
     for center, radius, move in _BUMPS:
-        weight = np.exp(-(((local[:, 0] - center[0]) / radius[0]) ** 2) - ((local[:, 1] - center[1]) / radius[1]) ** 2)
+        weight = np.exp(
+            -(((local[:, 0] - center[0]) / radius[0]) ** 2)
+            - ((local[:, 1] - center[1]) / radius[1]) ** 2
+        )
         result = result + (front * weight)[:, None] * _faded(np.array(move), local[:, 0])
     for start, end, width, move in _FURROWS:
         distance, along = _to_segment(local[:, :2], np.array(start), np.array(end))
@@ -59,8 +63,12 @@ def add_features(points: np.ndarray) -> np.ndarray:
     return result * np.stack([side, np.ones_like(side), np.ones_like(side)], axis=-1)
 
 
-def inflate(points: np.ndarray, center: np.ndarray, radii: np.ndarray, softness: float) -> np.ndarray:
-    """Points (m, 3) pushed out of an ellipsoid along its radii; softness is the blend width in radii."""
+def inflate(
+    points: np.ndarray, center: np.ndarray, radii: np.ndarray, softness: float
+) -> np.ndarray:
+    """Points (m, 3) pushed out of an ellipsoid along its radii; softness is the blend width in
+    radii.
+    """
     relative = (points - center) / radii
     radius = np.maximum(np.linalg.norm(relative, axis=1), 1e-9)
     outside = smooth_maximum(radius, np.ones_like(radius), softness)
@@ -75,19 +83,29 @@ def smooth_maximum(a: np.ndarray, b: np.ndarray, softness: float | np.ndarray) -
 
 def _neck_muscle(local: np.ndarray) -> np.ndarray:
     """The sternocleidomastoid, from behind the ear to the inner end of the collar bone."""
-    distance, along = _to_segment(local, np.array([60.0, -60.0, -22.0]), np.array([16.0, -196.0, 34.0]))
-    weight = np.exp(-((distance / 11.0) ** 2)) * np.sin(np.pi * np.clip(0.1 + 0.85 * along, 0, 1)) ** 0.8
+    distance, along = _to_segment(
+        local, np.array([60.0, -60.0, -22.0]), np.array([16.0, -196.0, 34.0])
+    )
+    weight = (
+        np.exp(-((distance / 11.0) ** 2)) * np.sin(np.pi * np.clip(0.1 + 0.85 * along, 0, 1)) ** 0.8
+    )
     axis = np.stack([local[:, 0], np.zeros(len(local)), local[:, 2] + 20.0], axis=-1)
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
     return local + 2.2 * weight[:, None] * axis
 
 
 def _faded(move: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """(m, 3) a move whose outward part vanishes on the midline, so that it does not tear the two halves apart."""
-    return np.stack([move[0] * np.tanh(x / 3.0), np.full(len(x), move[1]), np.full(len(x), move[2])], axis=-1)
+    """(m, 3) a move whose outward part vanishes on the midline, so that it does not tear the two
+    halves apart.
+    """
+    return np.stack(
+        [move[0] * np.tanh(x / 3.0), np.full(len(x), move[1]), np.full(len(x), move[2])], axis=-1
+    )
 
 
-def _to_segment(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _to_segment(
+    points: np.ndarray, start: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Distance of points (m, d) to a segment, and the parameter 0..1 of the nearest point."""
     axis = end - start
     along = np.clip((points - start) @ axis / (axis @ axis), 0.0, 1.0)

@@ -1,7 +1,8 @@
 """Smooth residual identity modes: the leading eigenfunctions of a Gaussian process on the face.
 
-Luethi et al. 2018, "Gaussian Process Morphable Models": a displacement field with a smooth kernel, reduced to its
-leading eigenfunctions with the Nystroem method. The kernel is symmetrised so that each function is even or odd.
+Luethi et al. 2018, "Gaussian Process Morphable Models": a displacement field with a smooth kernel,
+reduced to its leading eigenfunctions with the Nystroem method. The kernel is symmetrised so that
+each function is even or odd.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ from facestage.models.head.masks import Masks, smoothstep
 _SCALES = ((38.0, 2.1), (20.0, 1.0), (12.0, 0.45))  # correlation length and standard deviation, mm
 _ASYMMETRIC_SHARE = 0.35  # standard deviation of asymmetric relative to symmetric variation
 _NAMES = ("breadth", "height", "depth")
-_AXIS_SHARE = (0.75, 0.75, 1.0)  # sliding along the surface changes a shape less than moving across it
+# sliding along the surface changes a shape less than moving across it
+_AXIS_SHARE = (0.75, 0.75, 1.0)
 
 
 def smooth_modes(masks: Masks, points: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """The `count` strongest modes at points (m, 3) in mm: (m, 3) mm per standard deviation, named by direction."""
+    """The `count` strongest modes at points (m, 3) in mm: (m, 3) mm per standard deviation, named
+    by direction.
+    """
     samples = _samples(masks)
     found: list[tuple[float, str, int, np.ndarray]] = []
     for even in (True, False):
@@ -31,7 +35,10 @@ def smooth_modes(masks: Masks, points: np.ndarray, count: int) -> dict[str, np.n
             symmetric = even == (axis != 0)
             name = _NAMES[axis] if symmetric else f"asymmetry_{_NAMES[axis]}"
             share = _AXIS_SHARE[axis] * (1.0 if symmetric else _ASYMMETRIC_SHARE)
-            found += [(value * share**2, name, axis, share * f) for value, f in zip(values, functions.T, strict=True)]
+            found += [
+                (value * share**2, name, axis, share * f)
+                for value, f in zip(values, functions.T, strict=True)
+            ]
     found.sort(key=lambda entry: -entry[0])
     modes: dict[str, np.ndarray] = {}
     for _, name, axis, function in found[:count]:

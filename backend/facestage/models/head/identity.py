@@ -1,7 +1,9 @@
-"""Identity modes named after measurements: smooth displacements of unit variance, in mm per standard deviation.
+"""Identity modes named after measurements: smooth displacements of unit variance, in mm per
+standard deviation.
 
-Each mode is a sum of pulls. A pull is a bell-shaped weight in space times a displacement; half-widths of breadths
-move by half of the published standard deviation (see anthropometry.py), single points by the whole of it.
+Each mode is a sum of pulls. A pull is a bell-shaped weight in space times a displacement;
+half-widths of breadths move by half of the published standard deviation (see anthropometry.py),
+single points by the whole of it.
 """
 
 from __future__ import annotations
@@ -27,9 +29,11 @@ _EAR_SCALING = ("head_size", "ear_size", "ear_protrusion")
 
 @dataclass(frozen=True)
 class Pull:
-    """Displacement `move` (outward, up, forward) times a Gaussian about `center` (|x|, y, z) of `radii`; mm.
+    """Displacement `move` (outward, up, forward) times a Gaussian about `center` (|x|, y, z) of
+    `radii`; mm.
 
-    An infinite radius leaves that axis out. Breadth moves fade to zero at the midline over `midline` mm.
+    An infinite radius leaves that axis out. Breadth moves fade to zero at the midline over
+    `midline` mm.
     """
 
     center: tuple[float, float, float]
@@ -47,9 +51,15 @@ def _sd(name: str) -> float:
 
 
 PULLS: dict[str, tuple[Pull, ...]] = {
-    "minimum_frontal_breadth": (Pull((52, 32, 55), (INF, 32, 40), (_sd("minimum_frontal_breadth") / 2, 0, 0), 40),),
-    "bizygomatic_breadth": (Pull((68, -18, 26), (INF, 34, 42), (_sd("bizygomatic_breadth") / 2, 0, 0), 45),),
-    "jaw_angle_width": (Pull((57, -78, 10), (INF, 34, 44), (_sd("bigonial_breadth") / 2, 0, 0), 40),),
+    "minimum_frontal_breadth": (
+        Pull((52, 32, 55), (INF, 32, 40), (_sd("minimum_frontal_breadth") / 2, 0, 0), 40),
+    ),
+    "bizygomatic_breadth": (
+        Pull((68, -18, 26), (INF, 34, 42), (_sd("bizygomatic_breadth") / 2, 0, 0), 45),
+    ),
+    "jaw_angle_width": (
+        Pull((57, -78, 10), (INF, 34, 44), (_sd("bigonial_breadth") / 2, 0, 0), 40),
+    ),
     "jaw_angle_height": (Pull((57, -78, 12), (30, 28, 30), (0, -5.0, 0)),),
     "chin_width": (Pull((20, -107, 80), (24, 18, 24), (2.6, 0, 0), 18),),
     "chin_projection": (Pull((0, -106, 90), (26, 18, 40), (0, 0, 3.2)),),
@@ -58,19 +68,29 @@ PULLS: dict[str, tuple[Pull, ...]] = {
     "cheek_fullness": (Pull((44, -56, 62), (20, 22, 30), (2.6, 0, 2.2)),),
     "submental_fullness": (Pull((10, -126, 52), (36, 16, 28), (0.4, -3.2, 1.0)),),
     "temple_fullness": (Pull((60, 22, 45), (16, 24, 24), (2.2, 0, 0.6)),),
-    "eye_spacing": (Pull((31, 0, 70), (INF, 20, 30), (_sd("interpupillary_distance") / 2, 0, 0), 24),),
+    "eye_spacing": (
+        Pull((31, 0, 70), (INF, 20, 30), (_sd("interpupillary_distance") / 2, 0, 0), 24),
+    ),
     "eye_height": (Pull((31, 0, 72), (22, 15, 30), (0, 1.7, 0)),),
     "eye_depth": (Pull((31, 0, 72), (20, 16, 30), (0, 0, 1.8)),),
     "brow_height": (Pull((30, 20, 86), (26, 10, 30), (0, 2.3, 0)),),
     "brow_ridge": (Pull((22, 18, 92), (26, 9, 30), (0, 0, 2.2)),),
-    "brow_tilt": (Pull((45, 18, 78), (14, 10, 25), (0, 2.2, 0)), Pull((12, 20, 95), (10, 9, 25), (0, -1.4, 0))),
+    "brow_tilt": (
+        Pull((45, 18, 78), (14, 10, 25), (0, 2.2, 0)),
+        Pull((12, 20, 95), (10, 9, 25), (0, -1.4, 0)),
+    ),
     "nose_protrusion": (Pull((0, -42, 116), (13, 17, 20), (0, 0, _sd("nose_protrusion"))),),
     "nose_breadth": (Pull((16, -47, 97), (9, 11, 18), (_sd("nose_breadth") / 2, 0, 0), 11),),
     "nose_tip_height": (Pull((0, -43, 114), (11, 12, 18), (0, 2.3, 0)),),
     "nose_tip_breadth": (Pull((8, -42, 110), (8, 9, 14), (1.2, 0, 0), 7),),
     "nose_bridge_height": (Pull((0, -8, 96), (9, 18, 25), (0, 0, 2.1)),),
-    "nose_root_breadth": (Pull((9, -8, 88), (8, 18, 20), (_sd("nasal_root_breadth") / 2, 0, 0), 7),),
-    "nose_dorsum_hump": (Pull((0, -19, 104), (8, 9, 16), (0, 0, 1.5)), Pull((0, -36, 112), (9, 7, 16), (0, 0, -0.7))),
+    "nose_root_breadth": (
+        Pull((9, -8, 88), (8, 18, 20), (_sd("nasal_root_breadth") / 2, 0, 0), 7),
+    ),
+    "nose_dorsum_hump": (
+        Pull((0, -19, 104), (8, 9, 16), (0, 0, 1.5)),
+        Pull((0, -36, 112), (9, 7, 16), (0, 0, -0.7)),
+    ),
     "sellion_depth": (Pull((0, 2, 93), (10, 9, 22), (0, 0, -1.8)),),
     "nostril_flare": (Pull((15, -49, 98), (6, 6, 12), (0.8, 1.2, 0), 8),),
     "mouth_width": (Pull((26, -73, 86), (14, 14, 24), (_sd("lip_length") / 2, 0, 0), 22),),
@@ -79,9 +99,15 @@ PULLS: dict[str, tuple[Pull, ...]] = {
     "lip_thickness_upper": (Pull((0, -65.5, 99), (20, 3.6, 20), (0, 1.1, 0.9)),),
     "lip_thickness_lower": (Pull((0, -82, 96), (20, 4.5, 20), (0, -1.3, 0.9)),),
     "lip_protrusion": (Pull((0, -73, 97), (22, 12, 30), (0, 0, 2.0)),),
-    "philtrum_depth": (Pull((0, -58.5, 98), (3.2, 5, 12), (0, 0, -0.8)), Pull((6, -59, 97), (3, 5, 12), (0, 0, 0.5))),
+    "philtrum_depth": (
+        Pull((0, -58.5, 98), (3.2, 5, 12), (0, 0, -0.8)),
+        Pull((6, -59, 97), (3, 5, 12), (0, 0, 0.5)),
+    ),
     "mentolabial_depth": (Pull((0, -93, 91), (15, 6, 16), (0, 0, -1.5)),),
-    "nasolabial_fold": (Pull((25, -57, 88), (5, 13, 16), (0, 0, -1.2)), Pull((35, -52, 82), (8, 13, 16), (0, 0, 0.9))),
+    "nasolabial_fold": (
+        Pull((25, -57, 88), (5, 13, 16), (0, 0, -1.2)),
+        Pull((35, -52, 82), (8, 13, 16), (0, 0, 0.9)),
+    ),
     "larynx_prominence": (Pull((0, -150, 46), (10, 13, 25), (0, 0, 2.5)),),
     "occiput_fullness": (Pull((0, 10, -98), (50, 34, 40), (0, 0, -5.0)),),
     "crown_height": (Pull((0, 112, -5), (60, 45, 70), (0, 5.0, 0)),),
@@ -93,8 +119,11 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     fields: dict[str, Field] = dict(_GLOBAL)
     for name, pulls in PULLS.items():
         fields[name] = partial(_all_pulled, pulls)
-    # Each field is evaluated on the vertices and in front of both eyes, whose motion the eyes then follow.
-    probes = np.concatenate([masks.points, [eye_center(side) + np.array([0.0, 0.0, 6.0]) for side in SIDES]])
+    # Each field is evaluated on the vertices and in front of both eyes, whose motion the eyes then
+    # follow.
+    probes = np.concatenate(
+        [masks.points, [eye_center(side) + np.array([0.0, 0.0, 6.0]) for side in SIDES]]
+    )
     modes = {name: _eyes_rigid(masks, field(probes)) for name, field in fields.items()}
     modes |= _eye_shapes(masks) | _ears(masks)
     modes |= {name: _eyes_rigid(masks, field(probes)) for name, field in _ASYMMETRIC.items()}
@@ -107,7 +136,9 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
 
 
 def _ears_whole(masks: Masks, values: np.ndarray, share: float) -> None:
-    """Move each ear more nearly as a whole, with the skin it grows from: breadths bend heads, not ears."""
+    """Move each ear more nearly as a whole, with the skin it grows from: breadths bend heads, not
+    ears.
+    """
     for side in SIDES:
         loops = masks.mesh.loops[f"ear_{side}"]
         mean = values[loops[0]].mean(axis=0)
@@ -116,7 +147,9 @@ def _ears_whole(masks: Masks, values: np.ndarray, share: float) -> None:
 
 
 def _teeth_whole(masks: Masks, values: np.ndarray, share: float) -> None:
-    """Crowns keep their shape: each row of teeth rises and falls by an affine map, by `share` of what surrounds it."""
+    """Crowns keep their shape: each row of teeth rises and falls by an affine map, by `share` of
+    what surrounds it.
+    """
     for index in masks.mesh.teeth.values():
         points = np.concatenate([masks.points[index], np.ones((len(index), 1))], axis=1)
         fitted, *_ = np.linalg.lstsq(points, values[index, 1], rcond=None)
@@ -150,10 +183,14 @@ def _pulled(points: np.ndarray, pull: Pull) -> np.ndarray:
 
 
 def _eyes_rigid(masks: Masks, values: np.ndarray) -> np.ndarray:
-    """A field on all vertices (n, 3), with each eyeball and its lids moving as one; the last rows are the eyes'."""
+    """A field on all vertices (n, 3), with each eyeball and its lids moving as one; the last rows
+    are the eyes'.
+    """
     result = values[: masks.count]
     for side, move in zip(SIDES, values[masks.count :], strict=True):
-        weight = 1.0 - smoothstep((masks.eye_distance(side) - _LOCK_INNER) / (_LOCK_OUTER - _LOCK_INNER))
+        weight = 1.0 - smoothstep(
+            (masks.eye_distance(side) - _LOCK_INNER) / (_LOCK_OUTER - _LOCK_INNER)
+        )
         weight[masks.mesh.eyeballs[side]] = 1.0
         result = result + weight[:, None] * (move - result)
     return result
@@ -172,11 +209,17 @@ def _head_size(p: np.ndarray) -> np.ndarray:
 
 
 def _head_length(p: np.ndarray) -> np.ndarray:
-    return _vector(0.0, 0.0, -_sd("head_length") * _between(-p[:, 2], -50.0, 90.0) * _between(p[:, 1], -130.0, -20.0))
+    return _vector(
+        0.0,
+        0.0,
+        -_sd("head_length") * _between(-p[:, 2], -50.0, 90.0) * _between(p[:, 1], -130.0, -20.0),
+    )
 
 
 def _head_breadth(p: np.ndarray) -> np.ndarray:
-    return _vector(_sd("head_breadth") / 2 * p[:, 0] / 76.0 * _between(p[:, 1], -40.0, 35.0), 0.0, 0.0)
+    return _vector(
+        _sd("head_breadth") / 2 * p[:, 0] / 76.0 * _between(p[:, 1], -40.0, 35.0), 0.0, 0.0
+    )
 
 
 def _face_height(p: np.ndarray) -> np.ndarray:
@@ -185,11 +228,15 @@ def _face_height(p: np.ndarray) -> np.ndarray:
 
 def _nose_length(p: np.ndarray) -> np.ndarray:
     down = _between(-p[:, 1], 0.0, 50.0) * (1 - _between(-p[:, 1], 52.0, 116.0))
-    return _vector(0.0, -_sd("subnasale_sellion_length") * down * _between(p[:, 2], 10.0, 60.0), 0.0)
+    return _vector(
+        0.0, -_sd("subnasale_sellion_length") * down * _between(p[:, 2], 10.0, 60.0), 0.0
+    )
 
 
 def _chin_height(p: np.ndarray) -> np.ndarray:
-    return _vector(0.0, -2.8 * _between(-p[:, 1], 78.0, 112.0) * _between(p[:, 2], -30.0, 50.0), 0.0)
+    return _vector(
+        0.0, -2.8 * _between(-p[:, 1], 78.0, 112.0) * _between(p[:, 2], -30.0, 50.0), 0.0
+    )
 
 
 def _upper_lip_height(p: np.ndarray) -> np.ndarray:
@@ -207,12 +254,20 @@ def _forehead_slope(p: np.ndarray) -> np.ndarray:
 
 
 def _jaw_projection(p: np.ndarray) -> np.ndarray:
-    weight = _between(-p[:, 1], 55.0, 95.0) * _between(p[:, 2], 0.0, 75.0) * (1 - _between(-p[:, 1], 118.0, 150.0))
+    weight = (
+        _between(-p[:, 1], 55.0, 95.0)
+        * _between(p[:, 2], 0.0, 75.0)
+        * (1 - _between(-p[:, 1], 118.0, 150.0))
+    )
     return _vector(0.0, 0.0, 2.8 * weight)
 
 
 def _face_flatness(p: np.ndarray) -> np.ndarray:
-    face = _between(p[:, 2], 20.0, 60.0) * _between(p[:, 1], -115.0, -70.0) * (1 - _between(p[:, 1], 25.0, 70.0))
+    face = (
+        _between(p[:, 2], 20.0, 60.0)
+        * _between(p[:, 1], -115.0, -70.0)
+        * (1 - _between(p[:, 1], 25.0, 70.0))
+    )
     return _vector(0.0, 0.0, 2.4 * face * (np.tanh(np.abs(p[:, 0]) ** 2 / 900.0) - 0.45))
 
 
@@ -229,11 +284,20 @@ def _neck_girth(p: np.ndarray) -> np.ndarray:
 
 
 _GLOBAL = {
-    "head_size": _head_size, "head_length": _head_length, "head_breadth": _head_breadth, "face_height": _face_height,
-    "nose_length": _nose_length, "upper_lip_height": _upper_lip_height, "chin_height": _chin_height,
-    "forehead_height": _forehead_height, "forehead_slope": _forehead_slope, "jaw_projection": _jaw_projection,
-    "face_flatness": _face_flatness, "face_taper": _face_taper, "neck_girth": _neck_girth,
-}  # fmt: skip
+    "head_size": _head_size,
+    "head_length": _head_length,
+    "head_breadth": _head_breadth,
+    "face_height": _face_height,
+    "nose_length": _nose_length,
+    "upper_lip_height": _upper_lip_height,
+    "chin_height": _chin_height,
+    "forehead_height": _forehead_height,
+    "forehead_slope": _forehead_slope,
+    "jaw_projection": _jaw_projection,
+    "face_flatness": _face_flatness,
+    "face_taper": _face_taper,
+    "neck_girth": _neck_girth,
+}
 
 
 def _ears(masks: Masks) -> dict[str, np.ndarray]:
@@ -254,7 +318,11 @@ def _ears(masks: Masks) -> dict[str, np.ndarray]:
 
 
 def _bend(
-    amount: float, axis: int, center: tuple[float, float, float], radii: tuple[float, float, float], odd: bool
+    amount: float,
+    axis: int,
+    center: tuple[float, float, float],
+    radii: tuple[float, float, float],
+    odd: bool,
 ) -> Field:
     def field(p: np.ndarray) -> np.ndarray:
         weight = amount * np.exp(-(((p - center) / radii) ** 2).sum(axis=1))

@@ -1,4 +1,6 @@
-"""The 68 landmarks of the ibug scheme (Sagonas et al. 2013, "300 Faces in-the-Wild") as vertices of the head."""
+"""The 68 landmarks of the ibug scheme (Sagonas et al. 2013, "300 Faces in-the-Wild") as vertices of
+the head.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from facestage.models.head.features import BROW_LINE
 
 # Subject's left, mm in the frame of the control net; the right side mirrors it.
 _JAW = (
-    (71.5, -6, 9), (70.5, -26, 15), (68.0, -45, 17), (63.5, -62, 20), (57.0, -79, 28), (48.0, -94, 43),
+    (71.5, -6, 9), (70.5, -26, 15), (68.0, -45, 17), (63.5, -62, 20), (57.0, -79, 28),
+    (48.0, -94, 43),
     (36.0, -105, 64), (19.0, -113.5, 79), (0, -116.5, 84),
 )  # fmt: skip
 _BRIDGE = ((0, 0.5, 94), (0, -14, 101), (0, -28.8, 110.5), (0, -40.5, 118))
@@ -20,7 +23,9 @@ _BASE = ((14.2, -49.8, 96), (6.3, -53.2, 99), (0, -53.0, 99))
 
 
 def ibug68(mesh: HeadMesh) -> np.ndarray:
-    """(68,) vertex indices, subject's right first as the scheme has it; the left and right ones mirror each other."""
+    """(68,) vertex indices, subject's right first as the scheme has it; the left and right ones
+    mirror each other.
+    """
     skin = np.unique(mesh.polygons[mesh.polygon_part == SKIN])
     skin = skin[skin >= 0]
     tree = cKDTree(mesh.vertices[skin])
@@ -36,7 +41,9 @@ def ibug68(mesh: HeadMesh) -> np.ndarray:
     return np.array(jaw + brows + bridge + base + _eyes(mesh) + _lips(mesh))
 
 
-def _on_front(mesh: HeadMesh, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+def _on_front(
+    mesh: HeadMesh, points: tuple[tuple[float, float], ...]
+) -> tuple[tuple[float, float, float], ...]:
     """Vertices of the front of the head nearest to front view points."""
     front = mesh.vertices[mesh.grid[mesh.grid >= 0]]
     front = front[front[:, 2] > 40.0]
@@ -50,7 +57,8 @@ def _eyes(mesh: HeadMesh) -> list[int]:
         loop = mesh.loops[f"eye_{side}"][ring]
         n = len(loop)
         # Counterclockwise from the left of the picture; the scheme runs over the upper lid first.
-        # Annotators place the two points at the edges of the iris: the inner one further from its corner.
+        # Annotators place the two points at the edges of the iris: the inner one further from its
+        # corner.
         outer = round(n / 6)
         first, second = (outer, outer + 1) if side == "right" else (outer + 1, outer)
         corner, opposite = loop[0], loop[n // 2]
@@ -72,7 +80,11 @@ def _lips(mesh: HeadMesh) -> list[int]:
         return [int(loop[half[np.abs(x[half] - t).argmin()]]) for t in targets]
 
     corner_right, corner_left = 0, n // 2
-    ring = [int(outer[corner_right]), *at(outer, upper, (-14, -5.2, 0, 5.2, 14)), int(outer[corner_left])]
+    ring = [
+        int(outer[corner_right]),
+        *at(outer, upper, (-14, -5.2, 0, 5.2, 14)),
+        int(outer[corner_left]),
+    ]
     ring += at(outer, lower, (14, 6.5, 0, -6.5, -14))
     inside = at(inner, upper, (-22.5, -7.5, 0, 7.5, 22.5)) + at(inner, lower, (7.5, 0, -7.5))
     return ring + inside

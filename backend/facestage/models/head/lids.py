@@ -1,4 +1,6 @@
-"""Motions of eyelids and eyeballs: lids turn about the eye's centre, so they slide over the eyeball."""
+"""Motions of eyelids and eyeballs: lids turn about the eye's centre, so they slide over the
+eyeball.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ CLEARANCE = EYE_RADIUS + 0.75 * eyes.LID_THICKNESS
 
 
 def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarray:
-    """(n, 3) mm: each lid moved by a share of its way to the line where the lids meet; negative opens further."""
+    """(n, 3) mm: each lid moved by a share of its way to the line where the lids meet; negative
+    opens further.
+    """
     result = np.zeros((masks.count, 3))
     loops = masks.mesh.loops[f"eye_{side}"]
     n = loops.shape[1]
@@ -23,21 +27,30 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     elevation = _elevation(masks.points[loops[margin_ring]] - center)
     opposite = elevation[_opposite(n)]
     is_upper = np.arange(n) > n // 2
-    upper_edge, lower_edge = np.where(is_upper, elevation, opposite), np.where(is_upper, opposite, elevation)
+    upper_edge, lower_edge = (
+        np.where(is_upper, elevation, opposite),
+        np.where(is_upper, opposite, elevation),
+    )
     meeting = lower_edge + 0.22 * (upper_edge - lower_edge)
     turn = np.where(is_upper, upper, lower) * (meeting - elevation)
     # Both edges end on the same points, so that nothing gapes.
     margin = masks.points[loops[margin_ring]] - center
     reach = np.hypot(margin[:, 1], margin[:, 2])
-    # Shut lids arch a little more, or half-way along the straight path of a shape key they would cut into the eye.
+    # Shut lids arch a little more, or half-way along the straight path of a shape key they would
+    # cut into the eye.
     x = 0.5 * (margin[:, 0] + margin[_opposite(n), 0])
-    arch = np.sqrt(np.maximum((EYE_RADIUS + 2.0) ** 2 - x**2, 0.0)) * smoothstep((upper_edge - lower_edge) / 0.5)
+    arch = np.sqrt(np.maximum((EYE_RADIUS + 2.0) ** 2 - x**2, 0.0)) * smoothstep(
+        (upper_edge - lower_edge) / 0.5
+    )
     reach = np.maximum(np.maximum(reach, reach[_opposite(n)]), arch)
     met = center + np.stack([x, reach * np.sin(meeting), reach * np.cos(meeting)], axis=-1)
     share = np.clip(np.where(is_upper, upper, lower), 0.0, 1.0)[:, None]
     rest = share * (met - rotate_about(margin + center, center, 0, -(meeting - elevation)))
     # Skin further from the margin follows less: the fold of the lid takes up the rest.
-    follow = np.concatenate([[0.0], 1.15 * np.array(eyes.LID_LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1) ** 1.3
+    follow = (
+        np.concatenate([[0.0], 1.15 * np.array(eyes.LID_LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1)
+        ** 1.3
+    )
     for ring, row in enumerate(loops):
         here = masks.points[row]
         moved = rotate_about(here, center, 0, -follow[ring] * turn) + follow[ring] * rest
@@ -48,7 +61,9 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
 
 
 def lifted(moved: np.ndarray, rest: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Moved points (m, 3) pushed out of the eyeball, but no further out than clearance or where they rested."""
+    """Moved points (m, 3) pushed out of the eyeball, but no further out than clearance or where
+    they rested.
+    """
     relative = moved - center
     radius = np.linalg.norm(relative, axis=1, keepdims=True)
     rest_radius = np.linalg.norm(rest - center, axis=1, keepdims=True)
@@ -60,14 +75,22 @@ def widen(masks: Masks, side: str, amount: float) -> np.ndarray:
     outward = 1.0 if side == "left" else -1.0
     loops = masks.mesh.loops[f"eye_{side}"]
     follow = np.concatenate([[0.0], eyes.LID_LOOPS, [1.0, 1.0, 1.0]]) ** 1.2
-    return _slide(masks, side, loops, follow, lambda along: np.stack([amount * outward * along, 0 * along], axis=-1))
+    return _slide(
+        masks,
+        side,
+        loops,
+        follow,
+        lambda along: np.stack([amount * outward * along, 0 * along], axis=-1),
+    )
 
 
 def tilt(masks: Masks, side: str, rise: float) -> np.ndarray:
     """(n, 3) mm: the outer corner raised and the inner lowered by half of `rise` mm."""
     loops = masks.mesh.loops[f"eye_{side}"]
     follow = np.concatenate([[0.0], eyes.LID_LOOPS, [1.0, 1.0, 1.0]])
-    return _slide(masks, side, loops, follow, lambda along: np.stack([0 * along, rise * along], axis=-1))
+    return _slide(
+        masks, side, loops, follow, lambda along: np.stack([0 * along, rise * along], axis=-1)
+    )
 
 
 def look(masks: Masks, side: str, yaw: float, pitch: float) -> np.ndarray:
@@ -82,9 +105,15 @@ def look(masks: Masks, side: str, yaw: float, pitch: float) -> np.ndarray:
 
 
 def _slide(
-    masks: Masks, side: str, loops: np.ndarray, follow: np.ndarray, move: Callable[[np.ndarray], np.ndarray]
+    masks: Masks,
+    side: str,
+    loops: np.ndarray,
+    follow: np.ndarray,
+    move: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Front view moves (m, 2) of `along` (-0.5 at the inner, 0.5 at the outer corner), kept on the eyeball."""
+    """Front view moves (m, 2) of `along` (-0.5 at the inner, 0.5 at the outer corner), kept on the
+    eyeball.
+    """
     result = np.zeros((masks.count, 3))
     center = eye_center(side)
     span = 0.5 * (eyes.OUTER_CORNER[0] - eyes.INNER_CORNER[0])

@@ -73,7 +73,9 @@ class Masks:
 
     @cached_property
     def jaw(self) -> np.ndarray:
-        """How much of the jaw's motion each vertex follows: 1 on chin and lower teeth, fading into cheek and neck."""
+        """How much of the jaw's motion each vertex follows: 1 on chin and lower teeth, fading into
+        cheek and neck.
+        """
         y, z = self.points[:, 1], self.points[:, 2]
         throat = smoothstep((z * 0.75 + y + 150.0) / 70.0)
         behind = smoothstep((z + 8.0) / 34.0)
@@ -94,8 +96,12 @@ def eye_center(side: str) -> np.ndarray:
     return EYE_CENTER * [1.0 if side == "left" else -1.0, 1.0, 1.0]
 
 
-def rotate_about(points: np.ndarray, pivot: np.ndarray, axis: int, angle: np.ndarray | float) -> np.ndarray:
-    """Points (m, 3) turned by an angle in radians, right-handed, about a coordinate axis through the pivot."""
+def rotate_about(
+    points: np.ndarray, pivot: np.ndarray, axis: int, angle: np.ndarray | float
+) -> np.ndarray:
+    """Points (m, 3) turned by an angle in radians, right-handed, about a coordinate axis through
+    the pivot.
+    """
     a, b = (axis + 1) % 3, (axis + 2) % 3
     relative = points - pivot
     result = relative.copy()

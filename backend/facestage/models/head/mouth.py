@@ -1,4 +1,6 @@
-"""Lips as concentric loops round the mouth line, the bag of the mouth behind them, and the tongue."""
+"""Lips as concentric loops round the mouth line, the bag of the mouth behind them, and the
+tongue.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from facestage.models.head.features import add_features
 MOUTH_HALF_WIDTH = 25.2
 MOUTH_CORNER_Y = -73.4
 OUTER_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border of the red lip (1)
-# Cross-section of a lip from its border to the line where the lips meet: share of the height, forward bulge.
+# Cross-section of a lip from its border to the line where the lips meet: share of the height,
+# forward bulge.
 _UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.7), (0.4, 3.0), (0.72, 3.3), (0.92, 2.6), (1.0, 1.4))
 _LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.6), (0.92, 3.0), (1.0, 1.4))
 # Behind the meeting line: backward, away from the line, sideways.
@@ -22,16 +25,21 @@ SKIN_LOOPS = LIP_LOOPS + len(_INNER)
 
 
 def lip_lines(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Front view heights (m,) in mm of the upper border, the meeting line and the lower border at x (m,)."""
+    """Front view heights (m,) in mm of the upper border, the meeting line and the lower border at x
+    (m,).
+    """
     s = np.minimum(np.abs(x) / MOUTH_HALF_WIDTH, 1.0)
     upper = MOUTH_CORNER_Y + 9.3 * (1 - s**1.75) - 1.5 * np.exp(-((s / 0.11) ** 2)) * (1 - s)
-    middle = MOUTH_CORNER_Y + 0.6 * np.sin(np.pi * s) - 0.5 * np.exp(-((s / 0.12) ** 2)) + 0.3 * (1 - s)
+    middle = (
+        MOUTH_CORNER_Y + 0.6 * np.sin(np.pi * s) - 0.5 * np.exp(-((s / 0.12) ** 2)) + 0.3 * (1 - s)
+    )
     lower = MOUTH_CORNER_Y - 10.4 * (1 - s**2.4)
     return upper, middle, lower
 
 
 def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np.ndarray]:
-    """Loops of the lips inside the window border (n, 2), and the loops of the mouth bag (rings, n, 3) behind them.
+    """Loops of the lips inside the window border (n, 2), and the loops of the mouth bag (rings, n,
+    3) behind them.
 
     The lips meet; their chart points (for UVs only) leave the meeting line slightly open.
     """
@@ -54,10 +62,13 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     fade = np.sqrt(np.clip(1 - np.abs(x / MOUTH_HALF_WIDTH) ** 3, 0, 1))
     for (share, bulge_upper), (_, bulge_lower) in zip(_UPPER_PROFILE, _LOWER_PROFILE, strict=True):
         y = border_y + share * (middle_y - border_y)
-        # Inner loops are a little shorter: at the corners they follow each other instead of meeting in one point.
+        # Inner loops are a little shorter: at the corners they follow each other instead of meeting
+        # in one point.
         inner_x = x * (1 - 0.03 * share)
         point = add_features(surface.point(*surface.chart_at(np.stack([inner_x, y], axis=-1)).T))
-        point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (1 - fade)
+        point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (
+            1 - fade
+        )
         if share == 1.0:
             point[:, 1] += 0.03 * sign
         positions.append(point)
@@ -65,7 +76,9 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
     line = positions[-1]
     opening = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 2, 0.0, 1.0))
     for k, (back, away, out) in enumerate(_INNER):
-        positions.append(line + np.stack([np.tanh(x / 4.0) * out, away * opening, np.full(n, -back)], axis=-1))
+        positions.append(
+            line + np.stack([np.tanh(x / 4.0) * out, away * opening, np.full(n, -back)], axis=-1)
+        )
         charts.append(_shrunk(border_chart, 1.1 + 0.1 * k))
     roomy = sign * np.sqrt(np.clip(1 - (x / (MOUTH_HALF_WIDTH * 1.02)) ** 4, 0.0, 1.0))
     bag = [
@@ -76,7 +89,9 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
 
 
 def _shrunk(border: np.ndarray, share: float) -> np.ndarray:
-    """The border of the lips in the chart, drawn together so that following loops nest; share 1 is the meeting line."""
+    """The border of the lips in the chart, drawn together so that following loops nest; share 1 is
+    the meeting line.
+    """
     center = np.array([0.0, border[0, 1]])
     return center + (border - center) * [1 - 0.08 * share, 1 - 0.72 * share]
 

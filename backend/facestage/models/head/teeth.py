@@ -1,8 +1,8 @@
 """Two rows of teeth with their gums: strips along the dental arches, one crown after the other.
 
-Crown sizes after Nelson and Ash 2010, "Wheeler's Dental Anatomy"; the upper incisors end two millimetres below the
-line where the lips meet, as they show when lips part at rest (Vig and Brundo 1978, "The kinetics of anterior tooth
-display").
+Crown sizes after Nelson and Ash 2010, "Wheeler's Dental Anatomy"; the upper incisors end two
+millimetres below the line where the lips meet, as they show when lips part at rest (Vig and Brundo
+1978, "The kinetics of anterior tooth display").
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 class Row:
     """One dental arch, from the midline to the second molar; mm.
 
-    inset: how far the row stands behind the upper one. edge: height of the incisal edge. rise: of each biting edge
-    above (upper row) or below (lower row) the incisal one.
+    inset: how far the row stands behind the upper one. edge: height of the incisal edge. rise: of
+    each biting edge above (upper row) or below (lower row) the incisal one.
     """
 
     widths: tuple[float, ...]
@@ -39,16 +39,29 @@ _ACROSS = (0.0, 0.08, 0.34, 0.66, 0.92)  # columns of a crown; the first is the 
 _GAP_DEPTH = 0.9
 # Rows from the gum over the biting edge to the back: share of the crown's height, mm inward, part.
 GUM_ROWS = 2
-_PROFILE = ((1.45, 1.6), (1.03, 0.3), (0.97, 0.7), (0.6, 0.0), (0.2, 0.25), (0.0, 0.7), (0.0, 1.7), (0.8, 5.0))
+_PROFILE = (
+    (1.45, 1.6),
+    (1.03, 0.3),
+    (0.97, 0.7),
+    (0.6, 0.0),
+    (0.2, 0.25),
+    (0.0, 0.7),
+    (0.0, 1.7),
+    (0.8, 5.0),
+)
 PROFILE = len(_PROFILE)
 
 
 def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
-    """(PROFILE, m, 3) mm, from the subject's right to the left, and how deep in a gap each column (m,) lies, 0..1."""
+    """(PROFILE, m, 3) mm, from the subject's right to the left, and how deep in a gap each column
+    (m,) lies, 0..1.
+    """
     widths = np.array([*row.widths[::-1], *row.widths])
     bounds = np.concatenate([[0.0], np.cumsum(widths)]) - sum(row.widths)
     number = np.array([*range(len(row.widths))[::-1], *range(len(row.widths))])
-    at = np.concatenate([(bounds[:-1, None] + widths[:, None] * np.array(_ACROSS)).ravel(), bounds[-1:]])
+    at = np.concatenate(
+        [(bounds[:-1, None] + widths[:, None] * np.array(_ACROSS)).ravel(), bounds[-1:]]
+    )
     tooth = np.concatenate([np.repeat(number, len(_ACROSS)), number[-1:]])
     across = np.concatenate([np.tile(_ACROSS, len(widths)), [0.0]])
     gap = (across == 0.0).astype(np.float64)
@@ -70,13 +83,17 @@ def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(rows), gap
 
 
-def _of_tooth(values: tuple[float, ...], tooth: np.ndarray, before: np.ndarray, gap: np.ndarray) -> np.ndarray:
+def _of_tooth(
+    values: tuple[float, ...], tooth: np.ndarray, before: np.ndarray, gap: np.ndarray
+) -> np.ndarray:
     table = np.array(values)
     return np.where(gap > 0, 0.5 * (table[tooth] + table[before]), table[tooth])
 
 
 def _arch(at: np.ndarray, inset: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (m, 2) (x, z) of the arch at signed arc lengths (m,) from its middle, and inward unit normals (m, 2)."""
+    """Points (m, 2) (x, z) of the arch at signed arc lengths (m,) from its middle, and inward unit
+    normals (m, 2).
+    """
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4001)
     x, depth = np.sin(angle), np.cos(angle)
     x, depth = np.sign(x) * np.abs(x) ** (2 / _ARCH_POWER), np.abs(depth) ** (2 / _ARCH_POWER)

@@ -1,4 +1,6 @@
-"""The quad layout: a grid over the chart with rectangular windows, each filled by concentric loops."""
+"""The quad layout: a grid over the chart with rectangular windows, each filled by concentric
+loops.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +12,29 @@ import numpy as np
 from facestage.models.head.base_surface import LEVELS
 
 HALF_STATIONS = np.concatenate([np.arange(0, 7, 0.25), 7 + np.arange(10) / 3])
-STATION_LINES = np.concatenate([-HALF_STATIONS[:0:-1], HALF_STATIONS])  # first and last are the back midline
+# first and last are the back midline
+STATION_LINES = np.concatenate([-HALF_STATIONS[:0:-1], HALF_STATIONS])
 # Twice as many levels over the nose, whose underside turns sharply.
 _NOSE_LEVELS = 32 / 3 + np.arange(16) / 6
 # ... and over the brows, whose hair ends sharply.
 _BROW_LEVELS = 56 / 3 + np.arange(8) / 6
-LEVEL_LINES = np.concatenate([
-    np.arange(0, 5, 0.5), 5 + np.arange(17) / 3, _NOSE_LEVELS, 40 / 3 + np.arange(16) / 3, _BROW_LEVELS,
-    np.arange(20, LEVELS, 0.5),
-])  # fmt: skip
+LEVEL_LINES = np.concatenate(
+    [
+        np.arange(0, 5, 0.5),
+        5 + np.arange(17) / 3,
+        _NOSE_LEVELS,
+        40 / 3 + np.arange(16) / 3,
+        _BROW_LEVELS,
+        np.arange(20, LEVELS, 0.5),
+    ]
+)
 
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of grid cells left out: column and row index ranges, ends included as boundary."""
+    """A rectangle of grid cells left out: column and row index ranges, ends included as
+    boundary.
+    """
 
     left: int
     right: int
@@ -48,14 +59,18 @@ class Window:
         return self.top - self.bottom
 
     def loop(self) -> np.ndarray:
-        """(n, 2) column and row of the border, counterclockwise from the middle of the left side."""
+        """(n, 2) column and row of the border, counterclockwise from the middle of the left
+        side.
+        """
         middle = self.bottom + self.height // 2
         corners = [(self.left, middle), (self.left, self.bottom), (self.right, self.bottom)]
         corners += [(self.right, self.top), (self.left, self.top), (self.left, middle)]
         path: list[tuple[int, int]] = []
         for (c0, r0), (c1, r1) in pairwise(corners):
             steps = abs(c1 - c0) + abs(r1 - r0)
-            path += [(c0 + (c1 - c0) * k // steps, r0 + (r1 - r0) * k // steps) for k in range(steps)]
+            path += [
+                (c0 + (c1 - c0) * k // steps, r0 + (r1 - r0) * k // steps) for k in range(steps)
+            ]
         return np.array(path)
 
 
@@ -101,16 +116,20 @@ class MeshBuilder:
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """vertices (n, 3), polygons (p, 4), polygon_uvs (p, 4), parts (p,), uvs (u, 2)."""
         return (
-            np.concatenate(self.positions), np.concatenate(self.polygons).astype(np.int32),
-            np.concatenate(self.polygon_uvs).astype(np.int32), np.concatenate(self.parts), np.concatenate(self.uvs),
-        )  # fmt: skip
+            np.concatenate(self.positions),
+            np.concatenate(self.polygons).astype(np.int32),
+            np.concatenate(self.polygon_uvs).astype(np.int32),
+            np.concatenate(self.parts),
+            np.concatenate(self.uvs),
+        )
 
 
 def ring_quads(loops: np.ndarray) -> np.ndarray:
-    """(p, 4) quads between consecutive closed loops of indices (rings, n), outermost first, counterclockwise.
+    """(p, 4) quads between consecutive closed loops of indices (rings, n), outermost first,
+    counterclockwise.
 
-    Quads are split along their first diagonal; it leads away from the corners of the opening, at 0 and n / 2, on both
-    sides of them, so that the sharp turn of the loops there folds no triangle.
+    Quads are split along their first diagonal; it leads away from the corners of the opening, at 0
+    and n / 2, on both sides of them, so that the sharp turn of the loops there folds no triangle.
     """
     outer, inner = loops[:-1], loops[1:]
     n = loops.shape[1]
@@ -121,19 +140,30 @@ def ring_quads(loops: np.ndarray) -> np.ndarray:
 
 
 def cap_quads(loop: np.ndarray) -> np.ndarray:
-    """(p, 4) quads that close a loop of an even number of indices by a ladder between its two sides."""
+    """(p, 4) quads that close a loop of an even number of indices by a ladder between its two
+    sides.
+    """
     n = len(loop)
     forward, backward = loop[1 : n // 2], loop[: n // 2 : -1]
     sides = pairwise(zip(forward, backward, strict=True))
     rungs = [(a0, a1, b1, b0) for (a0, b0), (a1, b1) in sides]
-    return np.array([(loop[0], forward[0], backward[0], -1), *rungs, (forward[-1], loop[n // 2], backward[-1], -1)])
+    return np.array(
+        [
+            (loop[0], forward[0], backward[0], -1),
+            *rungs,
+            (forward[-1], loop[n // 2], backward[-1], -1),
+        ]
+    )
 
 
-def grid_quads(builder: MeshBuilder, positions: np.ndarray, pole: np.ndarray, part: int) -> np.ndarray:
-    """Add the grid with its windows left open and its crown closed; returns vertex and UV indices (2, rows, columns).
+def grid_quads(
+    builder: MeshBuilder, positions: np.ndarray, pole: np.ndarray, part: int
+) -> np.ndarray:
+    """Add the grid with its windows left open and its crown closed; returns vertex and UV indices
+    (2, rows, columns).
 
-    positions (rows, columns, 3) on all grid lines, the last column equal to the first; pole (3,) the crown.
-    Vertices strictly inside a window get index -1.
+    positions (rows, columns, 3) on all grid lines, the last column equal to the first; pole (3,)
+    the crown. Vertices strictly inside a window get index -1.
     """
     rows, columns = positions.shape[:2]
     inside = np.zeros((rows, columns), bool)
@@ -151,7 +181,9 @@ def grid_quads(builder: MeshBuilder, positions: np.ndarray, pole: np.ndarray, pa
     uv[~inside] = builder.add_uvs(chart[~inside])
 
     def corners(index: np.ndarray) -> np.ndarray:
-        return np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)[~cell_open]
+        return np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)[
+            ~cell_open
+        ]
 
     builder.add_polygons(corners(vertex), corners(uv), part)
     top = builder.add_vertices(pole[None])[0]

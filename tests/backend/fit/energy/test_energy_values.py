@@ -24,7 +24,9 @@ def term(scene: Scene) -> PhotoTerm:
 def test_a_pixel_counts_by_its_skin_and_by_how_the_surface_faces(scene: Scene, term: PhotoTerm):
     found = term.evaluate(scene.state, scene.stage, 1)
     y, x = np.mgrid[:96, :96]
-    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True)
+    surface = scene.forward.surface(
+        scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True
+    )
     column, row = surface.pixels.astype(int).T
     seen, cosine = np.zeros((96, 96), bool), np.zeros((96, 96))
     seen[row, column], cosine[row, column] = True, -(surface.normals * surface.rays).sum(axis=1)
@@ -33,11 +35,15 @@ def test_a_pixel_counts_by_its_skin_and_by_how_the_surface_faces(scene: Scene, t
     assert 0 < (wanted > 0).sum() < seen.sum()
 
 
-def test_a_clipped_channel_is_at_least_as_bright_and_a_highlight_is_its_specular_part(scene: Scene, term: PhotoTerm):
+def test_a_clipped_channel_is_at_least_as_bright_and_a_highlight_is_its_specular_part(
+    scene: Scene, term: PhotoTerm
+):
     plain = term.evaluate(scene.state, scene.stage, 1)
     clipped = np.zeros((96, 96, 3), bool)
     clipped[:, 40:, 1] = True
-    half = PhotoTerm(scene.forward, replace(term.photo, clipped=clipped), 2).evaluate(scene.state, scene.stage, 1)
+    half = PhotoTerm(scene.forward, replace(term.photo, clipped=clipped), 2).evaluate(
+        scene.state, scene.stage, 1
+    )
     wanted = np.where(clipped & (plain.residual > 0), 0.0, plain.residual)
     np.testing.assert_array_equal(half.residual, wanted)
     assert (wanted != plain.residual).any()
@@ -60,7 +66,9 @@ def test_weights_are_inverse_variances_times_what_each_pixel_says(scene: Scene, 
 
 def test_two_evaluations_are_compared_where_both_see_the_face(scene: Scene, term: PhotoTerm):
     old = term.evaluate(scene.state, scene.stage, 1)
-    new = replace(old, residual=old.residual + 0.1, base_weight=old.base_weight * (np.arange(96) > 40))
+    new = replace(
+        old, residual=old.residual + 0.1, base_weight=old.base_weight * (np.arange(96) > 40)
+    )
     weights = np.full((96, 96), 3.0)
     both = (old.base_weight > 0) & (np.arange(96) > 40)
     found = common_energy(old, new, weights)
@@ -78,7 +86,11 @@ def test_the_noise_is_that_of_pixels_that_count_for_half(scene: Scene, term: Pho
 
 def test_the_ledger_times_what_was_done_and_says_nothing_of_what_was_not():
     ledger = Ledger({"rays": Work(2.0, 0.0), "cells": Work(0.0, 5.0)})
-    assert ledger.rate("rays") is None and ledger.rate("cells") is None and ledger.rate("lines") is None
+    assert (
+        ledger.rate("rays") is None
+        and ledger.rate("cells") is None
+        and ledger.rate("lines") is None
+    )
     with ledger.timed(lit=1):
         pass
     with ledger.timed(lit=2):

@@ -25,11 +25,14 @@ def test_jacobian_equals_finite_differences(scene: Scene, block: str):
     for column in range(layout.slices[block].start, layout.slices[block].stop):
         increment = np.zeros(layout.size)
         increment[column] = step
-        plus, minus = (term.residuals(layout.apply(scene.state, sign * increment)) for sign in (1, -1))
+        plus, minus = (
+            term.residuals(layout.apply(scene.state, sign * increment)) for sign in (1, -1)
+        )
         wanted = (plus - minus) / (2 * step)
         error = np.abs(jacobian[:, column] - wanted).max() / np.abs(wanted).max()
         print(
-            f"{block}[{column - layout.slices[block].start}]: error {error:.1e}, margin {1e-6 / max(error, 1e-16):.0f}x"
+            f"{block}[{column - layout.slices[block].start}]: error {error:.1e}, margin "
+            f"{1e-6 / max(error, 1e-16):.0f}x"
         )
         assert error < 1e-6
 
@@ -49,18 +52,24 @@ def test_residuals_vanish_at_the_truth_and_count_standard_deviations(scene: Scen
     visible = landmarks.visible.copy()
     visible[50] = False
     points[50] += [0.0, 3.0]
-    shifted = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, visible), 1.5).at(scene.state)
+    shifted = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, visible), 1.5).at(
+        scene.state
+    )
     residual = shifted.residuals(scene.state).reshape(-1, 2)
     assert residual[40, 0] == pytest.approx(-2, abs=1e-2)
     assert residual[3, 0] == pytest.approx(-2 / 1.5, abs=1e-2), "the outline is on no feature"
-    assert residual[50, 1] == pytest.approx(-2 / HIDDEN_SIGMA, abs=1e-2), "a hidden point is a guess"
+    assert residual[50, 1] == pytest.approx(-2 / HIDDEN_SIGMA, abs=1e-2), (
+        "a hidden point is a guess"
+    )
 
 
 def test_an_unknown_hidden_point_says_nothing(scene: Scene):
     landmarks = scene.landmarks()
     points = landmarks.points.copy()
     points[30] = np.nan
-    term = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, np.arange(68) != 30), 1.5).at(scene.state)
+    term = LandmarkTerm(scene.geometry, Landmarks("ibug68", points, np.arange(68) != 30), 1.5).at(
+        scene.state
+    )
     residual = term.residuals(scene.state).reshape(-1, 2)
     jacobian = term.jacobian(scene.state, Layout(scene.state)).reshape(68, 2, -1)
     assert np.isfinite(residual).all() and not residual[30].any()
@@ -79,4 +88,6 @@ def test_robust_weights_fall_with_the_distance_of_the_point(scene: Scene):
 def test_a_face_behind_the_camera_is_no_number(scene: Scene):
     behind = replace(scene.state, translation=np.array([0, 0, 0.6]))
     assert np.isnan(term_of(scene).residuals(behind)).any()
-    assert np.isfinite(term_of(scene).residuals(moved(scene.state, pose=[0.3, 0, 0, 0, 0, -0.2]))).all()
+    assert np.isfinite(
+        term_of(scene).residuals(moved(scene.state, pose=[0.3, 0, 0, 0, 0, -0.2]))
+    ).all()

@@ -17,14 +17,21 @@ CONTOUR = scheme_of("ibug68").contour
 INNER = np.setdiff1d(np.arange(68), CONTOUR)
 
 
-def turned(scene: Scene, degrees: float, nod: float = 0.0) -> tuple[LandmarkTerm, PlacedLandmarks, np.ndarray]:
-    """The term of a turned face around its state, and the cosine of each landmark's normal and view."""
+def turned(
+    scene: Scene, degrees: float, nod: float = 0.0
+) -> tuple[LandmarkTerm, PlacedLandmarks, np.ndarray]:
+    """The term of a turned face around its state, and the cosine of each landmark's normal and
+    view.
+    """
     state = moved(scene.state, pose=[np.radians(nod), np.radians(degrees), 0, 0, 0, 0])
     term = LandmarkTerm(scene.geometry, scene.landmarks(state), SIGMA)
     vertices, weights = scene.model.landmark_vertices("ibug68")
     corners = scene.geometry.new_index[vertices]
     shape = scene.geometry.vertices(state.identity, state.expression)
-    normals = np.einsum("mi,mix->mx", weights, scene.geometry.vertex_normals(shape)[0][corners]) @ state.rotation.T
+    normals = (
+        np.einsum("mi,mix->mx", weights, scene.geometry.vertex_normals(shape)[0][corners])
+        @ state.rotation.T
+    )
     points = np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
     size = np.linalg.norm(points, axis=1) * np.linalg.norm(normals, axis=1)
     return term, term.at(state), -(points * normals).sum(axis=1) / size
@@ -35,7 +42,9 @@ def test_a_point_that_turned_away_is_a_guess_four_times_as_wide(scene: Scene, de
     term, placed, cosine = turned(scene, degrees)
     share = np.clip((0.05 - cosine[INNER]) / 0.30, 0, 1)
     deviation = term.sigma[INNER] * 4.0**share
-    np.testing.assert_allclose(placed.whitening[INNER], np.eye(2) / deviation[:, None, None], rtol=1e-6)
+    np.testing.assert_allclose(
+        placed.whitening[INNER], np.eye(2) / deviation[:, None, None], rtol=1e-6
+    )
     if degrees >= 75:
         assert (share > 0.3).any() and (share == 0).any(), "some show and some do not"
 
@@ -57,7 +66,9 @@ def test_the_deviation_of_a_point_is_its_own_and_hidden_three_times_that(scene: 
 
 
 @pytest.mark.parametrize(("degrees", "nod"), [(0, 0), (40, 0), (75, 0), (0, -50), (60, -30)])
-def test_the_outline_may_slide_along_itself_where_the_face_ends(scene: Scene, degrees: float, nod: float):
+def test_the_outline_may_slide_along_itself_where_the_face_ends(
+    scene: Scene, degrees: float, nod: float
+):
     """Hidden marks stay where the scheme has them, so that the cosines are theirs."""
     state = moved(scene.state, pose=[np.radians(nod), np.radians(degrees), 0, 0, 0, 0])
     landmarks = replace(scene.landmarks(state), visible=~np.isin(np.arange(68), CONTOUR))
@@ -67,7 +78,9 @@ def test_the_outline_may_slide_along_itself_where_the_face_ends(scene: Scene, de
     placed = term.at(state)
     cosine = turned(scene, degrees, nod)[2][CONTOUR]
     grazing = np.clip((0.5 - cosine) / 0.2, 0, 1)
-    deviation = 3.0 * SIGMA * scheme.deviation[CONTOUR] * 4.0 ** np.clip((0.05 - cosine) / 0.30, 0, 1)
+    deviation = (
+        3.0 * SIGMA * scheme.deviation[CONTOUR] * 4.0 ** np.clip((0.05 - cosine) / 0.30, 0, 1)
+    )
     step = np.gradient(placed.project(state)[CONTOUR], axis=0)
     tangent = step / np.linalg.norm(step, axis=1, keepdims=True)
     normal = tangent[:, ::-1] * [1, -1]
@@ -86,18 +99,28 @@ def test_the_robust_energy_is_what_the_weights_pull_down(scene: Scene):
     squared = (residual.reshape(-1, 2) ** 2).sum(axis=1)
     wanted = 4.5 * (placed.share * np.log1p(squared / 9)).sum()
     assert placed.robust_energy(scene.state) == pytest.approx(wanted)
-    np.testing.assert_allclose(placed.robust_weights(residual), np.repeat(placed.share / (1 + squared / 9), 2))
+    np.testing.assert_allclose(
+        placed.robust_weights(residual), np.repeat(placed.share / (1 + squared / 9), 2)
+    )
 
 
 def test_what_slid_to_the_outline_shows(scene: Scene):
-    """However far it is turned away where it slid to, it is no guess; and no surer than it is on the skin."""
+    """However far it is turned away where it slid to, it is no guess; and no surer than it is on
+    the skin.
+    """
     state = moved(scene.state, pose=[0, np.radians(40), 0, 0, 0, 0])
     landmarks, scheme = scene.landmarks(state), scheme_of("ibug68")
     seen = LandmarkTerm(scene.geometry, landmarks, SIGMA).at(state)
-    unseen = LandmarkTerm(scene.geometry, replace(landmarks, visible=~np.isin(np.arange(68), CONTOUR)), SIGMA).at(state)
+    unseen = LandmarkTerm(
+        scene.geometry, replace(landmarks, visible=~np.isin(np.arange(68), CONTOUR)), SIGMA
+    ).at(state)
     distance = np.linalg.norm(seen.project(state) - unseen.project(state), axis=1)[CONTOUR]
     slid = CONTOUR[distance > 1e-6]
     assert 0 < len(slid) < len(CONTOUR)
-    deviation = 1 / np.linalg.svd(seen.whitening[slid], compute_uv=False) / (SIGMA * scheme.deviation[slid, None])
+    deviation = (
+        1
+        / np.linalg.svd(seen.whitening[slid], compute_uv=False)
+        / (SIGMA * scheme.deviation[slid, None])
+    )
     assert (deviation > 1 - 1e-6).all()
     assert (deviation < max(scheme.across, scheme.along) + 1e-6).all()

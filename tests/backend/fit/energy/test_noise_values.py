@@ -12,7 +12,9 @@ EVERYWHERE = np.ones((SIZE, SIZE), bool)
 
 
 def estimated(relative: np.ndarray, used: np.ndarray = EVERYWHERE) -> NoiseModel:
-    """Of residuals that are ``relative`` to the level midway between photo and model, and 0.15 of the photo's."""
+    """Of residuals that are ``relative`` to the level midway between photo and model, and 0.15 of
+    the photo's.
+    """
     residual = relative * 0.4 * 1.15 / (1 - 0.5 * relative)
     return estimate_noise(residual[..., None] * np.ones(3), np.full((*used.shape, 3), 0.4), used)
 
@@ -47,7 +49,8 @@ def test_misfits_of_a_quarter_of_the_face_are_one_observation():
     y, x = np.mgrid[:SIZE, :SIZE] // (SIZE // 4)
     waves = 4e-3 * np.where((x + y) % 2, 1.0, -1.0)
     both = waves + white(1.2e-2)
-    # Block means have the waves' variance, (4e-3)^2, plus the noise's share; each block has 48^2 pixels.
+    # Block means have the waves' variance, (4e-3)^2, plus the noise's share; each block has 48^2
+    # pixels.
     wanted = (16e-6 + 1.44e-4 / 48**2) / (16e-6 + 1.44e-4) * 48**2
     assert estimated(both).area == pytest.approx(wanted, rel=0.15)
 

@@ -1,4 +1,6 @@
-"""The structured normal equations against the plain product of the written-out Jacobian, in float64."""
+"""The structured normal equations against the plain product of the written-out Jacobian, in
+float64.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,20 @@ from reference.synthetic_scene import Scene
 BOUND = 2e-6
 
 
-@pytest.mark.parametrize("blocks", [BLOCKS, ("lights",), ("specular",), ("pose", "lights"), ("albedo", "specular")])
+@pytest.mark.parametrize(
+    "blocks", [BLOCKS, ("lights",), ("specular",), ("pose", "lights"), ("albedo", "specular")]
+)
 @pytest.mark.parametrize("uniform", [False, True])
-def test_hessian_and_gradient(scene: Scene, uniform_scene: Scene, uniform: bool, blocks: tuple[str, ...]):
+def test_hessian_and_gradient(
+    scene: Scene, uniform_scene: Scene, uniform: bool, blocks: tuple[str, ...]
+):
     scene = uniform_scene if uniform else scene
     state, layout = scene.state, Layout(scene.state)
     y, x = np.mgrid[: state.camera.height, : state.camera.width]
     surface = scene.forward.surface(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
-    terms = scene.forward.light_terms(state, surface, scene.stage, 2, 3, Asked(by_surface=True, by_roughness=True))
+    terms = scene.forward.light_terms(
+        state, surface, scene.stage, 2, 3, Asked(by_surface=True, by_roughness=True)
+    )
     image = scene.forward.shade(state, surface, terms)
     random = np.random.default_rng(1)
     pixels = len(surface.pixels)

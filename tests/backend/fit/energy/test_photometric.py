@@ -22,9 +22,16 @@ from reference.synthetic_scene import Scene
 SAMPLES, SEED = 4, 6
 # Steps that move the image by about a tenth of a pixel, or change the color by about a per cent.
 STEPS: dict[str, ArrayLike] = {
-    "pose": np.array([1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3]), "focal": 2e-3, "identity": 0.05, "expression": 0.02,
-    "lights": 0.2, "light_position": 2e-3, "albedo": 0.02, "roughness": 4e-3, "specular": 0.1,
-}  # fmt: skip
+    "pose": np.array([1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3]),
+    "focal": 2e-3,
+    "identity": 0.05,
+    "expression": 0.02,
+    "lights": 0.2,
+    "light_position": 2e-3,
+    "albedo": 0.02,
+    "roughness": 4e-3,
+    "specular": 0.1,
+}
 BOUND = 0.02
 PIVOT = np.array([0.02, -0.03, -0.8])  # the stage's centre, about
 
@@ -44,7 +51,10 @@ def interior(scene: Scene) -> np.ndarray:
     surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
     cosine = -(surface.normals * surface.rays).sum(1)
     chosen = surface.pixels[cosine > 0.35]
-    around = [scene.forward.surface(scene.state, chosen + shift) for shift in ([2, 0], [-2, 0], [0, 2], [0, -2])]
+    around = [
+        scene.forward.surface(scene.state, chosen + shift)
+        for shift in ([2, 0], [-2, 0], [0, 2], [0, -2])
+    ]
     inside = {tuple(pixel) for pixel in chosen}
     for surface, shift in zip(around, ([2, 0], [-2, 0], [0, 2], [0, -2]), strict=True):
         inside &= {tuple(pixel) for pixel in surface.pixels - shift}
@@ -75,13 +85,19 @@ def dense_jacobian(
         positions = position_derivatives(
             scene.forward, scene.state, image.surface, scene.stage, PIVOT, every, SAMPLES, SEED
         )
-    jacobian = Jacobian(scene.forward, scene.state, image, layout, layout.mask(blocks), positions=positions)
+    jacobian = Jacobian(
+        scene.forward, scene.state, image, layout, layout.mask(blocks), positions=positions
+    )
     for block in jacobian.blocks(at_a_time):
         rows = result[block.pixels]
         rows[:, :, jacobian.dense_columns] = block.dense.transpose(1, 0, 2)
-        rows[:, :, layout.slices["lights"]] = np.einsum("cbn,ncp->bcp", block.lights, jacobian.light_jacobian)
+        rows[:, :, layout.slices["lights"]] = np.einsum(
+            "cbn,ncp->bcp", block.lights, jacobian.light_jacobian
+        )
         if block.texels is not None:
-            rows[:, :, layout.slices["specular"]] = block.gloss[..., None] * block.texels.toarray()[:, None]
+            rows[:, :, layout.slices["specular"]] = (
+                block.gloss[..., None] * block.texels.toarray()[:, None]
+            )
     return result.reshape(-1, layout.size)
 
 
@@ -97,11 +113,17 @@ def columns(scene: Scene, block: str) -> Iterator[tuple[str, float, float]]:
         increment[where.start + offset] = step
         plus = picture(scene, layout.apply(scene.state, increment), pixels)
         minus = picture(scene, layout.apply(scene.state, -increment), pixels)
-        same = (plus.surface.triangle == image.surface.triangle) & (minus.surface.triangle == image.surface.triangle)
+        same = (plus.surface.triangle == image.surface.triangle) & (
+            minus.surface.triangle == image.surface.triangle
+        )
         wanted = (plus.color - minus.color)[same] / (2 * step)
         found = jacobian[:, where.start + offset].reshape(-1, 3)[same]
         size = np.sqrt((wanted**2).mean())
-        error = float(np.percentile(np.abs(found - wanted), 95) / size) if size > 0 else float(np.abs(found).max())
+        error = (
+            float(np.percentile(np.abs(found - wanted), 95) / size)
+            if size > 0
+            else float(np.abs(found).max())
+        )
         yield f"{block}[{offset}]", error, float(same.mean())
 
 
@@ -109,7 +131,8 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
     worst = 0.0
     for name, error, share in columns(scene, block):
         print(
-            f"{name:14s} error {error:.1e} of the derivative's size over {100 * share:.0f} % of the pixels, "
+            f"{name:14s} error {error:.1e} of the derivative's size over {100 * share:.0f} % "
+            "of the pixels, "
             f"allowed {bound:.0e}, margin {bound / max(error, 1e-12):.0f}x"
         )
         worst = max(worst, error)
@@ -119,8 +142,9 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_every_parameter(scene: Scene, unshadowed: None, block: str):
-    # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves both out.
-    # The derivative by a light's place is itself a difference, over a turn ten times as large.
+    # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves
+    # both out. The derivative by a light's place is itself a difference, over a turn ten times as
+    # large.
     check(scene, block, {"focal": 0.15, "light_position": 0.06}.get(block, BOUND))
 
 
@@ -130,7 +154,9 @@ def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):
 
 @pytest.mark.parametrize("block", ["pose", "identity"])
 def test_with_shadows_most_pixels_agree(scene: Scene, block: str):
-    """With shadow rays on, only pixels whose shadow moves may differ: the middle half must still agree."""
+    """With shadow rays on, only pixels whose shadow moves may differ: the middle half must still
+    agree.
+    """
     layout, pixels = Layout(scene.state), interior(scene)
     image = picture(scene, scene.state, pixels)
     jacobian = dense_jacobian(scene, image, layout, (block,))
@@ -138,9 +164,13 @@ def test_with_shadows_most_pixels_agree(scene: Scene, block: str):
     step = float(np.ravel(STEPS[block])[0])
     increment = np.zeros(layout.size)
     increment[column] = step
-    plus, minus = (picture(scene, layout.apply(scene.state, sign * increment), pixels) for sign in (1, -1))
+    plus, minus = (
+        picture(scene, layout.apply(scene.state, sign * increment), pixels) for sign in (1, -1)
+    )
     wanted = ((plus.color - minus.color) / (2 * step)).ravel()
-    error = np.median(np.abs(jacobian[:, column] - wanted)) / np.sqrt((jacobian[:, column] ** 2).mean())
+    error = np.median(np.abs(jacobian[:, column] - wanted)) / np.sqrt(
+        (jacobian[:, column] ** 2).mean()
+    )
     print(f"{block} with shadows: median error {error:.1e}")
     assert error < BOUND
 

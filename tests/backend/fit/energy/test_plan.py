@@ -1,4 +1,6 @@
-"""What the plan leaves out changes nothing: each rule alone, all of them, and the words that say what it saved."""
+"""What the plan leaves out changes nothing: each rule alone, all of them, and the words that say
+what it saved.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ RULES = [rule.name for rule in fields(Rules)]
 LIGHTS = 12
 # Of a parameter's own standard deviation: what rounding in other orders may do over a few steps.
 TOLERANCE = 0.002
-SHORT = Schedule(tuple(p if p.face_px is None else replace(p, steps=min(p.steps, 2)) for p in phases.PHASES))
+SHORT = Schedule(
+    tuple(p if p.face_px is None else replace(p, steps=min(p.steps, 2)) for p in phases.PHASES)
+)
 
 
 class Fits:
@@ -46,8 +50,12 @@ class Fits:
     def __call__(self, rules: Rules | None = None, job: Job | None = None) -> Fitted:
         return self.run(rules, job)[0]
 
-    def run(self, rules: Rules | None = None, job: Job | None = None) -> tuple[Fitted, list[Evaluation]]:
-        """Where the fit ended, and what its first phase with light saw at each step, when no surface moved."""
+    def run(
+        self, rules: Rules | None = None, job: Job | None = None
+    ) -> tuple[Fitted, list[Evaluation]]:
+        """Where the fit ended, and what its first phase with light saw at each step, when no
+        surface moved.
+        """
         job = self.job if job is None else job
         problem, wanted = read_problem(job), Rules.of(job.plan) if rules is None else rules
         key = (wanted, problem.fingerprint)
@@ -66,7 +74,9 @@ class Fits:
 
 
 def left_out_by(rule: str, fits: Fits, rules: Rules) -> float:
-    """How much ``rule`` left out in the fit under ``rules``: units of its work, or photos without derivatives."""
+    """How much ``rule`` left out in the fit under ``rules``: units of its work, or photos without
+    derivatives.
+    """
     fitted, seen = fits.run(rules)
     if rule == "terms":
         return sum(not evaluation.image.terms.diffuse_by_normal.any() for evaluation in seen)
@@ -79,16 +89,28 @@ def without(rule: str) -> Rules:
 
 @pytest.fixture(scope="module")
 def job(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Job:
-    """Lit from one side, so that lights are fitted to zero; the first is off, the roughness known, a mode held."""
+    """Lit from one side, so that lights are fitted to zero; the first is off, the roughness known,
+    a mode held.
+    """
     radiance = np.where(np.arange(6)[:, None] == 2, scene.lights.radiance(scene.state.lights), 0.0)
-    one_sided = replace(scene, state=replace(scene.state, lights=scene.lights.from_radiance(radiance)))
+    one_sided = replace(
+        scene, state=replace(scene.state, lights=scene.lights.from_radiance(radiance))
+    )
     case = write_case(tmp_path_factory.mktemp("one-sided"), one_sided)
     stage = fibonacci_stage(LIGHTS)
-    stage = replace(stage, state=np.array([OFF] + [ON] * (LIGHTS - 1))).with_radiance(stage.radiance)
+    stage = replace(stage, state=np.array([OFF] + [ON] * (LIGHTS - 1))).with_radiance(
+        stage.radiance
+    )
     return Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), stage=stage,
-        device="cpu", freeze=("roughness",), initial={"specular": np.full((6, 6), 0.8)},
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=stage,
+        device="cpu",
+        freeze=("roughness",),
+        initial={"specular": np.full((6, 6), 0.8)},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +136,8 @@ def test_the_answer_is_the_same_under_the_full_plan(fit: Fits, job: Job):
     full = fit(None, replace(job, plan=FULL))
     assert_agree(full, fit())
     assert {rule for rule, _ in full.ledger.skipped} <= {"facing", "shadows"}, (
-        "nothing is skipped but rays without light, and the motion of shadows, which is no question of the plan"
+        "nothing is skipped but rays without light, and the motion of shadows, which is no "
+        "question of the plan"
     )
 
 
@@ -139,7 +162,10 @@ def test_one_system_is_the_same_without_a_rule(scene: Scene, rule: str):
     size = np.sqrt(np.outer(*2 * [np.diag(systems[1][0])])) + 1e-12 * np.diag(systems[1][0]).max()
     assert np.abs((systems[0][0] - systems[1][0]) / size).max() < 1e-5
     root = np.sqrt(np.diag(systems[1][0])) + 1e-9
-    assert np.abs((systems[0][1] - systems[1][1]) / root).max() < 1e-4 * np.abs(systems[1][1] / root).max()
+    assert (
+        np.abs((systems[0][1] - systems[1][1]) / root).max()
+        < 1e-4 * np.abs(systems[1][1] / root).max()
+    )
 
 
 def test_pixels_without_weight_are_not_lit(scene: Scene):
@@ -147,7 +173,10 @@ def test_pixels_without_weight_are_not_lit(scene: Scene):
     skin = photo.skin.copy()
     skin[:, :48] = 0
     photo = replace(photo, skin=skin)
-    lean, full = (PhotoTerm(scene.forward, photo, 2, plan=Plan(rules)) for rules in (Rules(), without("pixels")))
+    lean, full = (
+        PhotoTerm(scene.forward, photo, 2, plan=Plan(rules))
+        for rules in (Rules(), without("pixels"))
+    )
     few, many = (term.evaluate(scene.state, scene.stage, 1) for term in (lean, full))
     assert len(few.image.color) == int((few.base_weight > 0).sum()) < 0.7 * len(many.image.color)
     np.testing.assert_array_equal(few.base_weight, many.base_weight)
@@ -162,9 +191,13 @@ def test_a_dark_light_rests_only_while_it_wants_to():
     several = LightParameters(fitted, fixed, uniform=False)
     values = np.array([0, 0, 0, 0, 0, 1.0, 0, 0, 0])
     nothing = several.dark(values, np.zeros(9, bool))
-    assert nothing.tolist() == [False, False, True, False], "an unlit light that is not fitted is dark"
+    assert nothing.tolist() == [False, False, True, False], (
+        "an unlit light that is not fitted is dark"
+    )
     settled = np.array([True] * 3 + [True, True, False] + [True, False, True])
-    assert several.dark(values, settled).tolist() == [True, False, True, False], "one channel that wants up keeps it on"
+    assert several.dark(values, settled).tolist() == [True, False, True, False], (
+        "one channel that wants up keeps it on"
+    )
     uniform = LightParameters(fitted, fixed, uniform=True)
     values = np.array([0.0, 2.0, 0.0, 1.0, 1.0, 1.0])
     settled = np.array([True, False, False, False, False, False])
@@ -179,14 +212,18 @@ def test_a_resting_light_comes_back(scene: Scene):
     start = replace(scene.state, lights=scene.lights.from_radiance(radiance))
     from facestage.contract.job import Weights
 
-    stage = scene.solver(photo, ("lights",), 6, Weights(prior=1e-3, light=1e-3, landmarks=1e-3), samples=16)
+    stage = scene.solver(
+        photo, ("lights",), 6, Weights(prior=1e-3, light=1e-3, landmarks=1e-3), samples=16
+    )
     known(stage.energy.photo).resting = np.array([True] + [False] * 5)
     found, _ = scene.fit(stage, start)
     np.testing.assert_allclose(found.lights[:3], scene.state.lights[:3], rtol=0.1)
 
 
 def test_frozen_parameters_and_modes_that_move_nothing_seen_have_no_column(fit: Fits, job: Job):
-    """Pixels times parameters, in every step: what the job froze, and what the ledger says beyond that."""
+    """Pixels times parameters, in every step: what the job froze, and what the ledger says beyond
+    that.
+    """
     thawed = fit(None, replace(job, freeze=()))
     frozen = fit().ledger.skipped["columns", "cells"]
     assert frozen > thawed.ledger.skipped["columns", "cells"] > 0
@@ -203,8 +240,9 @@ def test_the_ledger_reckons_with_the_rate_of_its_run():
     assert seconds == pytest.approx(1.025)
     ledger.skip("columns", cells=3e9)
     assert saved_sentence(ledger, "columns", "cells") == (
-        "3 billion entries of the Jacobian; not timed, this run never did any", None,
-    )  # fmt: skip
+        "3 billion entries of the Jacobian; not timed, this run never did any",
+        None,
+    )
 
 
 def test_work_is_timed_in_every_unit_it_is_counted_in():
@@ -216,7 +254,9 @@ def test_work_is_timed_in_every_unit_it_is_counted_in():
     assert ledger.rate("cells") is None
 
 
-@pytest.mark.parametrize(("count", "words"), [(431, "431"), (27_400, "27 thousand"), (4.13e6, "4.1 million")])
+@pytest.mark.parametrize(
+    ("count", "words"), [(431, "431"), (27_400, "27 thousand"), (4.13e6, "4.1 million")]
+)
 def test_amounts_in_words(count: float, words: str):
     assert amount(count) == words
 

@@ -22,7 +22,9 @@ def given(renderer: str) -> Scene:
     return synthetic_scene()
 
 
-def energies(scene: Scene, parameters: LightParameters | None = None, **changes: Any) -> dict[str, float]:
+def energies(
+    scene: Scene, parameters: LightParameters | None = None, **changes: Any
+) -> dict[str, float]:
     state = replace(scene.state, **changes)
     priors = Priors(Layout(state), scene.state, True, Weights(prior=PRIOR, light=LIGHT), MEAN)
     return priors.energies(state, parameters or scene.lights)
@@ -67,8 +69,12 @@ def test_lamps_stand_within_two_fifths_of_the_lattice_s_spacing(given: Scene):
     turned = np.zeros((6, 2))
     spacing = np.sqrt(2 * np.pi / 6)
     turned[2] = [0.4 * spacing, 0.8 * spacing]
-    assert energies(given, light_position=turned)["light_position"] == pytest.approx(0.5 * PRIOR * 5)
+    assert energies(given, light_position=turned)["light_position"] == pytest.approx(
+        0.5 * PRIOR * 5
+    )
     state = replace(given.state, light_position=turned)
     # Of a stage of which most lights are off, the spacing is the whole stage's.
     priors = Priors(Layout(state), state, True, Weights(prior=PRIOR), MEAN, 24)
-    assert priors.energies(state, given.lights)["light_position"] == pytest.approx(4 * 0.5 * PRIOR * 5)
+    assert priors.energies(state, given.lights)["light_position"] == pytest.approx(
+        4 * 0.5 * PRIOR * 5
+    )

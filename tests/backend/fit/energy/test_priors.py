@@ -1,4 +1,6 @@
-"""The quadratic priors: gradient and Hessian against finite differences, and what each term is about."""
+"""The quadratic priors: gradient and Hessian against finite differences, and what each term is
+about.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,13 @@ def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
         slope = (energy[0] - energy[1]) / (2 * step)
         gradients = [priors.quadratic(side, lights).gradient for side in sides]
         row = (gradients[0] - gradients[1]) / (2 * step)
-        worst[0] = max(worst[0], abs(slope - quadratic.gradient[column]) / np.abs(quadratic.gradient).max())
-        worst[1] = max(worst[1], np.abs(row - quadratic.hessian[column]).max() / np.abs(quadratic.hessian).max())
+        worst[0] = max(
+            worst[0], abs(slope - quadratic.gradient[column]) / np.abs(quadratic.gradient).max()
+        )
+        worst[1] = max(
+            worst[1],
+            np.abs(row - quadratic.hessian[column]).max() / np.abs(quadratic.hessian).max(),
+        )
     print(f"priors: gradient error {worst[0]:.1e}, Hessian error {worst[1]:.1e}, allowed 1e-6")
     assert worst.max() < 1e-6
 
@@ -83,14 +90,22 @@ def test_white_lights_cost_less_than_colored_ones(scene: Scene):
     priors = priors_of(scene)
 
     def cost(values: np.ndarray) -> float:
-        return priors.energies(replace(scene.state, lights=scene.lights.from_radiance(values)), scene.lights)["light"]
+        return priors.energies(
+            replace(scene.state, lights=scene.lights.from_radiance(values)), scene.lights
+        )["light"]
 
-    assert cost(white) < cost(radiance) < cost(np.stack([radiance.sum(1), 0 * white[:, 0], 0 * white[:, 0]], 1))
+    assert (
+        cost(white)
+        < cost(radiance)
+        < cost(np.stack([radiance.sum(1), 0 * white[:, 0], 0 * white[:, 0]], 1))
+    )
 
 
 def test_a_smooth_specular_map_costs_less(scene: Scene):
     priors = priors_of(scene)
-    flat = replace(scene.state, specular=np.full_like(scene.state.specular, scene.state.specular.mean()))
+    flat = replace(
+        scene.state, specular=np.full_like(scene.state.specular, scene.state.specular.mean())
+    )
     assert priors.energies(flat, scene.lights)["specular_smooth"] == pytest.approx(0, abs=1e-12)
     assert priors.energies(scene.state, scene.lights)["specular_smooth"] > 0.1
     # One texel has no neighbour.
@@ -103,7 +118,8 @@ def test_the_expression_prior_follows_the_model(scene: Scene):
     layout = Layout(scene.state)
     state = moved(scene.state, expression=[0.1, 0.1, 0.1])
     energies = [
-        Priors(layout, state, box, Weights()).energies(state, scene.lights)["expression"] for box in (True, False)
+        Priors(layout, state, box, Weights()).energies(state, scene.lights)["expression"]
+        for box in (True, False)
     ]
     assert energies[1] == pytest.approx(0.5 * (state.expression**2).sum())
     assert energies[0] > energies[1]

@@ -1,4 +1,6 @@
-"""How shadows move: the Jacobian with shadow edges against central finite differences of well-sampled pictures."""
+"""How shadows move: the Jacobian with shadow edges against central finite differences of
+well-sampled pictures.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +50,11 @@ SAMPLES, SEED = 1024, 6
 DERIVED = Asked(by_surface=True, by_roughness=True)
 # Steps that move the shadow by about a tenth of its penumbra.
 STEPS: dict[str, ArrayLike] = {
-    "pose": np.array([5e-3, 5e-3, 5e-3, 1e-3, 1e-3, 2e-3]), "focal": 1e-2, "identity": 0.25, "expression": 0.25,
-}  # fmt: skip
+    "pose": np.array([5e-3, 5e-3, 5e-3, 1e-3, 1e-3, 2e-3]),
+    "focal": 1e-2,
+    "identity": 0.25,
+    "expression": 0.25,
+}
 SUM_BOUND, CORRELATION_BOUND = 0.10, 0.9
 
 
@@ -83,7 +88,9 @@ def jacobian(scene: Scene, image: Image, edges: ShadowEdges | None) -> np.ndarra
 def penumbra_of(scene: Scene, surface: Surface, lines: int = LINES) -> Penumbra:
     every = np.ones(len(scene.stage), bool)
     weight = np.ones(len(surface.pixels))
-    return find_penumbra(scene.forward, scene.state, surface, scene.stage, weight, every, SEED, lines)
+    return find_penumbra(
+        scene.forward, scene.state, surface, scene.stage, weight, every, SEED, lines
+    )
 
 
 def edges_of(scene: Scene, image: Image, lines: int) -> ShadowEdges:
@@ -116,17 +123,28 @@ def penumbra(renderer: str) -> SoftShadow:
     matrix = np.eye(4)
     matrix[:3, 3] = -state.translation
     whole = tracer.light_terms(
-        surface.points - state.translation, surface.normals, surface.facing, -surface.rays,
-        scene.stage.transformed(matrix), state.roughness, SAMPLES, SEED, Asked(shadows=False),
-    )  # fmt: skip
+        surface.points - state.translation,
+        surface.normals,
+        surface.facing,
+        -surface.rays,
+        scene.stage.transformed(matrix),
+        state.roughness,
+        SAMPLES,
+        SEED,
+        Asked(shadows=False),
+    )
     share = image.terms.diffuse[:, 0] / whole.diffuse[:, 0]
     edges = edges_of(scene, image, lines=8)
     frozen, moving = jacobian(scene, image, None), jacobian(scene, image, edges)
     return SoftShadow(scene, image, (share > 0.02) & (share < 0.98), edges, frozen, moving)
 
 
-def differences(penumbra: SoftShadow, block: str) -> Iterator[tuple[str, int, np.ndarray, np.ndarray]]:
-    """Name, column, pixels to compare (P,) and d color / d parameter (P,), the mean of the channels."""
+def differences(
+    penumbra: SoftShadow, block: str
+) -> Iterator[tuple[str, int, np.ndarray, np.ndarray]]:
+    """Name, column, pixels to compare (P,) and d color / d parameter (P,), the mean of the
+    channels.
+    """
     scene, image = penumbra.scene, penumbra.image
     layout = Layout(scene.state)
     where = layout.slices[block]
@@ -135,7 +153,9 @@ def differences(penumbra: SoftShadow, block: str) -> Iterator[tuple[str, int, np
         increment[where.start + offset] = step
         plus = picture(scene, layout.apply(scene.state, increment), image.surface.pixels)
         minus = picture(scene, layout.apply(scene.state, -increment), image.surface.pixels)
-        same = (plus.surface.triangle == image.surface.triangle) & (minus.surface.triangle == image.surface.triangle)
+        same = (plus.surface.triangle == image.surface.triangle) & (
+            minus.surface.triangle == image.surface.triangle
+        )
         wanted = ((plus.color - minus.color) / (2 * step)).mean(axis=1)
         yield f"{block}[{offset}]", where.start + offset, same & penumbra.partly, wanted
 
@@ -146,12 +166,17 @@ def column(matrix: np.ndarray, index: int) -> np.ndarray:
 
 
 def test_the_scene_has_a_soft_shadow(penumbra: SoftShadow):
-    print(f"{penumbra.partly.sum()} of {len(penumbra.partly)} pixels in penumbra, {len(penumbra.edges.pixel)} places")
+    print(
+        f"{penumbra.partly.sum()} of {len(penumbra.partly)} pixels in penumbra, "
+        f"{len(penumbra.edges.pixel)} places"
+    )
     assert penumbra.partly.sum() > 200
 
 
 def test_one_scan_line_is_right_on_average(penumbra: SoftShadow):
-    one = jacobian(penumbra.scene, penumbra.image, edges_of(penumbra.scene, penumbra.image, lines=1))
+    one = jacobian(
+        penumbra.scene, penumbra.image, edges_of(penumbra.scene, penumbra.image, lines=1)
+    )
     layout = Layout(penumbra.scene.state)
     for name in ("pose", "identity", "expression"):
         for index in range(layout.slices[name].start, layout.slices[name].stop):
@@ -173,20 +198,30 @@ def test_few_samples_are_mended_where_the_lamp_is_partly_hidden(penumbra: SoftSh
     # Eight shadow rays along two lines may miss a sliver at the rim of the square.
     missed = penumbra.partly & ~inside
     before, after = (
-        np.sqrt(((terms.diffuse[:, 0] - truth)[penumbra.partly] ** 2).mean()) / truth.max() for terms in (few, mended)
+        np.sqrt(((terms.diffuse[:, 0] - truth)[penumbra.partly] ** 2).mean()) / truth.max()
+        for terms in (few, mended)
     )
-    print(f"{missed.sum()} of {penumbra.partly.sum()} missed; light wrong by {before:.3f} before, {after:.3f} after")
+    print(
+        f"{missed.sum()} of {penumbra.partly.sum()} missed; light wrong by {before:.3f} "
+        f"before, {after:.3f} after"
+    )
     assert missed.sum() < 0.25 * penumbra.partly.sum()
     assert after < 0.5 * before
-    many = scene.forward.light_terms(scene.state, surface, scene.stage, PENUMBRA_SAMPLES, SEED, DERIVED)
+    many = scene.forward.light_terms(
+        scene.state, surface, scene.stage, PENUMBRA_SAMPLES, SEED, DERIVED
+    )
     for name in (field.name for field in fields(few) if field.name != "pairs"):
         before, after, wanted = (getattr(terms, name) for terms in (few, mended, many))
         np.testing.assert_array_equal(after[~inside], before[~inside])
-        np.testing.assert_allclose(after[inside], wanted[inside], rtol=1e-4, atol=1e-5 * np.abs(wanted).max())
+        np.testing.assert_allclose(
+            after[inside], wanted[inside], rtol=1e-4, atol=1e-5 * np.abs(wanted).max()
+        )
 
 
 def test_a_shadow_alone_tells_where_the_card_is(renderer: str):
-    """Only pixels of the wall are compared: without its shadow's motion, no derivative knows of the card."""
+    """Only pixels of the wall are compared: without its shadow's motion, no derivative knows of the
+    card.
+    """
     scene = shadow_scene()
     photo, _ = scene.render(samples=256)
     start = moved(scene.state, identity=[1.5, -1.0, 0.0, 0.0, 0.0, 0.0])
@@ -203,25 +238,40 @@ def test_a_shadow_alone_tells_where_the_card_is(renderer: str):
     left = {}
     for edges in (False, True):
         casting = np.ones(1, bool) if edges else None
-        term = PhotoTerm(scene.forward, replace(plain_photo(photo), usable=wall), 4, casting=casting)
+        term = PhotoTerm(
+            scene.forward, replace(plain_photo(photo), usable=wall), 4, casting=casting
+        )
         state = start
         for number in range(5):
             evaluation = term.evaluate(state, scene.stage, SEED + number)
-            hessian, gradient = term.normal_equations(evaluation, evaluation.base_weight, layout, active)
+            hessian, gradient = term.normal_equations(
+                evaluation, evaluation.base_weight, layout, active
+            )
             step = np.zeros(layout.size)
-            step[active] = np.linalg.lstsq(hessian[np.ix_(active, active)], -gradient[active], rcond=1e-9)[0]
+            step[active] = np.linalg.lstsq(
+                hessian[np.ix_(active, active)], -gradient[active], rcond=1e-9
+            )[0]
             state = layout.apply(state, step)
         left[edges] = float(np.linalg.norm(state.identity) / np.linalg.norm(start.identity))
-        print(f"shadow edges {edges}: {100 * left[edges]:.1f} % of the offset left after five Gauss-Newton steps")
+        print(
+            f"shadow edges {edges}: {100 * left[edges]:.1f} % of the offset left after five "
+            "Gauss-Newton steps"
+        )
     assert left[False] == 1.0
     assert left[True] < 0.05
 
 
 def test_without_shadows_nothing_changes(renderer: str):
-    """A card that the lamp does not see before a wall it sees whole: no cells, and the very same Jacobian."""
+    """A card that the lamp does not see before a wall it sees whole: no cells, and the very same
+    Jacobian.
+    """
     scene = shadow_scene()
-    front = replace(scene.stage, position=np.array([[0.0, 0.0, 0.2]]), direction=np.array([[0.0, 0.0, -1.0]]),
-                    axis_x=np.array([[1.0, 0.0, 0.0]]))  # fmt: skip
+    front = replace(
+        scene.stage,
+        position=np.array([[0.0, 0.0, 0.2]]),
+        direction=np.array([[0.0, 0.0, -1.0]]),
+        axis_x=np.array([[1.0, 0.0, 0.0]]),
+    )
     state = moved(scene.state, identity=[0, 0, -18.0, 0, 0, 0])  # behind the wall
     pixels = wall_pixels(replace(scene, state=state))
     bare = replace(scene, stage=front, state=state)
@@ -240,22 +290,39 @@ def correlation(found: np.ndarray, wanted: np.ndarray) -> float:
 @pytest.mark.parametrize("block", SHAPE)
 def test_every_parameter_that_moves_the_shadow(penumbra: SoftShadow, block: str, tmp_path: Path):
     for name, index, compared, wanted in differences(penumbra, block):
-        frozen, moving = column(penumbra.frozen, index)[compared], column(penumbra.moving, index)[compared]
+        frozen, moving = (
+            column(penumbra.frozen, index)[compared],
+            column(penumbra.moving, index)[compared],
+        )
         wanted = wanted[compared]
         size = np.abs(wanted).sum()
-        off = {key: abs(found.sum() - wanted.sum()) / size for key, found in (("with", moving), ("without", frozen))}
-        like = {key: correlation(found, wanted) for key, found in (("with", moving), ("without", frozen))}
+        off = {
+            key: abs(found.sum() - wanted.sum()) / size
+            for key, found in (("with", moving), ("without", frozen))
+        }
+        like = {
+            key: correlation(found, wanted)
+            for key, found in (("with", moving), ("without", frozen))
+        }
         error = {
             key: float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
             for key, found in (("with", moving), ("without", frozen))
         }
         print(
-            f"{name:14s} {compared.sum():4d} pixels: sum off by {100 * off['with']:.1f} % (without edges "
-            f"{100 * off['without']:.0f} %), allowed {100 * SUM_BOUND:.0f} %, margin {SUM_BOUND / off['with']:.0f}x; "
-            f"correlation {like['with']:.3f} (without {like['without']:.3f}); error {error['with']:.2f} "
+            f"{name:14s} {compared.sum():4d} pixels: sum off by {100 * off['with']:.1f} % "
+            "(without edges "
+            f"{100 * off['without']:.0f} %), allowed {100 * SUM_BOUND:.0f} %, margin "
+            f"{SUM_BOUND / off['with']:.0f}x; "
+            f"correlation {like['with']:.3f} (without {like['without']:.3f}); error "
+            f"{error['with']:.2f} "
             f"(without {error['without']:.2f})"
         )
-        np.savez(tmp_path / f"{name}.npz", pixels=penumbra.image.surface.pixels[compared], wanted=wanted, found=moving)
+        np.savez(
+            tmp_path / f"{name}.npz",
+            pixels=penumbra.image.surface.pixels[compared],
+            wanted=wanted,
+            found=moving,
+        )
         assert compared.sum() > 100
         assert off["with"] < SUM_BOUND, f"see {tmp_path}"
         assert like["with"] > CORRELATION_BOUND
@@ -269,7 +336,9 @@ def test_where_no_shadow_falls_the_fit_ends_the_same(scene: Scene):
     lamp = stage_at(np.array([[0.01, 0.02, 0.8]] * len(scene.stage)), side=0.1).transformed(matrix)
     scene = replace(scene, stage=lamp.with_radiance(scene.stage.radiance))
     photo, _ = scene.render()
-    start = moved(scene.state, identity=[0.3, -0.2, 0.25, 0.2], pose=[0.01, -0.01, 0.005, 1e-3, -5e-4, 2e-3])
+    start = moved(
+        scene.state, identity=[0.3, -0.2, 0.25, 0.2], pose=[0.01, -0.01, 0.005, 1e-3, -5e-4, 2e-3]
+    )
     ends, share = {}, 0.0
     for edges in (False, True):
         stage = scene.solver(photo, ("pose", "identity", "expression"), 4, Weights())
@@ -279,8 +348,16 @@ def test_where_no_shadow_falls_the_fit_ends_the_same(scene: Scene):
         share = stage.energy.photo.penumbra_share(start, scene.stage, every, SEED)
         ends[edges] = scene.forward.pose(scene.fit(stage, start)[0])[1]
     moved_by = 1e3 * np.linalg.norm(ends[True] - ends[False], axis=1).mean()
-    offset = 1e3 * np.linalg.norm(scene.forward.pose(start)[1] - scene.forward.pose(scene.state)[1], axis=1).mean()
-    print(f"{100 * share:.2f} % in penumbra: the ends differ by {moved_by:.3f} mm, the start was {offset:.2f} mm off")
+    offset = (
+        1e3
+        * np.linalg.norm(
+            scene.forward.pose(start)[1] - scene.forward.pose(scene.state)[1], axis=1
+        ).mean()
+    )
+    print(
+        f"{100 * share:.2f} % in penumbra: the ends differ by {moved_by:.3f} mm, the start was "
+        f"{offset:.2f} mm off"
+    )
     assert share < PENUMBRA_MIN
     assert moved_by < 0.02 * offset
     assert f"{100 * share:.2f} %" in omission(share)[1]
@@ -292,7 +369,9 @@ def test_what_is_left_out_is_said():
 
 
 def test_a_schedule_asks_for_edges_where_the_shape_moves():
-    asked = [phase.name for phase in Schedule().with_shadow_edges(True).phases if phase.shadow_edges]
+    asked = [
+        phase.name for phase in Schedule().with_shadow_edges(True).phases if phase.shadow_edges
+    ]
     assert asked == ["geometry", "joint"]
     assert Schedule().with_shadow_edges(True).with_shadow_edges(False) == Schedule()
 
@@ -303,12 +382,15 @@ def test_shadows_tell_shape_only_of_lamps_that_someone_placed(case: Case):
     placed = replace(lattice, position=lattice.position + np.array([0.2, 0.0, 0.1]))
     first = np.array([1, 0, 0, 0, 0, 0], bool)
     one_placed = replace(
-        lattice, position=np.where(first[:, None], placed.position, lattice.position),
+        lattice,
+        position=np.where(first[:, None], placed.position, lattice.position),
         state=np.where(first, ON, OFF),
-    )  # fmt: skip
+    )
     assert not lamps_known(job)
     assert not lamps_known(replace(job, stage=lattice, camera_to_stage=np.eye(4)))
-    assert not lamps_known(replace(job, stage=placed)), "where the camera stands in the stage is a guess"
+    assert not lamps_known(replace(job, stage=placed)), (
+        "where the camera stands in the stage is a guess"
+    )
     for stage in (placed, one_placed):
         known = replace(job, stage=stage, camera_to_stage=np.eye(4))
         assert lamps_known(known)
@@ -320,20 +402,29 @@ def test_shadows_tell_shape_only_of_lamps_that_someone_placed(case: Case):
 def test_only_lights_that_cast_are_looked_at(penumbra: SoftShadow):
     scene, surface = penumbra.scene, penumbra.image.surface
     none = np.zeros(len(scene.stage), bool)
-    found = find_penumbra(scene.forward, scene.state, surface, scene.stage, np.ones(len(surface.pixels)), none, SEED)
+    found = find_penumbra(
+        scene.forward, scene.state, surface, scene.stage, np.ones(len(surface.pixels)), none, SEED
+    )
     assert found.lines == found.share == len(found.cells.point) == 0
 
 
 def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_maps: Fineness):
     """Of placed lamps all cast; of a lattice only the lights that may turn to where a lamp was."""
-    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), device="cpu")
+    job = Job(
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        device="cpu",
+    )
     lattice = fibonacci_stage(4)
     placed = replace(lattice, position=lattice.position + np.array([0.2, 0.0, 0.1]))
     first = np.array([True, False, False, False])
     found: dict[tuple[str, bool, float], tuple[float | None, np.ndarray | None]] = {}
     for name, given in (
-        ("lattice", replace(job, stage=lattice)), ("placed", replace(job, stage=placed, camera_to_stage=np.eye(4))),
-    ):  # fmt: skip
+        ("lattice", replace(job, stage=lattice)),
+        ("placed", replace(job, stage=placed, camera_to_stage=np.eye(4))),
+    ):
         problem = read_problem(given, fineness=small_maps)
         forward = ForwardModel(problem.geometry, problem.lights)
         for edges, minimum in ((False, 0.0), (True, 0.0), (True, 1.0)):
@@ -351,10 +442,22 @@ def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_map
         assert found[name, True, 1.0] == (share, None)
 
 
-def test_the_result_counts_the_scan_lines_that_were_left_out(case: Case, small_maps: Fineness, tmp_path: Path):
-    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera), device="cpu")
+def test_the_result_counts_the_scan_lines_that_were_left_out(
+    case: Case, small_maps: Fineness, tmp_path: Path
+):
+    job = Job(
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        device="cpu",
+    )
     problem = read_problem(replace(job, stage=fibonacci_stage(4)), fineness=small_maps)
     phases = tuple(replace(phase, steps=min(phase.steps, 1)) for phase in Schedule().phases)
-    run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path, schedule=Schedule(phases))
-    (entry,) = (entry for entry in left_out(problem, run.run(float("inf"))) if "shadows" in entry["what"])
+    run = FitRun(
+        problem, ForwardModel(problem.geometry, problem.lights), tmp_path, schedule=Schedule(phases)
+    )
+    (entry,) = (
+        entry for entry in left_out(problem, run.run(float("inf"))) if "shadows" in entry["what"]
+    )
     assert "scan lines on the lights" in entry["saved"] and "lattice" in entry["why"]

@@ -1,4 +1,6 @@
-"""The silhouette term: the outline's place in the photo to a part of a pixel, its derivative, and when it is silent."""
+"""The silhouette term: the outline's place in the photo to a part of a pixel, its derivative, and
+when it is silent.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,10 @@ def scene() -> Scene:
     count = len(truth.stage)
     lights = LightParameters(np.zeros(count, bool), truth.stage.radiance, uniform=False)
     # Turned, so that a cheek is the outline.
-    return Scene(ForwardModel(FaceGeometry(truth.model), lights), moved(truth.state, pose=[0, 0.7, 0, 0, 0, 0]))
+    return Scene(
+        ForwardModel(FaceGeometry(truth.model), lights),
+        moved(truth.state, pose=[0, 0.7, 0, 0, 0, 0]),
+    )
 
 
 def flat_photo(scene: Scene, state: State, grid: int = 8) -> Photo:
@@ -50,7 +55,9 @@ def flat_photo(scene: Scene, state: State, grid: int = 8) -> Photo:
     for sub in range(grid * grid):
         offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
         pixels = np.stack([x.ravel(), y.ravel()], axis=1) + offset
-        coverage += (scene.forward.hits(state, pixels).triangle >= 0).reshape(height, width) / grid**2
+        coverage += (scene.forward.hits(state, pixels).triangle >= 0).reshape(
+            height, width
+        ) / grid**2
     return plain_photo(coverage[..., None] * FACE + (1 - coverage[..., None]) * BACK)
 
 
@@ -68,7 +75,10 @@ def photo(scene: Scene) -> Photo:
 def test_the_truth_lies_on_its_own_outline(scene: Scene, photo: Photo):
     found = find(scene, photo, scene.state)
     distance = found.residuals(scene.state) * found.sigma
-    print(f"{len(distance)} points, median |distance| {np.median(np.abs(distance)):.3f} px (allowed 0.2)")
+    print(
+        f"{len(distance)} points, median |distance| {np.median(np.abs(distance)):.3f} px "
+        "(allowed 0.2)"
+    )
     assert len(distance) >= 10
     assert np.median(np.abs(distance)) < 0.2
 
@@ -91,16 +101,23 @@ def test_jacobian_against_finite_differences(scene: Scene, photo: Photo):
         for column in range(layout.slices[block].start, layout.slices[block].stop):
             step = np.zeros(layout.size)
             step[column] = 1e-5
-            plus, minus = (found.residuals(layout.apply(scene.state, sign * step)) for sign in (1, -1))
-            np.testing.assert_allclose(jacobian[:, column], (plus - minus) / 2e-5, rtol=1e-3, atol=1e-3)
+            plus, minus = (
+                found.residuals(layout.apply(scene.state, sign * step)) for sign in (1, -1)
+            )
+            np.testing.assert_allclose(
+                jacobian[:, column], (plus - minus) / 2e-5, rtol=1e-3, atol=1e-3
+            )
     rest = np.setdiff1d(
-        np.arange(layout.size), np.flatnonzero(layout.mask(("pose", "identity", "expression", "focal")))
+        np.arange(layout.size),
+        np.flatnonzero(layout.mask(("pose", "identity", "expression", "focal"))),
     )
     assert not jacobian[:, rest].any()
 
 
 def test_a_face_before_its_own_color_has_no_outline(scene: Scene):
-    photo = plain_photo(np.broadcast_to(FACE, (scene.state.camera.height, scene.state.camera.width, 3)).copy())
+    photo = plain_photo(
+        np.broadcast_to(FACE, (scene.state.camera.height, scene.state.camera.width, 3)).copy()
+    )
     assert SilhouetteTerm(scene.forward, photo, FACE_PX).find(scene.state) is None
 
 
@@ -126,5 +143,8 @@ def test_deviation_and_share_follow_the_face_s_size(scene: Scene, photo: Photo):
 def test_normals_point_out_of_the_face(scene: Scene, photo: Photo):
     found = find(scene, photo, scene.state)
     place = found.points.project(scene.state)
-    inside, outside = (scene.forward.hits(scene.state, place + sign * 2.0 * found.normals).triangle for sign in (-1, 1))
+    inside, outside = (
+        scene.forward.hits(scene.state, place + sign * 2.0 * found.normals).triangle
+        for sign in (-1, 1)
+    )
     assert (inside >= 0).all() and (outside < 0).all()

@@ -14,7 +14,9 @@ SIDE, FACE_PX = 120, 100.0
 FACE = np.array([0.5, 0.4, 0.3])
 
 
-def strip(edge: float, back: np.ndarray = 0.1 * FACE, skin: float = 1.0, face: np.ndarray = FACE) -> Photo:
+def strip(
+    edge: float, back: np.ndarray = 0.1 * FACE, skin: float = 1.0, face: np.ndarray = FACE
+) -> Photo:
     """The face left of x = ``edge``, to a part of a pixel."""
     coverage = np.clip(edge - np.arange(SIDE), 0, 1)
     color = coverage[:, None] * face + (1 - coverage[:, None]) * back
@@ -23,7 +25,9 @@ def strip(edge: float, back: np.ndarray = 0.1 * FACE, skin: float = 1.0, face: n
     return Photo(picture, everywhere, np.full((SIDE, SIDE), skin), np.zeros(picture.shape, bool))
 
 
-def offsets(scene: Scene, photo: Photo, middle: list[float], face_px: float = FACE_PX) -> np.ndarray:
+def offsets(
+    scene: Scene, photo: Photo, middle: list[float], face_px: float = FACE_PX
+) -> np.ndarray:
     """Of points at these x, in the picture's middle, looking right."""
     points = np.stack([np.array(middle), np.full(len(middle), SIDE / 2)], axis=1)
     normal = np.broadcast_to([1.0, 0.0], points.shape)
@@ -47,8 +51,11 @@ def test_the_edge_is_looked_for_within_a_fortieth_of_the_face(scene: Scene):
 
 
 def test_face_and_background_must_differ_by_a_third_of_the_brighter(scene: Scene):
-    """|face - back| over the brighter of them plus a tenth of the photo's mean; which is the brighter is one."""
-    half = 0.1 * FACE.mean() / np.linalg.norm(FACE)  # of the face's norm, for a photo of the face's mean
+    """|face - back| over the brighter of them plus a tenth of the photo's mean; which is the
+    brighter is one.
+    """
+    # of the face's norm, for a photo of the face's mean
+    half = 0.1 * FACE.mean() / np.linalg.norm(FACE)
     for share, seen in ((0.60, True), (0.66, False)):
         photo = strip(60.0, share * FACE)
         contrast = (1 - share) / (1 + half * (1 + share) / 2)
@@ -85,7 +92,9 @@ def test_a_ramp_is_no_edge_and_masked_pixels_tell_nothing(scene: Scene):
 def test_a_point_counts_for_its_stretch_of_outline_and_less_when_far(scene: Scene):
     points = SurfacePoints(scene.geometry, np.zeros((1, 3), int), np.ones((1, 3)) / 3)
     outline = Silhouette(points, np.zeros((1, 2)), np.zeros((1, 2)), 0.6, 0.25)
-    np.testing.assert_allclose(outline.weights(np.array([0.0, 3.0, -3.0, 9.0])), [0.25, 0.125, 0.125, 0.025])
+    np.testing.assert_allclose(
+        outline.weights(np.array([0.0, 3.0, -3.0, 9.0])), [0.25, 0.125, 0.125, 0.025]
+    )
     wanted = 4.5 * 0.25 * np.log([2, 2, 10]).sum()
     assert outline.robust_energy(np.array([0.0, 3.0, -3.0, 9.0])) == pytest.approx(wanted)
 
@@ -94,9 +103,9 @@ def test_edges_are_those_that_two_triangles_share():
     """A strip of three triangles has two; of those, the ones with a fitted side count."""
     triangles = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4]])
     edges, sides = _mesh_edges(triangles, np.array([True, True, True]))
-    assert {(*edge, *sorted(side)) for edge, side in zip(edges.tolist(), sides.tolist(), strict=True)} == {
-        (1, 2, 0, 1), (2, 3, 1, 2),
-    }  # fmt: skip
+    assert {
+        (*edge, *sorted(side)) for edge, side in zip(edges.tolist(), sides.tolist(), strict=True)
+    } == {(1, 2, 0, 1), (2, 3, 1, 2)}
     edges, _ = _mesh_edges(triangles, np.array([True, False, False]))
     assert edges.tolist() == [[1, 2]]
     assert not len(_mesh_edges(triangles, np.zeros(3, bool))[0])

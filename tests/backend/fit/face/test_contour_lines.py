@@ -1,4 +1,6 @@
-"""Landmarks of the outline on a head that turns: where they slide to, and what that is worth to the shape."""
+"""Landmarks of the outline on a head that turns: where they slide to, and what that is worth to the
+shape.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,12 @@ def head() -> FaceGeometry:
     return FaceGeometry(load_model("default"))
 
 
-def turned(head: FaceGeometry, yaw: float = 0.0, pitch: float = 0.0, seed: int | None = None) -> State:
-    """The mean face, or a random one, 70 cm away, turned by degrees; positive yaw turns to the subject's left."""
+def turned(
+    head: FaceGeometry, yaw: float = 0.0, pitch: float = 0.0, seed: int | None = None
+) -> State:
+    """The mean face, or a random one, 70 cm away, turned by degrees; positive yaw turns to the
+    subject's left.
+    """
     random = np.random.default_rng(seed)
     identity = np.zeros(len(head.model.identity_names))
     expression = np.zeros(len(head.model.expression_names))
@@ -43,16 +49,25 @@ def turned(head: FaceGeometry, yaw: float = 0.0, pitch: float = 0.0, seed: int |
         identity = np.clip(0.8 * random.normal(size=len(identity)), -2, 2)
         expression[list(head.model.expression_names).index("mouthSmileLeft")] = 0.4
     return State(
-        Rotation.from_euler("xy", [pitch, yaw], degrees=True).as_matrix(), np.array([0.0, 0.0, -0.7]),
-        Camera.default(SIDE, SIDE, 2.5 * SIDE), identity, expression, np.zeros(0), np.zeros((0, 2)),
-        np.zeros(len(head.model.albedo_basis)), 0.4, np.ones((2, 2)),
-    )  # fmt: skip
+        Rotation.from_euler("xy", [pitch, yaw], degrees=True).as_matrix(),
+        np.array([0.0, 0.0, -0.7]),
+        Camera.default(SIDE, SIDE, 2.5 * SIDE),
+        identity,
+        expression,
+        np.zeros(0),
+        np.zeros((0, 2)),
+        np.zeros(len(head.model.albedo_basis)),
+        0.4,
+        np.ones((2, 2)),
+    )
 
 
 def fixed_points(head: FaceGeometry, scheme: str, state: State) -> np.ndarray:
     """(m, 2) pixels of the table's own points."""
     corners, weights = head.model.landmark_vertices(scheme)
-    shape = head.model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    shape = (
+        head.model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    )
     return state.camera.project(np.einsum("mi,mix->mx", weights, shape[corners]))
 
 
@@ -71,7 +86,9 @@ def test_lines_lead_over_the_skin_to_their_landmarks(head: FaceGeometry):
     lines = contour_lines(head, corners, weights)
     points = np.einsum("kci,kcix->kcx", lines.weights, head.mean[lines.corners])
     np.testing.assert_allclose(lines.weights.sum(axis=2), 1, atol=1e-6)
-    np.testing.assert_allclose(points[:, -1], np.einsum("ki,kix->kx", weights, head.mean[corners]), atol=1e-9)
+    np.testing.assert_allclose(
+        points[:, -1], np.einsum("ki,kix->kx", weights, head.mean[corners]), atol=1e-9
+    )
     # Each candidate lies in the plane of axis and landmark, and the next one is near.
     aside = np.cross(lines.outward, [0.0, 0.0, 1.0])
     assert np.abs(np.einsum("kcx,kx->kc", points - lines.centre, aside)).max() < 1e-6
@@ -82,26 +99,33 @@ def test_lines_lead_over_the_skin_to_their_landmarks(head: FaceGeometry):
 def test_the_frontal_outline_stays(head: FaceGeometry, scheme: str):
     state = turned(head)
     moved = np.linalg.norm(slid(head, scheme, state) - fixed_points(head, scheme, state), axis=1)
-    print(f"{scheme}: largest shift {moved.max():.2f} px of {SIDE}, median {np.median(moved):.2f} px")
+    print(
+        f"{scheme}: largest shift {moved.max():.2f} px of {SIDE}, median {np.median(moved):.2f} px"
+    )
     assert moved.max() < 3.5 and np.median(moved) < 0.5
 
 
 @pytest.mark.parametrize("yaw", [30.0, 60.0])
-def test_the_far_cheek_lies_on_the_silhouette_and_the_near_one_stays(head: FaceGeometry, yaw: float):
+def test_the_far_cheek_lies_on_the_silhouette_and_the_near_one_stays(
+    head: FaceGeometry, yaw: float
+):
     state = turned(head, yaw)
     found, fixed = slid(head, "ibug68", state), fixed_points(head, "ibug68", state)
     shape = head.mean @ state.rotation.T + state.translation
     skin = state.camera.project(shape[head.fitted_vertices])
     # The nose may stand out further than the cheek.
     skin = skin[np.abs(head.mean[head.fitted_vertices, 0]) > 25 * MM]
-    # Turning to its left, the head shows its right side; the left cheek is the outline, to the right of the picture.
+    # Turning to its left, the head shows its right side; the left cheek is the outline, to the
+    # right of the picture.
     far, opposite = [13, 14, 15] if yaw < 45 else [14, 15], [1, 2, 3]
     np.testing.assert_allclose(found[opposite], fixed[opposite])
     for point in far:
         level = np.abs(skin[:, 1] - found[point, 1]) < 3
         edge = skin[level, 0].max()
-        print(f"yaw {yaw}, point {point}: {edge - found[point, 0]:.2f} px inside the silhouette, "
-              f"fixed {edge - fixed[point, 0]:.2f} px")  # fmt: skip
+        print(
+            f"yaw {yaw}, point {point}: {edge - found[point, 0]:.2f} px inside the silhouette, "
+            f"fixed {edge - fixed[point, 0]:.2f} px"
+        )
         assert abs(edge - found[point, 0]) < 3.5
         assert found[point, 0] >= fixed[point, 0] - 1e-6
 
@@ -118,7 +142,9 @@ def test_a_point_that_is_marked_as_hidden_is_not_the_outline(head: FaceGeometry)
     shown = landmarks_at(head, "ibug68", state)
     hidden = replace(shown, visible=np.arange(68) != 14)
     moved = [
-        np.linalg.norm(LandmarkTerm(head, item, 1.0).at(state).project(state) - shown.points, axis=1)
+        np.linalg.norm(
+            LandmarkTerm(head, item, 1.0).at(state).project(state) - shown.points, axis=1
+        )
         for item in (shown, hidden)
     ]
     assert moved[0][14] > 5 and moved[1][14] < 1e-6
@@ -131,7 +157,10 @@ def test_hidden_points_count_for_little_whatever_the_file_says(head: FaceGeometr
     term = LandmarkTerm(head, landmarks, 1.0)
     size = np.linalg.norm(term.at(state).whitening, axis=(1, 2)) * term.sigma
     right_cheek, left_cheek = 137, 366
-    assert size[right_cheek] == pytest.approx(np.sqrt(2)) and size[left_cheek] < 0.3 * size[right_cheek]
+    assert (
+        size[right_cheek] == pytest.approx(np.sqrt(2))
+        and size[left_cheek] < 0.3 * size[right_cheek]
+    )
     assert (size <= np.sqrt(2) + 1e-9)[np.setdiff1d(np.arange(478), term.scheme.contour)].all()
 
 
@@ -139,7 +168,9 @@ def test_the_frontal_outline_is_sharper_across_than_along(head: FaceGeometry):
     state = turned(head)
     term = LandmarkTerm(head, landmarks_at(head, "mediapipe478", state), 1.0)
     whitening = term.at(state).whitening[93] * term.sigma[93]
-    across, along = (np.linalg.norm(whitening @ direction) for direction in ([1.0, 0.0], [0.0, 1.0]))
+    across, along = (
+        np.linalg.norm(whitening @ direction) for direction in ([1.0, 0.0], [0.0, 1.0])
+    )
     assert across > 2 * along
 
 
@@ -148,7 +179,9 @@ def test_weights_are_inverse_variances(head: FaceGeometry):
     plain = landmarks_at(head, "mediapipe478", state)
     weights = np.ones(478)
     weights[[5, 6]] = [4.0, 0.0]
-    one, other = (LandmarkTerm(head, item, 1.0) for item in (plain, replace(plain, weights=weights)))
+    one, other = (
+        LandmarkTerm(head, item, 1.0) for item in (plain, replace(plain, weights=weights))
+    )
     ratio = np.diagonal(other.at(state).whitening, axis1=1, axis2=2) / np.diagonal(
         one.at(state).whitening, axis1=1, axis2=2
     )
@@ -174,7 +207,9 @@ def test_the_jacobian_is_right_with_the_outline_held(head: FaceGeometry, block: 
         assert error < 1e-3
 
 
-def recovered_mm(head: FaceGeometry, truth: State, landmarks: Landmarks, slides: bool = True) -> float:
+def recovered_mm(
+    head: FaceGeometry, truth: State, landmarks: Landmarks, slides: bool = True
+) -> float:
     """Mean distance of the narrow face after similarity alignment, from landmarks alone."""
     start = replace(truth, identity=0 * truth.identity, expression=0 * truth.expression)
     layout, weights = Layout(start), Weights()
@@ -188,7 +223,9 @@ def recovered_mm(head: FaceGeometry, truth: State, landmarks: Landmarks, slides:
     for item in Stage("landmarks", SHAPE, energy, 15, freeze, low, high).run(start, 0, np.inf):
         start = item.state
     region = head.new_index[head.model.regions["narrow_face"]]
-    found, wanted = (head.vertices(state.identity, state.expression)[region] for state in (start, truth))
+    found, wanted = (
+        head.vertices(state.identity, state.expression)[region] for state in (start, truth)
+    )
     return float(aligned_distance(found, wanted, scale=True).mean()) / MM
 
 
@@ -199,7 +236,9 @@ def test_478_points_recover_a_face_as_well_as_68(head: FaceGeometry):
         for name in SCHEME_SIZES:
             exact = landmarks_at(head, name, truth)
             noise = np.random.default_rng(seed).normal(size=exact.points.shape)
-            errors[name].append(recovered_mm(head, truth, replace(exact, points=exact.points + 0.7 * noise)))
+            errors[name].append(
+                recovered_mm(head, truth, replace(exact, points=exact.points + 0.7 * noise))
+            )
     mean = {name: float(np.mean(values)) for name, values in errors.items()}
     print(f"mm after similarity alignment: {mean}")
     assert mean["mediapipe478"] <= 1.05 * mean["ibug68"]

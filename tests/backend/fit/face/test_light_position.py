@@ -55,7 +55,9 @@ def test_no_light_is_strong_in_the_dark_or_when_all_are_held():
 
 
 def test_spacing_of_the_lattice():
-    """The mean angle to the nearest neighbour, within a quarter; one light may go anywhere it is seen from."""
+    """The mean angle to the nearest neighbour, within a quarter; one light may go anywhere it is
+    seen from.
+    """
     for count in (20, 100):
         outward = -fibonacci_stage(count).direction
         angle = np.arccos(np.clip(outward @ outward.T, -1, 1)) + 10 * np.eye(count)

@@ -45,8 +45,13 @@ def test_rotations_stay_rotations(scene: Scene, omega: list[float]):
         state = moved(state, pose=[*omega, 0, 0, 0])
     np.testing.assert_allclose(state.rotation @ state.rotation.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(state.rotation) == pytest.approx(1)
-    np.testing.assert_allclose(moved(moved(scene.state, pose=[*omega, 0, 0, 0]), pose=[*(-np.array(omega)), 0, 0, 0])
-                               .rotation, scene.state.rotation, atol=1e-12)  # fmt: skip
+    np.testing.assert_allclose(
+        moved(
+            moved(scene.state, pose=[*omega, 0, 0, 0]), pose=[*(-np.array(omega)), 0, 0, 0]
+        ).rotation,
+        scene.state.rotation,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("box", [True, False])
@@ -83,7 +88,9 @@ def test_radiance_round_trip_and_jacobian(uniform: bool, seed: int):
     for index in range(lights.size):
         step = np.zeros(lights.size)
         step[index] = 1e-6
-        wanted = (lights.radiance(parameters + step) - lights.radiance(parameters - step))[fitted] / 2e-6
+        wanted = (lights.radiance(parameters + step) - lights.radiance(parameters - step))[
+            fitted
+        ] / 2e-6
         np.testing.assert_allclose(jacobian[:, :, index], wanted, atol=1e-8)
 
 

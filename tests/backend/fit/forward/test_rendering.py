@@ -23,14 +23,25 @@ def light_at(towards: tuple[float, float, float]) -> LightStage:
     outward = np.array([towards], float)
     axis = np.cross([[0.3, 0.9, 0.1]], outward)
     axis /= np.linalg.norm(axis)
-    return replace(stage, position=outward, direction=-outward, axis_x=axis, radiance=np.array([[5.0, 3.0, 1.0]]))
+    return replace(
+        stage,
+        position=outward,
+        direction=-outward,
+        axis_x=axis,
+        radiance=np.array([[5.0, 3.0, 1.0]]),
+    )
 
 
 @pytest.mark.parametrize(
     ("towards", "row", "column"),
-    [((0, 0, 1), 0.5, 0.5), ((1, 0, 0), 0.5, 0.25), ((-1, 0, 0), 0.5, 0.75), ((0, 1, 0), 0.0, None),
-     ((0, -1, 0), 1.0, None)],
-)  # fmt: skip
+    [
+        ((0, 0, 1), 0.5, 0.5),
+        ((1, 0, 0), 0.5, 0.25),
+        ((-1, 0, 0), 0.5, 0.75),
+        ((0, 1, 0), 0.0, None),
+        ((0, -1, 0), 1.0, None),
+    ],
+)
 def test_each_direction_has_its_place_in_the_probe(towards, row: float, column: float | None):
     probe = light_probe(light_at(towards), height=64)
     assert probe.shape == (64, 128, 3) and probe.max() == 5.0
@@ -62,17 +73,25 @@ def test_a_light_that_looks_away_is_not_in_the_probe():
 @pytest.fixture(scope="module")
 def textures(scene: Scene) -> Textures:
     atlas = Atlas.build(scene.geometry, 128)
-    return Textures(np.exp(atlas.bake(scene.forward.log_albedo(scene.state))), np.full((16, 16), 0.8, np.float32))
+    return Textures(
+        np.exp(atlas.bake(scene.forward.log_albedo(scene.state))),
+        np.full((16, 16), 0.8, np.float32),
+    )
 
 
 def test_the_picture_is_the_forward_model_averaged(scene: Scene, textures: Textures):
     state = replace(scene.state, specular=np.full((6, 6), 0.8))
     picture = render_picture(scene.forward, state, scene.stage, textures, seed=1, samples=8)
     color, seen = scene.render(state, samples=32)
-    assert picture.color.shape == color.shape and picture.coverage.max() == pytest.approx(1, abs=1e-5)
+    assert picture.color.shape == color.shape and picture.coverage.max() == pytest.approx(
+        1, abs=1e-5
+    )
     inside = picture.fitted & seen
     error = np.abs(picture.color - color)[inside]
-    print(f"anti-aliased picture against pixel centres: mean {error.mean() / color.max():.1e} of the brightest")
+    print(
+        f"anti-aliased picture against pixel centres: mean {error.mean() / color.max():.1e} of "
+        "the brightest"
+    )
     assert inside.sum() > 1500 and error.mean() < 0.01 * color.max()
     assert not picture.color[picture.coverage == 0].any()
 
@@ -81,17 +100,30 @@ def test_relit_pictures_are_linear_in_the_light(scene: Scene, textures: Textures
     double, first = 2 * scene.stage.radiance, scene.stage.radiance * (np.arange(6) == 0)[:, None]
     rest = scene.stage.radiance - first
     picture = render_picture(
-        scene.forward, scene.state, scene.stage, textures, samples=2,
+        scene.forward,
+        scene.state,
+        scene.stage,
+        textures,
+        samples=2,
         relight={"double": double, "first": first, "rest": rest},
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(picture.relit["double"], 2 * picture.color, rtol=1e-5, atol=1e-8)
-    np.testing.assert_allclose(picture.relit["first"] + picture.relit["rest"], picture.color, rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(
+        picture.relit["first"] + picture.relit["rest"], picture.color, rtol=1e-4, atol=1e-7
+    )
 
 
 def test_each_light_s_image_is_the_picture_under_that_light_alone(scene: Scene, textures: Textures):
     only = {str(j): scene.stage.radiance * (np.arange(6) == j)[:, None] for j in range(6)}
     picture = render_picture(
-        scene.forward, scene.state, scene.stage, textures, seed=5, samples=2, relight=only, by_light=True
+        scene.forward,
+        scene.state,
+        scene.stage,
+        textures,
+        seed=5,
+        samples=2,
+        relight=only,
+        by_light=True,
     )
     cache = picture.relight_cache("")
     assert cache is not None and picture.samples == cache.samples == 2
@@ -108,7 +140,9 @@ def test_each_light_s_image_is_the_picture_under_that_light_alone(scene: Scene, 
 
 def test_images_by_light_of_a_head_outside_the_picture(scene: Scene, textures: Textures):
     away = replace(scene.state, translation=scene.state.translation + 5.0 * np.eye(3)[0])
-    cache = render_picture(scene.forward, away, scene.stage, textures, by_light=True).relight_cache("")
+    cache = render_picture(scene.forward, away, scene.stage, textures, by_light=True).relight_cache(
+        ""
+    )
     assert cache is not None and not len(cache.pixels) and len(cache) == 6
     assert not cache.relight(scene.stage.radiance).any()
 
@@ -142,14 +176,19 @@ def test_a_roughness_map_of_one_value_changes_nothing(scene: Scene, textures: Te
     # Half of the map rougher: only there.
     half = np.full((8, 8), scene.state.roughness, np.float32)
     half[:, 5:] = 0.8
-    changed = render_picture(scene.forward, scene.state, scene.stage, replace(textures, roughness=half), 1, 2).color
+    changed = render_picture(
+        scene.forward, scene.state, scene.stage, replace(textures, roughness=half), 1, 2
+    ).color
     y, x = np.mgrid[:96, :96]
     surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5)
     column, row = surface.pixels.astype(int).T
     u = scene.forward.uvs(surface)[:, 0]
     difference = np.abs(changed - plain.color)[row, column].max(axis=1)
     brightest = plain.color.max()
-    assert difference[u < 0.45].max() < 1e-5 * brightest and difference[u > 0.75].max() > 1e-3 * brightest
+    assert (
+        difference[u < 0.45].max() < 1e-5 * brightest
+        and difference[u > 0.75].max() > 1e-3 * brightest
+    )
 
 
 def test_skin_is_told_from_cloth_and_background(scene: Scene):

@@ -30,14 +30,22 @@ def shade_pixel(scene: Scene, pixel: np.ndarray, samples: int, seed: int) -> np.
     """(3,) color of one pixel, every step spelled out."""
     state, model = scene.state, scene.model
     vertices = model.vertices.astype(float)
-    for weight, mode in zip([*state.identity, *state.expression], [*model.identity_basis, *model.expression_basis],
-                            strict=True):  # fmt: skip
+    for weight, mode in zip(
+        [*state.identity, *state.expression],
+        [*model.identity_basis, *model.expression_basis],
+        strict=True,
+    ):
         vertices = vertices + weight * mode.astype(float)
     vertices = vertices @ state.rotation.T + state.translation
-    ray = normalize(np.array([
-        (pixel[0] - state.camera.principal_px[0]) / state.camera.focal_px,
-        -(pixel[1] - state.camera.principal_px[1]) / state.camera.focal_px, -1.0,
-    ]))  # fmt: skip
+    ray = normalize(
+        np.array(
+            [
+                (pixel[0] - state.camera.principal_px[0]) / state.camera.focal_px,
+                -(pixel[1] - state.camera.principal_px[1]) / state.camera.focal_px,
+                -1.0,
+            ]
+        )
+    )
     triangle, weights, distance = first_hits(np.zeros(3), ray[None], vertices, model.triangles)
     corners, weights = model.triangles[triangle[0]], weights[0]
     normals = np.zeros_like(vertices)
@@ -55,17 +63,30 @@ def shade_pixel(scene: Scene, pixel: np.ndarray, samples: int, seed: int) -> np.
     for light in range(len(scene.stage)):
         salt = np.array([light * 0x9E3779B1 + 2 * seed], np.uint64)
         for axis, step in enumerate((0.7548776662466927, 0.5698402909980532)):
-            square[0, light, :, axis] = (np.arange(samples) * step + tea(key, salt + 1 + axis)) % 1.0
+            square[0, light, :, axis] = (
+                np.arange(samples) * step + tea(key, salt + 1 + axis)
+            ) % 1.0
     diffuse, specular = direct_light(
-        point[None], normal[None], -ray[None], scene.stage, state.roughness, square,
-        (point + 2e-4 * facing)[None], (vertices, model.triangles),
-    )  # fmt: skip
-    log_albedo = weights @ (np.log(model.albedo_mean) + np.tensordot(state.albedo, model.albedo_basis, 1))[corners]
+        point[None],
+        normal[None],
+        -ray[None],
+        scene.stage,
+        state.roughness,
+        square,
+        (point + 2e-4 * facing)[None],
+        (vertices, model.triangles),
+    )
+    log_albedo = (
+        weights
+        @ (np.log(model.albedo_mean) + np.tensordot(state.albedo, model.albedo_basis, 1))[corners]
+    )
     albedo = np.minimum(np.exp(log_albedo), ALBEDO_MAX)
     uv = weights @ model.uvs[corners]
     c_spec = texture_at(state.specular, uv)
     radiance = scene.lights.radiance(state.lights)
-    return K_DIFFUSE * albedo / np.pi * (diffuse[0] @ radiance) + K_SPECULAR * c_spec * (specular[0] @ radiance)
+    return K_DIFFUSE * albedo / np.pi * (diffuse[0] @ radiance) + K_SPECULAR * c_spec * (
+        specular[0] @ radiance
+    )
 
 
 def texture_at(texture: np.ndarray, uv: np.ndarray) -> float:
@@ -97,10 +118,14 @@ def test_one_pixel_shading(scene: Scene):
 def test_bilinear_lookup(size: int):
     random = np.random.default_rng(size)
     texture, uvs = random.random((size, size)), random.uniform(-0.1, 1.1, (50, 2))
-    np.testing.assert_allclose(sample_bilinear(texture, uvs), [texture_at(texture, uv) for uv in uvs])
+    np.testing.assert_allclose(
+        sample_bilinear(texture, uvs), [texture_at(texture, uv) for uv in uvs]
+    )
     np.testing.assert_allclose(bilinear_weights(uvs, size)[1].sum(1), 1)
     # The centre of the first texel lies at the top left.
-    assert sample_bilinear(texture, np.array([[0.5 / size, 1 - 0.5 / size]]))[0] == pytest.approx(texture[0, 0])
+    assert sample_bilinear(texture, np.array([[0.5 / size, 1 - 0.5 / size]]))[0] == pytest.approx(
+        texture[0, 0]
+    )
 
 
 def test_geometry_moves_with_its_modes_and_normals_are_unit(scene: Scene):
@@ -122,7 +147,9 @@ def test_normal_operator_is_the_derivative_of_the_normals(scene: Scene):
         normals, length = geometry.vertex_normals(points)
         return normals * length[:, None]
 
-    wanted = (unnormalized(vertices + 1e-6 * direction) - unnormalized(vertices - 1e-6 * direction)) / 2e-6
+    wanted = (
+        unnormalized(vertices + 1e-6 * direction) - unnormalized(vertices - 1e-6 * direction)
+    ) / 2e-6
     found = (operator @ direction.ravel()).reshape(-1, 3)
     error = np.abs(found - wanted).max() / np.abs(wanted).max()
     print(f"normal operator: error {error:.1e}, allowed 1e-5")

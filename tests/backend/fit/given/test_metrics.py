@@ -18,7 +18,9 @@ def test_alignment_removes_what_it_may_and_nothing_else(scale: float):
     similarity = aligned_distance(found, truth, scale=True)
     rigid = aligned_distance(found, truth, scale=False)
     assert similarity.max() < 1e-9
-    assert rigid.mean() == pytest.approx((scale - 1) * np.linalg.norm(truth - truth.mean(0), axis=1).mean(), abs=1e-6)
+    assert rigid.mean() == pytest.approx(
+        (scale - 1) * np.linalg.norm(truth - truth.mean(0), axis=1).mean(), abs=1e-6
+    )
 
 
 def test_alignment_never_mirrors():

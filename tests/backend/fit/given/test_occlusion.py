@@ -38,7 +38,10 @@ def test_a_board_is_found_to_its_edge(rendered: tuple[np.ndarray, np.ndarray], s
     hidden = flat_occluders(board(photo, seen, share) * noise, photo, seen, FACE_PX)
     below = np.zeros_like(seen)
     below[SIDE // 2 :] = True
-    print(f"hidden {hidden[seen & below].mean():.3f} of what is, {hidden[seen & ~below].mean():.3f} of what is not")
+    print(
+        f"hidden {hidden[seen & below].mean():.3f} of what is, "
+        f"{hidden[seen & ~below].mean():.3f} of what is not"
+    )
     assert hidden[seen & below].mean() > 0.99
     assert not hidden[: SIDE // 2 - 3].any()
 
@@ -50,7 +53,9 @@ def test_shadow_is_not_a_board(rendered: tuple[np.ndarray, np.ndarray]):
 
 def test_what_is_unknown_hides_nothing(rendered: tuple[np.ndarray, np.ndarray]):
     photo, seen = rendered
-    assert not flat_occluders(np.full_like(photo, np.nan), photo, np.zeros_like(seen), FACE_PX).any()
+    assert not flat_occluders(
+        np.full_like(photo, np.nan), photo, np.zeros_like(seen), FACE_PX
+    ).any()
     damaged = photo.copy()
     damaged[::7, ::5] = np.nan
     assert not flat_occluders(damaged, photo, seen & np.isfinite(damaged).all(2), FACE_PX).any()

@@ -1,4 +1,6 @@
-"""Landmarks of an open mouth and narrowed eyes on a known default head: the landmark stage finds both."""
+"""Landmarks of an open mouth and narrowed eyes on a known default head: the landmark stage finds
+both.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,13 @@ from facestage.models.registry import load_model
 
 SCHEME = "mediapipe478"
 LIPS, RIGHT_LIDS, LEFT_LIDS = (13, 14), (159, 145), (386, 374)
-SMILE = {"jawOpen": 0.35, "mouthSmileLeft": 0.6, "mouthSmileRight": 0.6, "AU46_wink_left": 0.3, "AU46_wink_right": 0.3}
+SMILE = {
+    "jawOpen": 0.35,
+    "mouthSmileLeft": 0.6,
+    "mouthSmileRight": 0.6,
+    "AU46_wink_left": 0.3,
+    "AU46_wink_right": 0.3,
+}
 
 
 @pytest.fixture(scope="module")
@@ -43,10 +51,17 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
     geometry = FaceGeometry(model)
     lights = LightParameters(np.zeros(1, bool), np.ones((1, 3)), False)
     mean = State(
-        np.eye(3), np.array([0.0, 0.0, -1.1]), Camera.default(256, 256, 600.0), np.zeros(len(model.identity_names)),
-        np.zeros(len(model.expression_names)), np.zeros(0), np.zeros((1, 2)), np.zeros(len(model.albedo_basis)), 0.4,
+        np.eye(3),
+        np.array([0.0, 0.0, -1.1]),
+        Camera.default(256, 256, 600.0),
+        np.zeros(len(model.identity_names)),
+        np.zeros(len(model.expression_names)),
+        np.zeros(0),
+        np.zeros((1, 2)),
+        np.zeros(len(model.albedo_basis)),
+        0.4,
         np.full((4, 4), 0.8),
-    )  # fmt: skip
+    )
     random = np.random.default_rng(5)
     smile = np.array([SMILE.get(name, 0.0) for name in model.expression_names])
     true = replace(mean, expression=smile, identity=0.6 * random.normal(size=len(mean.identity)))
@@ -55,7 +70,8 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
     size = face_size_px(replace(blank, points=exact))
     # Neighbors err together: the whole face by more than a lip against the other.
     found = exact + LANDMARK_SIGMA_SHARE * size * (
-        random.normal(size=2) + 0.3 * scheme_of(SCHEME).deviation[:, None] * random.normal(size=(478, 2))
+        random.normal(size=2)
+        + 0.3 * scheme_of(SCHEME).deviation[:, None] * random.normal(size=(478, 2))
     )
     landmarks = replace(blank, points=found)
     layout = Layout(mean)
@@ -65,11 +81,26 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
         priors = Priors(layout, state, model.expression_box, Weights())
         term = LandmarkTerm(geometry, landmarks, LANDMARK_SIGMA_SHARE * size)
         held = ~layout.mask(blocks) | layout.mask(("focal",))
-        stage = Stage("landmarks", blocks, Energy(layout, priors, term, Weights(), lights), 30, held, low, high)
+        stage = Stage(
+            "landmarks",
+            blocks,
+            Energy(layout, priors, term, Weights(), lights),
+            30,
+            held,
+            low,
+            high,
+        )
         for step in stage.run(state, 0, np.inf):
             state = step.state
     fitted = landmark_pixels(geometry, landmarks, state)
-    for pair, name, least in ((LIPS, "lips", 0.96), (RIGHT_LIDS, "right lids", 0.93), (LEFT_LIDS, "left lids", 0.93)):
+    for pair, name, least in (
+        (LIPS, "lips", 0.96),
+        (RIGHT_LIDS, "right lids", 0.93),
+        (LEFT_LIDS, "left lids", 0.93),
+    ):
         share = gap(fitted, pair) / gap(exact, pair)
-        print(f"{name}: {share:.3f} of the true {gap(exact, pair):.1f} px, margin {abs(1 - share) / (1 - least):.2f}")
+        print(
+            f"{name}: {share:.3f} of the true {gap(exact, pair):.1f} px, margin "
+            f"{abs(1 - share) / (1 - least):.2f}"
+        )
         assert least < share < 2 - least

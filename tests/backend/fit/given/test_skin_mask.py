@@ -1,4 +1,6 @@
-"""The skin mask against drawn faces: shading, highlights, noise, hair, glasses and colored walls of known places."""
+"""The skin mask against drawn faces: shading, highlights, noise, hair, glasses and colored walls of
+known places.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,12 @@ def landmarks(repository: Path) -> Landmarks:
     return Landmarks("ibug68", points, found.visible)
 
 
-def draw(skin: str, light: tuple[float, float, float] = (0.6, 0.3, 0.75)) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w, 3) an ellipsoid of skin under a white lamp before a grey wall, and (h, w) bool where it is."""
+def draw(
+    skin: str, light: tuple[float, float, float] = (0.6, 0.3, 0.75)
+) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w, 3) an ellipsoid of skin under a white lamp before a grey wall, and (h, w) bool where
+    it is.
+    """
     x, y = (X - CENTER[0]) / RADII[0], (Y - CENTER[1]) / RADII[1]
     inside = x**2 + y**2 < 1
     z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
@@ -98,12 +104,24 @@ def test_teeth_are_not_skin_though_they_are_bright(landmarks: Landmarks):
     photo[mouth] = 1.5 * photo[inside].mean() * np.array([1.0, 0.96, 0.9])
     weight = skin_weight(photo, laughing)
     assert weight[binary_erosion(mouth, np.ones((5, 5)))].max() == 0.0
-    assert weight[binary_dilation(mouth, iterations=6) & ~binary_dilation(mouth, iterations=2)].min() > 0.9
+    assert (
+        weight[binary_dilation(mouth, iterations=6) & ~binary_dilation(mouth, iterations=2)].min()
+        > 0.9
+    )
 
 
 def test_the_share_of_an_opening_is_its_area(landmarks: Landmarks):
     points = landmarks.points.copy()
-    points[60:68] = [[70.3, 100], [75, 100], [80, 100], [85, 100], [90.3, 100], [85, 110.6], [80, 110.6], [75, 110.6]]
+    points[60:68] = [
+        [70.3, 100],
+        [75, 100],
+        [80, 100],
+        [85, 100],
+        [90.3, 100],
+        [85, 110.6],
+        [80, 110.6],
+        [75, 110.6],
+    ]
     points[36:48] = np.nan
     share = opening_share((SIZE, SIZE), Landmarks("ibug68", points, np.ones(68, bool)))
     # A border has the width of a pixel: half of it outside.
@@ -148,12 +166,16 @@ def test_pixels_without_light_and_faces_at_the_border_give_numbers(landmarks: La
     photo, _ = draw("light")
     moved = Landmarks("ibug68", landmarks.points + 60.0, landmarks.visible)
     assert np.isfinite(skin_weight(photo, moved)).all()
-    assert np.isfinite(skin_weight(photo[:12, :9], Landmarks("ibug68", landmarks.points / 18, landmarks.visible))).all()
+    assert np.isfinite(
+        skin_weight(photo[:12, :9], Landmarks("ibug68", landmarks.points / 18, landmarks.visible))
+    ).all()
 
 
 def test_the_same_photo_gives_the_same_mask(landmarks: Landmarks):
     photo, _ = draw("dark")
-    np.testing.assert_array_equal(skin_weight(photo, landmarks), skin_weight(photo.copy(), landmarks))
+    np.testing.assert_array_equal(
+        skin_weight(photo, landmarks), skin_weight(photo.copy(), landmarks)
+    )
 
 
 def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landmarks):

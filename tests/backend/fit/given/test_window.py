@@ -1,4 +1,6 @@
-"""Large photos are worked on at a smaller size, and everything comes back in pixels of the whole photo."""
+"""Large photos are worked on at a smaller size, and everything comes back in pixels of the whole
+photo.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def landmarks(center: tuple[float, float], side: float) -> Landmarks:
 def test_a_small_photo_is_left_alone():
     window = Window.of(1000, 1000, landmarks((500, 500), 600))
     photo = Photograph(
-        np.ones((1000, 1000, 3), np.float32), np.ones((1000, 1000), bool), np.zeros((1000, 1000, 3), bool)
+        np.ones((1000, 1000, 3), np.float32),
+        np.ones((1000, 1000), bool),
+        np.zeros((1000, 1000, 3), bool),
     )
     camera = Camera.default(1000, 1000)
     assert window.whole and window.photograph(photo) is photo
@@ -30,7 +34,9 @@ def test_a_small_photo_is_left_alone():
     assert window.words == "1000 x 1000"
 
 
-@pytest.mark.parametrize(("center", "side"), [((2000, 1500), 1500), ((3600, 400), 300), ((100, 2900), 1200)])
+@pytest.mark.parametrize(
+    ("center", "side"), [((2000, 1500), 1500), ((3600, 400), 300), ((100, 2900), 1200)]
+)
 def test_camera_and_points_agree_in_both_frames(center: tuple[float, float], side: float):
     window, marks = Window.of(4000, 3000, landmarks(center, side)), landmarks(center, side)
     camera = Camera(4000, 3000, 3600.0, (2010.0, 1480.0))
@@ -38,7 +44,9 @@ def test_camera_and_points_agree_in_both_frames(center: tuple[float, float], sid
     points = np.random.default_rng(1).normal(size=(20, 3)) * 0.05 + [0, 0, -0.7]
     own, moved = window.camera(camera), window.landmarks(marks)
     corner = np.array(window.box[:2])
-    np.testing.assert_allclose(own.project(points), (camera.project(points) - corner) * window.factor)
+    np.testing.assert_allclose(
+        own.project(points), (camera.project(points) - corner) * window.factor
+    )
     np.testing.assert_allclose(moved.points / window.factor + corner, marks.points)
     back = window.full_camera(own)
     assert (back.width, back.height) == (4000, 3000) and back.focal_px == pytest.approx(3600)
@@ -57,14 +65,19 @@ def test_pixels_lie_where_the_camera_says():
     assert photo.size == window.size
     rows, columns = np.mgrid[: photo.size[1], : photo.size[0]] + 0.5
     left, top = window.box[:2]
-    # Sizes are whole pixels: half a pixel at the far side, and what OpenCV's area average does at the border.
+    # Sizes are whole pixels: half a pixel at the far side, and what OpenCV's area average does at
+    # the border.
     for channel, expected in ((0, columns / window.factor + left), (1, rows / window.factor + top)):
         difference = np.abs(photo.color[..., channel] - expected)
         assert np.percentile(difference, 99) < 0.5 / window.factor + 0.1
         assert difference.max() < 2 / window.factor
-    assert not photo.mask[:, photo.color[0, :, 0] > 3000].any() and photo.mask[:, photo.color[0, :, 0] < 2990].all()
     assert (
-        photo.clipped[:, photo.color[0, :, 0] > 2003].all() and not photo.clipped[:, photo.color[0, :, 0] < 1997].any()
+        not photo.mask[:, photo.color[0, :, 0] > 3000].any()
+        and photo.mask[:, photo.color[0, :, 0] < 2990].all()
+    )
+    assert (
+        photo.clipped[:, photo.color[0, :, 0] > 2003].all()
+        and not photo.clipped[:, photo.color[0, :, 0] < 1997].any()
     )
     back = window.enlarged(photo.color)
     assert back.shape == (3000, 4000, 3)

@@ -9,7 +9,9 @@ from facestage.fit.result.memory import BYTES_PER_PIXEL, check_picture, machine_
 
 
 def test_a_picture_beyond_the_memory_is_refused_with_both_figures():
-    with pytest.raises(InputError, match=r"16384 x 8192 pixels takes about 8 GiB of memory, this machine has 4 GiB"):
+    with pytest.raises(
+        InputError, match=r"16384 x 8192 pixels takes about 8 GiB of memory, this machine has 4 GiB"
+    ):
         check_picture(16384, 8192, 4 * 2**30)
 
 

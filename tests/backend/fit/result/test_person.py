@@ -46,9 +46,14 @@ class StopError(Exception):
 
 def job_of(case: Case, **changes) -> Job:
     job = Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(4), device="cpu", truth=case.truth,
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(4),
+        device="cpu",
+        truth=case.truth,
+    )
     return replace(job, **changes)
 
 
@@ -57,7 +62,9 @@ def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
     """Two photos of the person, and one of another."""
     second = write_case(tmp_path_factory.mktemp("second"), another_photo(scene))
     other = replace(scene.state, identity=np.array([-1.5, 1.5, -1.2, -1.5]))
-    stranger = write_case(tmp_path_factory.mktemp("stranger"), another_photo(replace(scene, state=other)))
+    stranger = write_case(
+        tmp_path_factory.mktemp("stranger"), another_photo(replace(scene, state=other))
+    )
     return [job_of(one, model=case.model_option) for one in (case, second, stranger)]
 
 
@@ -79,7 +86,9 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """The reports have tests of their own."""
     monkeypatch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-    monkeypatch.setattr("facestage.fit.result.person.write_person_report", lambda folder, person: None)
+    monkeypatch.setattr(
+        "facestage.fit.result.person.write_person_report", lambda folder, person: None
+    )
 
 
 def identity_error(scene: Scene, identity: np.ndarray) -> float:
@@ -97,10 +106,14 @@ def test_two_photos_beat_each_alone(jobs: list[Job], folder: Path, scene: Scene,
     assert together < min(errors)
 
 
-def test_every_photo_has_an_ordinary_result_of_the_same_person(folder: Path, jobs: list[Job], tmp_path: Path):
+def test_every_photo_has_an_ordinary_result_of_the_same_person(
+    folder: Path, jobs: list[Job], tmp_path: Path
+):
     person = Person.load(folder)
     assert person.status == CONVERGED and person.advice.startswith("Converged: 2 photos")
-    assert [photo.number for photo in person.photos] == [1, 2] and all(photo.shares_shape for photo in person.photos)
+    assert [photo.number for photo in person.photos] == [1, 2] and all(
+        photo.shares_shape for photo in person.photos
+    )
     results = [Result.load(folder / photo.folder) for photo in person.photos]
     for result, photo in zip(results, person.photos, strict=True):
         np.testing.assert_array_equal(result.identity, person.identity)
@@ -108,7 +121,9 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(folder: Path, job
         np.testing.assert_array_equal(result.specular, person.specular)
         assert result.roughness == person.roughness and result.errors["psnr"] > 30
         assert result.errors == photo.errors
-        np.testing.assert_array_equal(read_exr(folder / photo.folder / "albedo.exr"), read_exr(folder / "albedo.exr"))
+        np.testing.assert_array_equal(
+            read_exr(folder / photo.folder / "albedo.exr"), read_exr(folder / "albedo.exr")
+        )
         assert (folder / photo.folder / "report.html").is_file()
     assert not np.allclose(results[0].expression, results[1].expression)
     assert not np.allclose(results[0].model_to_camera, results[1].model_to_camera)
@@ -167,7 +182,10 @@ def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], tmp_path
     assert [result.camera.width for result in results] == [96, 80]
     for result, photo, job in zip(results, plain.photos, jobs, strict=False):
         assert result.camera == job.camera
-        assert read_exr(tmp_path / "out" / f"{photo.folder}" / "render.exr").shape[1] == job.camera.width
+        assert (
+            read_exr(tmp_path / "out" / f"{photo.folder}" / "render.exr").shape[1]
+            == job.camera.width
+        )
         print(f"PSNR {photo.errors['psnr']:.1f} dB, fitted smaller {result.errors['psnr']:.1f} dB")
         assert result.errors["psnr"] > photo.errors["psnr"] - 3
         assert result.errors["landmark_px"] == pytest.approx(photo.errors["landmark_px"], abs=0.3)
@@ -182,7 +200,9 @@ def test_another_person_is_named(jobs: list[Job], tmp_path: Path):
 @pytest.mark.usefixtures("no_pictures")
 def test_another_person_among_three_is_left_out(jobs: list[Job], scene: Scene, tmp_path: Path):
     person = quick_fit(jobs, tmp_path / "three")
-    assert person.status == STOPPED and person.advice.startswith("Photo 3 (photo.png): This photo may show another")
+    assert person.status == STOPPED and person.advice.startswith(
+        "Photo 3 (photo.png): This photo may show another"
+    )
     assert [photo.shares_shape for photo in person.photos] == [True, True, False]
     two = quick_fit(jobs[:2], tmp_path / "two")
     np.testing.assert_allclose(person.identity, two.identity, rtol=1e-6, atol=1e-9)
@@ -193,7 +213,11 @@ def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     noise = np.random.default_rng(5).integers(0, 255, (80, 80, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
     person = quick_fit([jobs[0], replace(jobs[1], image=tmp_path / "noise.png")], tmp_path / "out")
-    assert person.status == STOPPED and "left out of the shape" in person.advice and "noise.png" in person.advice
+    assert (
+        person.status == STOPPED
+        and "left out of the shape" in person.advice
+        and "noise.png" in person.advice
+    )
     assert [photo.shares_shape for photo in person.photos] == [True, False]
     first, second = (Result.load(tmp_path / "out" / photo.folder) for photo in person.photos)
     np.testing.assert_array_equal(first.identity, second.identity)
@@ -206,7 +230,9 @@ def test_where_no_photo_is_believed_the_shape_is_the_landmarks(jobs: list[Job], 
         size = (96, 80)[number]
         noise = np.random.default_rng(number).integers(0, 255, (size, size, 3), np.uint8)
         Image.fromarray(noise).save(tmp_path / f"noise{number}.png")
-    changed = [replace(job, image=tmp_path / f"noise{number}.png") for number, job in enumerate(jobs[:2])]
+    changed = [
+        replace(job, image=tmp_path / f"noise{number}.png") for number, job in enumerate(jobs[:2])
+    ]
     person = quick_fit(changed, tmp_path / "out")
     assert person.status == STOPPED and "landmarks' own" in person.advice
     assert not any(photo.shares_shape for photo in person.photos)
@@ -223,7 +249,10 @@ Change = Callable[[list[Job]], list[Job]]
         (lambda jobs: [jobs[0], jobs[0]], "same file"),
         (lambda jobs: [jobs[0], replace(jobs[1], model="default")], "differ in the face model"),
         (lambda jobs: [jobs[0], replace(jobs[1], freeze=("albedo",))], "differ in what is frozen"),
-        (lambda jobs: [jobs[0], replace(jobs[1], image=Path("missing.png"))], "Photo 2 of 2 .'missing.png'"),
+        (
+            lambda jobs: [jobs[0], replace(jobs[1], image=Path("missing.png"))],
+            "Photo 2 of 2 .'missing.png'",
+        ),
     ],
 )
 def test_refusals(jobs: list[Job], tmp_path: Path, change: Change, words: str):

@@ -38,9 +38,13 @@ class StopError(Exception):
 
 def job_of(case: Case, **changes) -> Job:
     job = Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(4), device="cpu",
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(4),
+        device="cpu",
+    )
     return replace(job, **changes)
 
 
@@ -65,14 +69,18 @@ def interrupted(job: Job, folder: Path, steps: int) -> None:
 
 def assert_same(found: Fitted, wanted: Fitted) -> None:
     for name in State.__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(found.state, name), getattr(wanted.state, name), err_msg=name)
+        np.testing.assert_array_equal(
+            getattr(found.state, name), getattr(wanted.state, name), err_msg=name
+        )
     np.testing.assert_array_equal(found.camera_to_stage, wanted.camera_to_stage)
     np.testing.assert_array_equal(found.stage.radiance, wanted.stage.radiance)
     assert found.energy == wanted.energy and found.condition == wanted.condition
     assert found.certainty.unobserved == wanted.certainty.unobserved
     for name, deviation in wanted.certainty.deviations.items():
         np.testing.assert_array_equal(found.certainty.deviations[name], deviation, err_msg=name)
-    assert [row | {"seconds": 0} for row in found.trace] == [row | {"seconds": 0} for row in wanted.trace]
+    assert [row | {"seconds": 0} for row in found.trace] == [
+        row | {"seconds": 0} for row in wanted.trace
+    ]
     assert found.ledger.skipped == wanted.ledger.skipped
     assert {kind: work.units for kind, work in found.ledger.work.items()} == {
         kind: work.units for kind, work in wanted.ledger.work.items()
@@ -94,11 +102,15 @@ def test_the_schedule_runs_every_phase(whole: Fitted):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.75, 1.0])
-def test_stopped_anywhere_it_ends_at_the_same_place(case: Case, whole: Fitted, tmp_path: Path, share: float):
+def test_stopped_anywhere_it_ends_at_the_same_place(
+    case: Case, whole: Fitted, tmp_path: Path, share: float
+):
     steps = max(1, int(share * len(whole.trace)))
     interrupted(job_of(case), tmp_path, steps)
     checkpoint = Checkpoint.load(tmp_path)
-    assert checkpoint is not None and len(checkpoint.trace) == steps - 1, "where the last step began"
+    assert checkpoint is not None and len(checkpoint.trace) == steps - 1, (
+        "where the last step began"
+    )
     assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
 
 
@@ -120,12 +132,17 @@ def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
 @pytest.mark.parametrize(
     "change",
     [
-        {"seed": 5}, {"freeze": ("albedo",)}, {"light_color": "uniform"}, {"stage": fibonacci_stage(5)},
-        {"weights": Weights(prior=2.0)}, {"camera": Camera(96, 96, 210.0, (48.0, 48.0))},
-        {"initial": {"roughness": np.array(0.3)}}, {"camera_to_stage": np.eye(4)},
+        {"seed": 5},
+        {"freeze": ("albedo",)},
+        {"light_color": "uniform"},
+        {"stage": fibonacci_stage(5)},
+        {"weights": Weights(prior=2.0)},
+        {"camera": Camera(96, 96, 210.0, (48.0, 48.0))},
+        {"initial": {"roughness": np.array(0.3)}},
+        {"camera_to_stage": np.eye(4)},
     ],
     ids=lambda change: next(iter(change)),
-)  # fmt: skip
+)
 def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, change: dict):
     interrupted(job_of(case), tmp_path, 2)
     with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
@@ -181,7 +198,11 @@ def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Pat
     Checkpoint("abc", 0, 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
     loaded = Checkpoint.load(tmp_path)
     assert loaded is not None and loaded.start is None and loaded.within is None
-    assert loaded.memory.penumbra is None and loaded.memory.camera_to_stage is None and loaded.memory.hidden is None
+    assert (
+        loaded.memory.penumbra is None
+        and loaded.memory.camera_to_stage is None
+        and loaded.memory.hidden is None
+    )
 
 
 def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
@@ -202,7 +223,10 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
         write_arrays(tmp_path / CHECKPOINT, arrays | {"began/rotation": spoiled})
         with pytest.raises(InputError, match=r"rotation.*without --resume"):
             Checkpoint.load(tmp_path)
-    write_arrays(tmp_path / CHECKPOINT, {name: array for name, array in arrays.items() if name != "began/rotation"})
+    write_arrays(
+        tmp_path / CHECKPOINT,
+        {name: array for name, array in arrays.items() if name != "began/rotation"},
+    )
     with pytest.raises(InputError, match=r"lacks began\.rotation"):
         Checkpoint.load(tmp_path)
     others: list[dict[str, int]] = [{"schema": 1}, {}]

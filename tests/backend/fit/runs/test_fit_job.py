@@ -1,4 +1,6 @@
-"""A whole fit of a small job: what it writes, what it holds fixed, what it does with time, options and bad input."""
+"""A whole fit of a small job: what it writes, what it holds fixed, what it does with time, options
+and bad input.
+"""
 
 from __future__ import annotations
 
@@ -33,23 +35,37 @@ fit_job = partial(run.fit_job, fineness=QUICK)
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """The report has tests of its own."""
     monkeypatch.setattr(
-        "facestage.fit.result.output.write_report", lambda folder, data: (folder / "report.html").touch()
+        "facestage.fit.result.output.write_report",
+        lambda folder, data: (folder / "report.html").touch(),
     )
 
 
 @pytest.fixture
 def job(case: Case) -> Job:
     return Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(4), device="cpu", truth=case.truth,
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(4),
+        device="cpu",
+        truth=case.truth,
+    )
 
 
 def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
     events: list[Event] = []
     result = fit_job(job, tmp_path / "out", emit=events.append)
     out = tmp_path / "out"
-    for name in ("result.json", "result.npz", "job.json", "job.npz", "trace.jsonl", "report.html", *PICTURES):
+    for name in (
+        "result.json",
+        "result.npz",
+        "job.json",
+        "job.npz",
+        "trace.jsonl",
+        "report.html",
+        *PICTURES,
+    ):
         assert (out / name).is_file(), name
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"], "nothing else stays behind"
     loaded = Result.load(out)
@@ -67,7 +83,11 @@ def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
     assert result.errors["psnr"] > 30
     assert [events[0].kind, events[-1].kind] == [STARTED, DONE]
     assert events[1].message == "Face model: synthetic; licence: CC0; made for tests"
-    assert loaded.model_origin == {"name": "synthetic", "license": "CC0", "source": "made for tests"}
+    assert loaded.model_origin == {
+        "name": "synthetic",
+        "license": "CC0",
+        "source": "made for tests",
+    }
     fractions = [event.fraction for event in events]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
 
@@ -103,12 +123,16 @@ def test_one_light_color_is_one_chromaticity(job: Job, tmp_path: Path):
 
 
 FROZEN_VALUES: dict[str, Callable[[Result], Any]] = {
-    "identity": lambda result: result.identity, "expression": lambda result: result.expression,
-    "albedo": lambda result: result.albedo, "specular": lambda result: result.specular,
-    "roughness": lambda result: result.roughness, "lights": lambda result: result.stage.radiance,
-    "pose": lambda result: result.model_to_camera, "focal": lambda result: result.camera.focal_px,
+    "identity": lambda result: result.identity,
+    "expression": lambda result: result.expression,
+    "albedo": lambda result: result.albedo,
+    "specular": lambda result: result.specular,
+    "roughness": lambda result: result.roughness,
+    "lights": lambda result: result.stage.radiance,
+    "pose": lambda result: result.model_to_camera,
+    "focal": lambda result: result.camera.focal_px,
     "light_position": lambda result: result.stage.position,
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -118,22 +142,31 @@ def memory() -> dict[str, Result]:
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
-def test_frozen_parameters_do_not_move(job: Job, tmp_path: Path, memory: dict[str, Result], name: str):
+def test_frozen_parameters_do_not_move(
+    job: Job, tmp_path: Path, memory: dict[str, Result], name: str
+):
     initial = {
-        "identity": np.array([0.5, 0.0, -0.5, 0.25]), "expression": np.array([0.2, 0.1, 0.3]),
-        "albedo": np.array([0.1, 0.2, 0.0, -0.1, 0.0]), "roughness": np.array(0.33),
+        "identity": np.array([0.5, 0.0, -0.5, 0.25]),
+        "expression": np.array([0.2, 0.1, 0.3]),
+        "albedo": np.array([0.1, 0.2, 0.0, -0.1, 0.0]),
+        "roughness": np.array(0.33),
         "specular": np.full((6, 6), 0.6),
-    }  # fmt: skip
+    }
     pose = np.eye(4)
     pose[:3, 3] = [0.012, -0.008, -0.6]
     job = replace(
-        job, initial={**initial, "model_to_camera": pose}, stage=fibonacci_stage(4, radiance=3.0), camera=None
+        job,
+        initial={**initial, "model_to_camera": pose},
+        stage=fibonacci_stage(4, radiance=3.0),
+        camera=None,
     )
     if "free" not in memory:
         memory["free"] = fit_job(job, tmp_path / "free")
     held = FROZEN_VALUES[name](fit_job(replace(job, freeze=(name,)), tmp_path / "held"))
     free = FROZEN_VALUES[name](memory["free"])
-    start: Any = initial.get(name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name))
+    start: Any = initial.get(
+        name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name)
+    )
     if name == "light_position":
         start = fibonacci_stage(4).position
     np.testing.assert_allclose(held, start, rtol=1e-12, atol=1e-12)
@@ -141,27 +174,38 @@ def test_frozen_parameters_do_not_move(job: Job, tmp_path: Path, memory: dict[st
 
 
 def test_everything_frozen_is_a_render(job: Job, tmp_path: Path):
-    result = fit_job(replace(job, freeze=PARAMETERS, stage=fibonacci_stage(4, radiance=3.0)), tmp_path / "out")
+    result = fit_job(
+        replace(job, freeze=PARAMETERS, stage=fibonacci_stage(4, radiance=3.0)), tmp_path / "out"
+    )
     assert not result.identity.any() and read_exr(tmp_path / "out" / "render.exr").max() > 0
 
 
 def test_frozen_lights_of_one_color(job: Job, tmp_path: Path):
     stage = fibonacci_stage(4, radiance=2.0)
-    result = fit_job(replace(job, freeze=("lights",), light_color="uniform", stage=stage), tmp_path / "out")
+    result = fit_job(
+        replace(job, freeze=("lights",), light_color="uniform", stage=stage), tmp_path / "out"
+    )
     np.testing.assert_array_equal(result.stage.radiance, 2.0)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"seed": 1}, {"weights": Weights(photo=0.01)}, {"weights": Weights(prior=30.0)},
-        {"weights": Weights(landmarks=30)}, {"weights": Weights(light=300.0)},
-        {"light_color": "uniform"}, {"stage": fibonacci_stage(7)}, {"camera": None},
+        {"seed": 1},
+        {"weights": Weights(photo=0.01)},
+        {"weights": Weights(prior=30.0)},
+        {"weights": Weights(landmarks=30)},
+        {"weights": Weights(light=300.0)},
+        {"light_color": "uniform"},
+        {"stage": fibonacci_stage(7)},
+        {"camera": None},
         {"camera_to_stage": np.diag([-1.0, 1, -1, 1]) + np.outer([0, 0, -0.6, 0], [0, 0, 0, 1])},
     ],
     ids=lambda change: next(iter(change)),
-)  # fmt: skip
-def test_every_option_changes_something(job: Job, tmp_path: Path, memory: dict[str, Result], change: dict):
+)
+def test_every_option_changes_something(
+    job: Job, tmp_path: Path, memory: dict[str, Result], change: dict
+):
     if "plain" not in memory:
         memory["plain"] = fit_job(job, tmp_path / "plain")
     other = fit_job(replace(job, **change), tmp_path / "other")
@@ -187,14 +231,25 @@ def test_a_spent_budget_ends_early_with_a_result(
 
     monkeypatch.setattr(time, "monotonic", Clock())
     result = fit_job(replace(job, budget_seconds=budget), tmp_path / "out")
-    assert result.status == BUDGET_SPENT and "--budget" in result.advice and "--resume" in result.advice
-    assert (partial_folder(tmp_path / "out") / "checkpoint.npz").is_file(), "so that --resume can go on"
+    assert (
+        result.status == BUDGET_SPENT
+        and "--budget" in result.advice
+        and "--resume" in result.advice
+    )
+    assert (partial_folder(tmp_path / "out") / "checkpoint.npz").is_file(), (
+        "so that --resume can go on"
+    )
     assert (tmp_path / "out" / "render.exr").is_file()
-    stages = {row["stage"] for row in map(json.loads, (tmp_path / "out" / "trace.jsonl").read_text().splitlines())}
+    stages = {
+        row["stage"]
+        for row in map(json.loads, (tmp_path / "out" / "trace.jsonl").read_text().splitlines())
+    }
     assert "joint" not in stages
 
 
-def test_resume_after_a_spent_budget_finishes(job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_resume_after_a_spent_budget_finishes(
+    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     with monkeypatch.context() as patch:
         import time
 
@@ -203,7 +258,8 @@ def test_resume_after_a_spent_budget_finishes(job: Job, tmp_path: Path, monkeypa
     resumed = fit_job(job, tmp_path / "out", resume=True)
     assert resumed.status == CONVERGED
     whole = fit_job(job, tmp_path / "whole")
-    # The budget stops between phases or after a step, where an unhurried run may take one step more.
+    # The budget stops between phases or after a step, where an unhurried run may take one step
+    # more.
     assert resumed.errors["psnr"] == pytest.approx(whole.errors["psnr"], abs=1.0)
     assert not partial_folder(tmp_path / "out").exists()
 
@@ -231,9 +287,14 @@ def bad_truth(tmp_path: Path) -> Path:
         (lambda _: {"initial": {"roughness": np.array(np.nan)}}, "roughness"),
         (lambda _: {"initial": {"model_to_camera": np.zeros((4, 4))}}, "model_to_camera"),
         (lambda _: {"initial": {"beauty": np.zeros(2)}}, "beauty"),
-        (lambda _: {"stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, OFF))}, "lights.*off"),
         (
-            lambda _: {"stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, FROZEN))},
+            lambda _: {"stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, OFF))},
+            "lights.*off",
+        ),
+        (
+            lambda _: {
+                "stage": replace(fibonacci_stage(2, radiance=0.0), state=np.full(2, FROZEN))
+            },
             "frozen at radiance 0",
         ),
         (lambda _: {"model": "npz:/nowhere.npz"}, "nowhere.npz"),
@@ -260,12 +321,16 @@ def test_an_earlier_result_is_replaced(job: Job, tmp_path: Path):
     fit_job(job, tmp_path / "out")
     (tmp_path / "out" / "relit_from_below.png").touch()
     fit_job(job, tmp_path / "out")
-    assert "relit_from_below.png" not in names(tmp_path / "out") and "result.json" in names(tmp_path / "out")
+    assert "relit_from_below.png" not in names(tmp_path / "out") and "result.json" in names(
+        tmp_path / "out"
+    )
     assert [name for name in names(tmp_path / "out") if not is_result_file(PurePath(name))] == []
 
 
 @pytest.mark.parametrize("place", [(3.0, 0, -0.6), (0, 0, 0.6)])
-def test_a_face_outside_the_photo_is_refused_in_words(job: Job, tmp_path: Path, place: tuple[float, float, float]):
+def test_a_face_outside_the_photo_is_refused_in_words(
+    job: Job, tmp_path: Path, place: tuple[float, float, float]
+):
     pose = np.eye(4)
     pose[:3, 3] = place
     job = replace(job, initial={"model_to_camera": pose}, freeze=("pose", "identity", "expression"))
@@ -292,8 +357,11 @@ def _with_lens(job: Job, folder: Path, millimeters: int) -> Job:
 
     exif = Image.Exif()
     with Image.open(job.image) as photo:
-        exif.get_ifd(0x8769).update({0xA405: millimeters, 0xA002: 4 * photo.width, 0xA003: 3 * photo.width})
-        # The shape of a sensor: the photo in the corner of a 4:3 picture, the rest transparent to no one.
+        exif.get_ifd(0x8769).update(
+            {0xA405: millimeters, 0xA002: 4 * photo.width, 0xA003: 3 * photo.width}
+        )
+        # The shape of a sensor: the photo in the corner of a 4:3 picture, the rest transparent to
+        # no one.
         wide = Image.new("RGB", (4 * photo.height // 3, photo.height))
         wide.paste(photo.convert("RGB"))
     wide.save(folder / "lens.jpg", exif=exif, quality=95)
@@ -331,21 +399,27 @@ def test_a_given_camera_is_held_whatever_the_exif_says(job: Job, tmp_path: Path)
 
 
 def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path):
-    """The same photo, and the same enlarged beyond what is worked on at full size, end at the same face."""
+    """The same photo, and the same enlarged beyond what is worked on at full size, end at the same
+    face.
+    """
     from PIL import Image
 
     # What is large begins between the two; the face is made as small as it was.
     factor = 3
     fineness = replace(QUICK, photo_pixels=30_000, face_px=60.0)
     with Image.open(job.image) as photo:
-        large = photo.convert("RGB").resize((factor * photo.width, factor * photo.height), Image.Resampling.BICUBIC)
+        large = photo.convert("RGB").resize(
+            (factor * photo.width, factor * photo.height), Image.Resampling.BICUBIC
+        )
     large.save(tmp_path / "large.png")
     assert job.landmarks is not None and job.camera is not None
     camera = job.camera
     enlarged = Camera(
-        factor * camera.width, factor * camera.height, factor * camera.focal_px,
+        factor * camera.width,
+        factor * camera.height,
+        factor * camera.focal_px,
         (factor * camera.principal_px[0], factor * camera.principal_px[1]),
-    )  # fmt: skip
+    )
     landmarks = replace(job.landmarks, points=factor * job.landmarks.points)
     small = run.fit_job(job, tmp_path / "small", fineness=fineness)
     result = run.fit_job(
@@ -357,8 +431,16 @@ def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path):
     assert result.camera.focal_px == pytest.approx(enlarged.focal_px)
     np.testing.assert_allclose(result.camera.principal_px, enlarged.principal_px)
     assert "worked on" in result.photo["size"] and "worked on" not in small.photo["size"]
-    assert read_exr(tmp_path / "large" / "render.exr").shape[:2] == (enlarged.height, enlarged.width)
-    np.testing.assert_allclose(result.camera.project(result.vertices), factor * small.camera.project(small.vertices),
-        atol=0.02 * factor * camera.width)  # fmt: skip
+    assert read_exr(tmp_path / "large" / "render.exr").shape[:2] == (
+        enlarged.height,
+        enlarged.width,
+    )
+    np.testing.assert_allclose(
+        result.camera.project(result.vertices),
+        factor * small.camera.project(small.vertices),
+        atol=0.02 * factor * camera.width,
+    )
     assert result.errors["similarity_mm"] < small.errors["similarity_mm"] + 0.4
-    assert result.errors["landmark_px"] == pytest.approx(factor * small.errors["landmark_px"], rel=0.3)
+    assert result.errors["landmark_px"] == pytest.approx(
+        factor * small.errors["landmark_px"], rel=0.3
+    )

@@ -1,4 +1,6 @@
-"""A fit that is stopped at any moment, its end included, and resumed writes what the undisturbed fit writes."""
+"""A fit that is stopped at any moment, its end included, and resumed writes what the undisturbed
+fit writes.
+"""
 
 from __future__ import annotations
 
@@ -39,15 +41,22 @@ def no_report(renderer: str):
     """No report: what is asked here is in the arrays."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-        patch.setattr("facestage.fit.result.person.write_person_report", lambda folder, person: None)
+        patch.setattr(
+            "facestage.fit.result.person.write_person_report", lambda folder, person: None
+        )
         yield
 
 
 def job_of(case: Case, **changes) -> Job:
     job = Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(4), device="cpu", truth=case.truth,
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(4),
+        device="cpu",
+        truth=case.truth,
+    )
     return replace(job, **changes)
 
 
@@ -127,7 +136,9 @@ def test_one_photo_stopped_twice(jobs: list[Job], whole: tuple[Path, list[str]],
     assert_same_end(one(jobs[0]), tmp_path / "out", whole[0])
 
 
-def test_one_photo_stopped_before_its_first_step(jobs: list[Job], whole: tuple[Path, list[str]], tmp_path: Path):
+def test_one_photo_stopped_before_its_first_step(
+    jobs: list[Job], whole: tuple[Path, list[str]], tmp_path: Path
+):
     stopped(one(jobs[0]), tmp_path / "out", "Face model")
     assert not list(tmp_path.iterdir())
     assert_same_end(one(jobs[0]), tmp_path / "out", whole[0])
@@ -141,7 +152,9 @@ def test_the_focal_length_is_fitted_to_the_last_bit(jobs: list[Job], tmp_path: P
     assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")
 
 
-def test_a_photo_that_is_not_believed_is_not_believed_after_its_end_either(jobs: list[Job], tmp_path: Path):
+def test_a_photo_that_is_not_believed_is_not_believed_after_its_end_either(
+    jobs: list[Job], tmp_path: Path
+):
     fit = one(jobs[2])
     undisturbed(fit, tmp_path / "whole" / "out")
     assert Result.load(tmp_path / "whole" / "out").status == STOPPED

@@ -1,4 +1,6 @@
-"""A fit's place: marked as Facestage's, one run at a time, and nothing of the user's is taken or removed."""
+"""A fit's place: marked as Facestage's, one run at a time, and nothing of the user's is taken or
+removed.
+"""
 
 from __future__ import annotations
 
@@ -40,9 +42,14 @@ def job(case: Case, monkeypatch: pytest.MonkeyPatch) -> Job:
     """All but light is frozen, and no report: the quickest fit."""
     monkeypatch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
     return Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(4), device="cpu", freeze=("albedo", "specular", "roughness", "identity", "expression"),
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(4),
+        device="cpu",
+        freeze=("albedo", "specular", "roughness", "identity", "expression"),
+    )
 
 
 def names(folder: Path) -> list[str]:
@@ -62,7 +69,9 @@ def test_a_folder_of_the_user_is_neither_taken_nor_removed(job: Job, tmp_path: P
     mine.mkdir()
     (mine / "novel.txt").write_text("chapter 1")
     for resume in (False, True):
-        with pytest.raises(InputError, match=r"out\.partial' holds 'novel\.txt'.*choose another --out"):
+        with pytest.raises(
+            InputError, match=r"out\.partial' holds 'novel\.txt'.*choose another --out"
+        ):
             fit_job(job, tmp_path / "out", resume)
     with pytest.raises(InputError, match=r"novel\.txt"):
         fit_person([job, replace(job, image=tmp_path / "other.png")], tmp_path / "out")
@@ -101,7 +110,9 @@ def test_what_the_user_keeps_in_a_result_stays_when_it_is_replaced(job: Job, tmp
     before = names(tmp_path / "out")
     fit_job(replace(job, seed=1), tmp_path / "out")
     assert names(tmp_path) == ["out"] and names(tmp_path / "out") == before
-    assert (tmp_path / "out" / "face.blend").read_text() == "mine" and Result.load(tmp_path / "out").seed == 1
+    assert (tmp_path / "out" / "face.blend").read_text() == "mine" and Result.load(
+        tmp_path / "out"
+    ).seed == 1
 
 
 HOLDER = """
@@ -117,7 +128,10 @@ with claimed(Path(sys.argv[1]), "result.json"):
 def holder(out: Path) -> subprocess.Popen[str]:
     """Another process that writes into ``out``."""
     process = subprocess.Popen(
-        [sys.executable, "-I", "-c", HOLDER, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-I", "-c", HOLDER, str(out)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
@@ -129,7 +143,9 @@ def test_a_second_fit_is_refused_before_it_reads_anything(job: Job, tmp_path: Pa
     with holder(out) as other:
         unread = replace(job, image=tmp_path / "none.png")
         for fit in (lambda: fit_job(unread, out), lambda: fit_person([job, unread], out)):
-            with pytest.raises(InputError, match=r"Another fit is writing into .*out'; wait.*--out\.$"):
+            with pytest.raises(
+                InputError, match=r"Another fit is writing into .*out'; wait.*--out\.$"
+            ):
                 fit()
         assert LOCK in names(partial_folder(out)), "the other's"
         other.communicate("")
@@ -165,7 +181,11 @@ def test_many_runs_for_one_place_take_turns(tmp_path: Path):
         "print(held)\n"
     )
     runs = [
-        subprocess.Popen([sys.executable, "-I", "-c", script, str(tmp_path / "out")], stdout=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [sys.executable, "-I", "-c", script, str(tmp_path / "out")],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         for _ in range(3)
     ]
     assert [run.communicate(timeout=240)[0].strip() for run in runs] == ["20"] * 3
@@ -184,7 +204,10 @@ def test_a_full_disk_leaves_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     with monkeypatch.context() as patch:
         patch.setattr("facestage.contract.partial.write_json", full)
-        with pytest.raises(InputError, match="No space left"), claimed(tmp_path / "deep" / "out", RESULT):
+        with (
+            pytest.raises(InputError, match="No space left"),
+            claimed(tmp_path / "deep" / "out", RESULT),
+        ):
             pytest.fail("the block must not run")
     assert names(tmp_path) == []
     with claimed(tmp_path / "deep" / "out", RESULT) as partial:

@@ -1,4 +1,6 @@
-"""A photo rendered by Cycles, with textured skin that the model does not match exactly, against its truth."""
+"""A photo rendered by Cycles, with textured skin that the model does not match exactly, against its
+truth.
+"""
 
 from __future__ import annotations
 
@@ -29,16 +31,23 @@ def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Resul
     folder = tmp_path_factory.mktemp("soft")
     model.save(folder / "ict.npz")
     job = Job(
-        case / "photo.png", f"npz:{folder / 'ict.npz'}", Landmarks.read(case / "landmarks.json"),
-        Camera.read(case / "camera.json"), budget_seconds=60.0, truth=case / "truth.npz",
-    )  # fmt: skip
+        case / "photo.png",
+        f"npz:{folder / 'ict.npz'}",
+        Landmarks.read(case / "landmarks.json"),
+        Camera.read(case / "camera.json"),
+        budget_seconds=60.0,
+        truth=case / "truth.npz",
+    )
     return fit_job(job, folder / "out")
 
 
 @pytest.mark.slow
 def test_geometry_is_better_than_its_landmark_stage(result: Result):
     start, end = result.errors["landmark_stage_similarity_mm"], result.errors["similarity_mm"]
-    print(f"soft: landmarks {start:.2f} mm, fit {end:.2f} mm (allowed 1.9), rigid {result.errors['rigid_mm']:.2f} mm")
+    print(
+        f"soft: landmarks {start:.2f} mm, fit {end:.2f} mm (allowed 1.9), rigid "
+        f"{result.errors['rigid_mm']:.2f} mm"
+    )
     assert end <= start
     assert end <= 1.9
 

@@ -1,4 +1,6 @@
-"""When the descent takes a step, when it stops, and when it asks the lights: on energies of one number."""
+"""When the descent takes a step, when it stops, and when it asks the lights: on energies of one
+number.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +36,13 @@ class Told:
 
 
 class Toy(Descent[float, float, Model, Told]):
-    """``energy`` of one number, of which the quadratic model believes curvature 1 and the given slope."""
+    """``energy`` of one number, of which the quadratic model believes curvature 1 and the given
+    slope.
+    """
 
-    def __init__(self, energy: Callable[[float], float], slope: Callable[[float], float], steps: int = 9) -> None:
+    def __init__(
+        self, energy: Callable[[float], float], slope: Callable[[float], float], steps: int = 9
+    ) -> None:
         super().__init__(steps, np.full(1, -np.inf), np.full(1, np.inf), 1e-3, Damping())
         self.energy, self.slope = energy, slope
         self.evaluated: list[tuple[float, bool]] = []
@@ -48,7 +54,9 @@ class Toy(Descent[float, float, Model, Told]):
 
     def system(self, state: float, evaluation: float) -> Model:
         here = self.energy(state)
-        return Model(np.eye(1), np.array([self.slope(state)]), here, lambda there: here - self.energy(there))
+        return Model(
+            np.eye(1), np.array([self.slope(state)]), here, lambda there: here - self.energy(there)
+        )
 
     def rest_lights(self, state: float, gradient: np.ndarray) -> None:
         self.asked.append(state)
@@ -63,7 +71,13 @@ class Toy(Descent[float, float, Model, Told]):
         return state + float(step[0])
 
     def accepted(
-        self, number: int, state: float, evaluation: float, system: Model, condition: float, finished: bool
+        self,
+        number: int,
+        state: float,
+        evaluation: float,
+        system: Model,
+        condition: float,
+        finished: bool,
     ) -> Told:
         assert evaluation == self.energy(state) and condition == 1.0
         return Told(number, state, finished)
@@ -87,7 +101,8 @@ def test_a_bowl_is_left_at_its_bottom_by_itself():
     found = list(Toy(bowl, lambda state: state).run(4.0, 0, FOREVER))
     assert [told.number for told in found] == list(range(1, len(found) + 1))
     assert [told.finished for told in found] == [False] * (len(found) - 1) + [True]
-    # The first step is damped by a thousandth; the next lowers the energy by less than a thousandth of it.
+    # The first step is damped by a thousandth; the next lowers the energy by less than a thousandth
+    # of it.
     assert found[0].state == pytest.approx(4 - 4 / 1.001) and len(found) == 2
 
 
@@ -138,7 +153,9 @@ def test_lights_are_asked_at_the_first_step_and_every_fourth():
     states = [0.0] + [told.state for told in found]
     assert toy.asked == [states[0], states[4], states[8]]
     # What a step starts from is evaluated before it, and with every light where the step asks.
-    assert [everything for _, everything in toy.evaluated] == [asks_lights(number) for number in range(1, 11)]
+    assert [everything for _, everything in toy.evaluated] == [
+        asks_lights(number) for number in range(1, 11)
+    ]
 
 
 def test_past_the_deadline_the_step_that_was_taken_is_the_last():

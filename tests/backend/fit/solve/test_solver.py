@@ -13,7 +13,9 @@ from facestage.fit.solve.bounded_step import DAMPING_MAX, DAMPING_MIN, GROWTH, D
 INFINITE = np.full(64, np.inf)
 
 
-def problem(seed: int, size: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def problem(
+    seed: int, size: int, rows: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Jacobian, residual and bounds of a random least-squares problem around values 0.."""
     random = np.random.default_rng(seed)
     jacobian = random.normal(size=(rows, size)) * np.exp(random.normal(size=size))
@@ -31,7 +33,15 @@ def quadratic(hessian: np.ndarray, gradient: np.ndarray, step: np.ndarray) -> fl
 def test_without_bounds_it_is_the_newton_step(seed: int, size: int):
     jacobian, residual, _, _ = problem(seed, size, size + 8)
     hessian, gradient = jacobian.T @ jacobian, jacobian.T @ residual
-    found = bounded_step(hessian, gradient, 0.0, np.zeros(size), -INFINITE[:size], INFINITE[:size], np.ones(size, bool))
+    found = bounded_step(
+        hessian,
+        gradient,
+        0.0,
+        np.zeros(size),
+        -INFINITE[:size],
+        INFINITE[:size],
+        np.ones(size, bool),
+    )
     wanted = np.linalg.lstsq(jacobian, -residual, rcond=None)[0]
     np.testing.assert_allclose(found.step, wanted, rtol=1e-6, atol=1e-9)
     assert found.predicted == pytest.approx(-quadratic(hessian, gradient, wanted), rel=1e-6)
@@ -48,7 +58,9 @@ def test_within_bounds_it_is_close_to_the_best(seed: int, size: int, damping: fl
     # The damped problem as least squares: extra rows sqrt(damping * diagonal).
     damped = hessian + damping * np.diag(np.diag(hessian))
     rows = np.concatenate([jacobian, np.diag(np.sqrt(damping * np.diag(hessian)))])
-    best = lsq_linear(rows, np.concatenate([-residual, np.zeros(size)]), (low, high), method="bvls").x
+    best = lsq_linear(
+        rows, np.concatenate([-residual, np.zeros(size)]), (low, high), method="bvls"
+    ).x
     ratio = quadratic(damped, gradient, found.step) / quadratic(damped, gradient, best)
     assert ratio > 0.5, f"only {ratio:.2f} of the possible decrease"
     assert ratio < 1 + 1e-6
@@ -62,10 +74,17 @@ def test_quality_over_many_random_problems():
         found = bounded_step(hessian, gradient, 0.0, np.zeros(10), low, high, np.ones(10, bool))
         best = lsq_linear(jacobian, -residual, (low, high), method="bvls").x
         ratios.append(quadratic(hessian, gradient, found.step) / quadratic(hessian, gradient, best))
-    worst, median, uphill = np.percentile(ratios, 5), np.median(ratios), np.mean(np.array(ratios) < 0)
-    print(f"share of the best decrease: median {median:.4f}, 5th percentile {worst:.3f}; uphill {100 * uphill:.1f} %")
-    # Entries that cross together are bound together, so that a large problem takes few rounds: good, not best.
-    # A step uphill is refused, and a larger damping makes the problem separable.
+    worst, median, uphill = (
+        np.percentile(ratios, 5),
+        np.median(ratios),
+        np.mean(np.array(ratios) < 0),
+    )
+    print(
+        f"share of the best decrease: median {median:.4f}, 5th percentile {worst:.3f}; uphill "
+        f"{100 * uphill:.1f} %"
+    )
+    # Entries that cross together are bound together, so that a large problem takes few rounds:
+    # good, not best. A step uphill is refused, and a larger damping makes the problem separable.
     assert median > 0.99 and worst > 0.5 and uphill < 0.03
 
 
@@ -86,7 +105,15 @@ def test_only_active_entries_move_and_entries_at_a_bound_stay_inside(seed: int):
     values[:4] = 0.0
     values[4:6] = 1.0
     active = random.random(12) > 0.3
-    found = bounded_step(jacobian.T @ jacobian, jacobian.T @ residual, 1e-3, values, np.zeros(12), np.ones(12), active)
+    found = bounded_step(
+        jacobian.T @ jacobian,
+        jacobian.T @ residual,
+        1e-3,
+        values,
+        np.zeros(12),
+        np.ones(12),
+        active,
+    )
     assert not found.step[~active].any()
     after = values + found.step
     assert (after >= 0).all() and (after <= 1).all()
@@ -98,9 +125,14 @@ def test_an_unobserved_parameter_stays_and_two_equal_columns_do_no_harm():
     jacobian[:, 1] = 0.0
     jacobian[:, 3] = jacobian[:, 2]
     found = bounded_step(
-        jacobian.T @ jacobian, jacobian.T @ random.normal(size=20), 1e-6, np.zeros(4), -INFINITE[:4], INFINITE[:4],
+        jacobian.T @ jacobian,
+        jacobian.T @ random.normal(size=20),
+        1e-6,
+        np.zeros(4),
+        -INFINITE[:4],
+        INFINITE[:4],
         np.ones(4, bool),
-    )  # fmt: skip
+    )
     assert np.isfinite(found.step).all() and found.step[1] == 0.0 and found.predicted > 0
     assert found.step[2] == pytest.approx(found.step[3])
     assert found.condition > 1e3
@@ -109,7 +141,13 @@ def test_an_unobserved_parameter_stays_and_two_equal_columns_do_no_harm():
 def test_an_indefinite_matrix_still_gives_a_step():
     hessian = np.array([[1.0, 1 + 1e-9], [1 + 1e-9, 1.0]])
     found = bounded_step(
-        hessian, np.array([1.0, -1.0]), 0.0, np.zeros(2), -INFINITE[:2], INFINITE[:2], np.ones(2, bool)
+        hessian,
+        np.array([1.0, -1.0]),
+        0.0,
+        np.zeros(2),
+        -INFINITE[:2],
+        INFINITE[:2],
+        np.ones(2, bool),
     )
     assert np.isfinite(found.step).all() and np.isfinite(found.condition)
 
@@ -121,9 +159,14 @@ def test_damping_shortens_the_step_whatever_the_units():
         scaled = jacobian * units
         for damping in (1e-6, 1.0, 100.0):
             found = bounded_step(
-                scaled.T @ scaled, scaled.T @ residual, damping, np.zeros(6), -INFINITE[:6], INFINITE[:6],
+                scaled.T @ scaled,
+                scaled.T @ residual,
+                damping,
+                np.zeros(6),
+                -INFINITE[:6],
+                INFINITE[:6],
                 np.ones(6, bool),
-            )  # fmt: skip
+            )
             steps.append(found.step * units)
     np.testing.assert_allclose(steps[:3], steps[3:], rtol=1e-6)
     lengths = [np.linalg.norm(step) for step in steps[:3]]
@@ -149,7 +192,9 @@ def test_a_run_starts_almost_undamped():
 
 
 def test_nothing_active_is_no_step():
-    found = bounded_step(np.eye(3), np.ones(3), 1e-3, np.zeros(3), -np.ones(3), np.ones(3), np.zeros(3, bool))
+    found = bounded_step(
+        np.eye(3), np.ones(3), 1e-3, np.zeros(3), -np.ones(3), np.ones(3), np.zeros(3, bool)
+    )
     assert not found.step.any() and found.predicted == 0 and found.condition == 1.0
 
 

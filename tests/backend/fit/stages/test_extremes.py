@@ -35,7 +35,9 @@ def test_psnr_does_not_depend_on_the_unit_of_radiance(unit: float) -> None:
     white = white_level(unit * truth, mask)
     bright = float(np.percentile(truth, 99))
     assert white == pytest.approx(unit * bright)
-    assert psnr(unit * found, unit * truth, mask, white) == pytest.approx(psnr(found, truth, mask, bright))
+    assert psnr(unit * found, unit * truth, mask, white) == pytest.approx(
+        psnr(found, truth, mask, bright)
+    )
     assert psnr(0 * truth, unit * truth, mask, white) < 10, "darkness explains nothing"
 
 
@@ -48,9 +50,12 @@ def test_white_is_1_for_a_photo_exposed_for_a_display(bright: float) -> None:
 def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
     model = synthetic_face()
     model = replace(
-        model, identity_names=(), identity_basis=model.identity_basis[:0], expression_names=(),
+        model,
+        identity_names=(),
+        identity_basis=model.identity_basis[:0],
+        expression_names=(),
         expression_basis=model.expression_basis[:0],
-    )  # fmt: skip
+    )
     geometry = FaceGeometry(model)
     assert geometry.basis.shape == (3 * len(model.vertices), 0)
     np.testing.assert_allclose(geometry.vertices(np.zeros(0), np.zeros(0)), model.vertices)
@@ -70,12 +75,18 @@ def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
 
 def test_a_model_in_millimetres_is_refused(case: Case, tmp_path: Path) -> None:
     model = synthetic_face()
-    assert "metres large, expected about 0.3" in _refused(case, tmp_path, replace(model, vertices=1e3 * model.vertices))
+    assert "metres large, expected about 0.3" in _refused(
+        case, tmp_path, replace(model, vertices=1e3 * model.vertices)
+    )
 
 
 def _refused(case: Case, folder: Path, model: FaceModel) -> str:
     model.save(folder / "model.npz")
-    job = Job(image=case.photo, landmarks=Landmarks.read(case.landmarks), model=f"npz:{folder / 'model.npz'}")
+    job = Job(
+        image=case.photo,
+        landmarks=Landmarks.read(case.landmarks),
+        model=f"npz:{folder / 'model.npz'}",
+    )
     with pytest.raises(InputError) as caught:
         read_problem(job)
     return str(caught.value)
@@ -96,7 +107,8 @@ def test_models_that_cannot_be_fitted_are_refused_in_a_sentence(case: Case, tmp_
 
 
 @pytest.mark.parametrize(
-    ("side", "anchored", "factor"), [(0.2, False, 1), (0.2, True, 1), (1.2, False, 3), (9.0, True, 8)]
+    ("side", "anchored", "factor"),
+    [(0.2, False, 1), (0.2, True, 1), (1.2, False, 3), (9.0, True, 8)],
 )
 def test_wide_lights_get_more_samples(
     case: Case, renderer: str, tmp_path: Path, side: float, anchored: bool, factor: int
@@ -104,10 +116,13 @@ def test_wide_lights_get_more_samples(
     matrix = np.eye(4)
     matrix[2, 3] = 0.6
     job = Job(
-        image=case.photo, landmarks=Landmarks.read(case.landmarks), model=case.model_option,
-        camera=Camera.read(case.camera), stage=fibonacci_stage(6, side=side),
+        image=case.photo,
+        landmarks=Landmarks.read(case.landmarks),
+        model=case.model_option,
+        camera=Camera.read(case.camera),
+        stage=fibonacci_stage(6, side=side),
         camera_to_stage=matrix if anchored else None,
-    )  # fmt: skip
+    )
     problem = read_problem(job)
     run = FitRun(problem, ForwardModel(problem.geometry, problem.lights), tmp_path)
     assert run.view.samples_factor == factor

@@ -59,7 +59,9 @@ def test_gross_outliers_are_taken_out(scene: Scene):
     points = exact.points.copy()
     points[[20, 33, 47, 60]] += [[40, -30], [-50, 10], [30, 45], [-20, -60]]
     clean = initial_pose(scene.geometry, exact, state.camera)
-    rotation, translation = initial_pose(scene.geometry, Landmarks("ibug68", points, exact.visible), state.camera)
+    rotation, translation = initial_pose(
+        scene.geometry, Landmarks("ibug68", points, exact.visible), state.camera
+    )
     assert angle_degrees(rotation, clean[0]) < 1.5
     assert np.linalg.norm(translation - clean[1]) < 0.01
 
@@ -69,12 +71,16 @@ def test_hidden_unknown_points_are_ignored(scene: Scene):
     exact = scene.landmarks(state)
     points, visible = exact.points.copy(), exact.visible.copy()
     points[:8], visible[:8] = np.nan, False
-    rotation, translation = initial_pose(scene.geometry, Landmarks("ibug68", points, visible), state.camera)
+    rotation, translation = initial_pose(
+        scene.geometry, Landmarks("ibug68", points, visible), state.camera
+    )
     assert np.isfinite(rotation).all() and np.isfinite(translation).all()
     assert angle_degrees(rotation, state.rotation) < 6
 
 
-def evaluated(scene: Scene, lights: LightParameters, state: State, photo: np.ndarray) -> tuple[Evaluation, PhotoTerm]:
+def evaluated(
+    scene: Scene, lights: LightParameters, state: State, photo: np.ndarray
+) -> tuple[Evaluation, PhotoTerm]:
     """The photo term with other light parameters, and its evaluation."""
     forward = ForwardModel(scene.geometry, lights)
     term = PhotoTerm(forward, plain_photo(photo), 8)
@@ -86,9 +92,16 @@ def test_lights_of_a_noiseless_image(scene: Scene, ridge: float, bound: float):
     """On the true geometry, albedo and gloss, with the same light samples, the lights come back."""
     photo, _ = scene.render(samples=8, seed=5)
     evaluation, term = evaluated(scene, scene.lights, scene.state, photo)
-    error = np.abs(initial_lights(evaluation, term, scene.lights, ridge) - RADIANCE).max(1) / RADIANCE.max()
-    print(f"ridge {ridge:.0e}: lights off by {100 * error.max():.3f} % of the brightest, allowed {100 * bound:.1f} %")
-    # The ridge that keeps look-alike lights apart costs some exactness; without it there is none to lose.
+    error = (
+        np.abs(initial_lights(evaluation, term, scene.lights, ridge) - RADIANCE).max(1)
+        / RADIANCE.max()
+    )
+    print(
+        f"ridge {ridge:.0e}: lights off by {100 * error.max():.3f} % of the brightest, allowed "
+        f"{100 * bound:.1f} %"
+    )
+    # The ridge that keeps look-alike lights apart costs some exactness; without it there is none to
+    # lose.
     assert error.max() < bound
 
 
@@ -110,8 +123,12 @@ def test_a_black_photo_gives_dim_lights_not_none(scene: Scene):
 
 
 def test_a_saturated_photo_gives_light_bright_enough(scene: Scene):
-    """Every pixel says only "at least 1": so bright the model must be, and no light may collapse."""
-    term = PhotoTerm(scene.forward, plain_photo(np.ones((96, 96, 3)), np.ones((96, 96, 3), bool)), 8)
+    """Every pixel says only "at least 1": so bright the model must be, and no light may
+    collapse.
+    """
+    term = PhotoTerm(
+        scene.forward, plain_photo(np.ones((96, 96, 3)), np.ones((96, 96, 3), bool)), 8
+    )
     evaluation = term.evaluate(replace(scene.state, lights=np.zeros(18)), scene.stage, 5)
     found = initial_lights(evaluation, term, scene.lights)
     image = evaluation.image

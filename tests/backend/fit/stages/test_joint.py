@@ -30,16 +30,23 @@ def scenes(scene: Scene) -> list[Scene]:
 
 def stage_of(scene: Scene, blocks: tuple[str, ...] = BLOCKS, steps: int = 6) -> Stage:
     photo, _ = scene.render(samples=8)
-    return scene.solver(photo, blocks, steps, Weights(), samples=4, landmarks=scene.landmarks(noise_px=0.5))
+    return scene.solver(
+        photo, blocks, steps, Weights(), samples=4, landmarks=scene.landmarks(noise_px=0.5)
+    )
 
 
 def guess(scene: Scene, seed: int = 5) -> State:
     """A state beside the truth; identity and skin are the same for all photos."""
     shift = np.random.default_rng(seed)
     return moved(
-        scene.state, pose=0.004 * shift.normal(size=6), identity=[0.2, 0.3, -0.3, 0.1], albedo=[0.2, 0.1, -0.2, 0, 0.3],
-        expression=[0.05, -0.05, 0.1], lights=0.3 * np.ones(scene.lights.size), roughness=0.02,
-    )  # fmt: skip
+        scene.state,
+        pose=0.004 * shift.normal(size=6),
+        identity=[0.2, 0.3, -0.3, 0.1],
+        albedo=[0.2, 0.1, -0.2, 0, 0.3],
+        expression=[0.05, -0.05, 0.1],
+        lights=0.3 * np.ones(scene.lights.size),
+        roughness=0.02,
+    )
 
 
 def test_hessian_and_gradient_are_those_of_all_rows(scenes: list[Scene]):
@@ -50,12 +57,16 @@ def test_hessian_and_gradient_are_those_of_all_rows(scenes: list[Scene]):
     for number, (stage, state) in enumerate(zip(alone, states, strict=True)):
         # The priors of what is shared count once.
         names = set(stage.energy.layout.slices) - (set(SHARED) if number else set())
-        rows.append(stacked([data_rows(stage, state, SEED), prior_rows(stage, state, sorted(names))]))
+        rows.append(
+            stacked([data_rows(stage, state, SEED), prior_rows(stage, state, sorted(names))])
+        )
     whole = side_by_side(rows, [stage.energy.layout for stage in alone], SHARED)
     hessian, gradient = whole.normal_equations()
     assert hessian.shape == found.hessian.shape == (joint.layout.size,) * 2
     length = np.sqrt(np.diag(hessian))
-    error = float((np.abs(found.hessian - hessian) / (np.outer(length, length) + 1e-12 * hessian.max())).max())
+    error = float(
+        (np.abs(found.hessian - hessian) / (np.outer(length, length) + 1e-12 * hessian.max())).max()
+    )
     scale = length * np.sqrt(float(whole.weights @ whole.residual**2)) + 1e-12
     slope = float((np.abs(found.gradient - gradient) / scale).max())
     print(f"Hessian {error:.1e}, gradient {slope:.1e} of the columns' lengths, allowed {BOUND:g}")
@@ -72,7 +83,9 @@ def test_a_step_moves_what_is_shared_as_one(scenes: list[Scene]):
     states = [part.state for part in steps[-1].parts]
     for name in SHARED:
         for state in states[1:]:
-            np.testing.assert_array_equal(getattr(state, name), getattr(states[0], name), err_msg=name)
+            np.testing.assert_array_equal(
+                getattr(state, name), getattr(states[0], name), err_msg=name
+            )
     assert not np.allclose(states[0].identity, start[0].identity)
     assert not np.allclose(states[0].expression, states[1].expression)
 
@@ -112,16 +125,23 @@ def test_what_all_say_of_one_photo_is_its_block_of_the_inverse(scenes: list[Scen
         found = np.linalg.inv(part.hessian[np.ix_(own, own)])
         scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
         assert np.abs((found - wanted) / scale).max() < 1e-4
-        np.testing.assert_array_equal(np.diag(part.prior_hessian)[Layout(states[index]).slices["identity"]], 1.0)
+        np.testing.assert_array_equal(
+            np.diag(part.prior_hessian)[Layout(states[index]).slices["identity"]], 1.0
+        )
         if index == 0:
-            # The first photo carries the priors of what is shared, so its own system can be solved alone.
+            # The first photo carries the priors of what is shared, so its own system can be solved
+            # alone.
             alone = np.diag(np.linalg.inv(step.parts[0].hessian[np.ix_(own, own)]))
-            assert (np.diag(found) <= alone * (1 + 1e-6)).all(), "with another photo nothing is known less well"
+            assert (np.diag(found) <= alone * (1 + 1e-6)).all(), (
+                "with another photo nothing is known less well"
+            )
 
 
 def test_a_hessian_without_others_is_itself():
     hessian = np.diag([1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(marginal_hessian(hessian, np.arange(3), np.ones(3, bool)), hessian)
+    np.testing.assert_array_equal(
+        marginal_hessian(hessian, np.arange(3), np.ones(3, bool)), hessian
+    )
 
 
 def test_photos_of_other_sizes_of_shape_are_refused(scene: Scene):

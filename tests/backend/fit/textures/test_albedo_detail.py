@@ -28,11 +28,19 @@ def half_mirror(face: PaintedFace) -> np.ndarray:
 
 
 def brows(face: PaintedFace) -> np.ndarray:
-    """(S, S, 3) log albedo: two dark stripes above the eyes and a rosy mouth, the same on both sides."""
+    """(S, S, 3) log albedo: two dark stripes above the eyes and a rosy mouth, the same on both
+    sides.
+    """
     size = face.atlas.size
-    dark = sum(face.uv_blob(size, (sign * x, 0.082, 0.0), 0.006) for x in (0.02, 0.03, 0.04) for sign in (-1, 1))
+    dark = sum(
+        face.uv_blob(size, (sign * x, 0.082, 0.0), 0.006)
+        for x in (0.02, 0.03, 0.04)
+        for sign in (-1, 1)
+    )
     rosy = face.uv_blob(size, (0.0, -0.034, 0.01), 0.02)
-    return -0.5 * np.minimum(dark, 1)[..., None] * np.ones(3) - 0.25 * rosy[..., None] * np.array([0.2, 1.0, 0.8])
+    return -0.5 * np.minimum(dark, 1)[..., None] * np.ones(3) - 0.25 * rosy[..., None] * np.array(
+        [0.2, 1.0, 0.8]
+    )
 
 
 def test_a_mole_stays_on_its_side(face: PaintedFace, half_mirror: np.ndarray):
@@ -61,21 +69,33 @@ def test_the_hidden_half_is_completed_from_the_other(face: PaintedFace, half_mir
     for name, mirror in (("without", None), ("with", half_mirror)):
         detail = albedo_detail(face.atlas, shown, mirror)
         errors[name] = np.sqrt(((detail.log_albedo - truth)[hidden] ** 2).mean())
-    print(f"log albedo of the hidden half, RMS: {errors['with']:.3f} with symmetry, {errors['without']:.3f} without")
+    print(
+        f"log albedo of the hidden half, RMS: {errors['with']:.3f} with symmetry, "
+        f"{errors['without']:.3f} without"
+    )
     assert errors["with"] < 0.7 * errors["without"]
     # The labels say which is which.
     assert detail.mirrored[hidden].mean() > 0.9 and detail.seen[hidden].mean() < 0.02
     shows = face.atlas.skin & (place[..., 0] > 0.012) & (np.abs(truth).max(axis=2) > 0.05)
     assert detail.seen[shows].mean() > 0.9 and not (detail.seen & detail.mirrored).any()
     behind = face.atlas.skin & (place[..., 2] < -0.12)
-    assert np.abs(detail.log_albedo[behind]).max() < 1e-3 and not (detail.seen | detail.mirrored)[behind].any()
+    assert (
+        np.abs(detail.log_albedo[behind]).max() < 1e-3
+        and not (detail.seen | detail.mirrored)[behind].any()
+    )
 
 
 def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
-    """A fit that is off by a pixel: what it paints must not look like the edges of the shadow or the highlights."""
+    """A fit that is off by a pixel: what it paints must not look like the edges of the shadow or
+    the highlights.
+    """
     shifted = moved_by_a_pixel(face)
-    common = replace(face, surface=face.forward.surface(shifted, face.surface.pixels, only_fitted=True))
-    common = replace(common, surface=face.forward.surface(face.state, common.surface.pixels, only_fitted=True))
+    common = replace(
+        face, surface=face.forward.surface(shifted, face.surface.pixels, only_fitted=True)
+    )
+    common = replace(
+        common, surface=face.forward.surface(face.state, common.surface.pixels, only_fitted=True)
+    )
     photo, _ = common.photo()
     pixels = {tuple(p): n for n, p in enumerate(common.surface.pixels)}
     surface = face.forward.surface(shifted, common.surface.pixels, only_fitted=True)
@@ -91,13 +111,15 @@ def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
         detail = albedo_detail(face.atlas, shown, None, doubts).log_albedo.mean(axis=2)
         amount = sample_bilinear(detail, shown.uvs)
         return (
-            float(np.abs(amount).mean()), float(np.corrcoef(np.abs(amount), edge)[0, 1]),
+            float(np.abs(amount).mean()),
+            float(np.corrcoef(np.abs(amount), edge)[0, 1]),
             float(np.corrcoef(amount, strong)[0, 1]),
-        )  # fmt: skip
+        )
 
     found, naive = painted(Doubts()), painted(Doubts(0.0, 0.0, 0.0))
     print(
-        f"painted {found[0]:.4f} (without doubt {naive[0]:.4f}); correlation with the shadow's edge {found[1]:.2f} "
+        f"painted {found[0]:.4f} (without doubt {naive[0]:.4f}); correlation with the shadow's "
+        f"edge {found[1]:.2f} "
         f"({naive[1]:.2f}), with the highlights {found[2]:.2f} ({naive[2]:.2f})"
     )
     assert strong.sum() > 20 and edge.sum() > 50
@@ -105,7 +127,9 @@ def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 1e4])
-def test_black_and_white_photos_give_numbers(face: PaintedFace, half_mirror: np.ndarray, level: float):
+def test_black_and_white_photos_give_numbers(
+    face: PaintedFace, half_mirror: np.ndarray, level: float
+):
     shown = face.shown(np.full((len(face.surface.pixels), 3), level))
     if level:
         shown = replace(shown, clipped=np.ones(shown.photo.shape, bool))

@@ -24,8 +24,15 @@ def face(renderer: str) -> PaintedFace:
 def step(face: PaintedFace, shown: Shown, held: str = "") -> GlossStep:
     image = shown.image
     by_specular = brdf.K_SPECULAR * image.specular * (held != "specular")
-    by_roughness = brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular_by_roughness * (held != "roughness")
-    return gloss_step(Atlas.build(face.forward.geometry, TEXELS).skin, shown, by_specular, by_roughness)
+    by_roughness = (
+        brdf.K_SPECULAR
+        * image.c_spec[:, None]
+        * image.terms.specular_by_roughness
+        * (held != "roughness")
+    )
+    return gloss_step(
+        Atlas.build(face.forward.geometry, TEXELS).skin, shown, by_specular, by_roughness
+    )
 
 
 def test_a_shiny_patch_is_found(face: PaintedFace):
@@ -34,7 +41,10 @@ def test_a_shiny_patch_is_found(face: PaintedFace):
     found = step(face, face.shown(photo))
     inside, known = found.specular[patch > 0.9].mean(), found.specular_known[patch > 0.9].mean()
     outside = np.abs(found.specular[patch == 0]).mean()
-    print(f"c_spec + {inside:.2f} in the patch (true 0.4), {outside:.3f} outside; known to {known:.2f}")
+    print(
+        f"c_spec + {inside:.2f} in the patch (true 0.4), {outside:.3f} outside; known to "
+        f"{known:.2f}"
+    )
     assert inside == pytest.approx(0.4, abs=0.12) and outside < 0.03
     assert np.abs(found.roughness).max() < 0.06
 
@@ -45,7 +55,10 @@ def test_a_rough_patch_is_found_under_a_strong_light(face: PaintedFace):
     found = step(face, face.shown(photo))
     inside, known = found.roughness[patch > 0.9].mean(), found.roughness_known[patch > 0.9].mean()
     outside = np.abs(found.roughness[patch == 0]).mean()
-    print(f"roughness + {inside:.3f} in the patch (true 0.08), {outside:.4f} outside; known to {known:.2f}")
+    print(
+        f"roughness + {inside:.3f} in the patch (true 0.08), {outside:.4f} outside; known to "
+        f"{known:.2f}"
+    )
     assert 0.03 < inside < 0.11 and outside < 0.01
     assert ROUGHNESS + found.roughness.min() > 0.3
 
@@ -62,7 +75,11 @@ def test_a_held_map_stays_exactly(face: PaintedFace, held: str):
     patch = face.uv_blob(TEXELS, HIGHLIGHT, 0.02)
     photo, _ = face.photo(specular=0.4 * patch, roughness=0.05 * patch)
     found = step(face, face.shown(photo), held)
-    kept, other = (found.specular, found.roughness) if held == "specular" else (found.roughness, found.specular)
+    kept, other = (
+        (found.specular, found.roughness)
+        if held == "specular"
+        else (found.roughness, found.specular)
+    )
     assert not kept.any() and np.abs(other).max() > 0.01
 
 
@@ -81,4 +98,6 @@ def test_changed_gloss_is_the_picture_that_is_traced_again(face: PaintedFace):
     error, change = np.abs(changed.image.color - traced), np.abs(traced - plain.color)
     print(f"to first order, {error.sum() / change.sum():.3f} of the change is missed; 0.1 allowed")
     assert error.sum() < 0.1 * change.sum()
-    np.testing.assert_allclose(changed.diffuse * changed.albedo + changed.specular, changed.image.color, rtol=1e-6)
+    np.testing.assert_allclose(
+        changed.diffuse * changed.albedo + changed.specular, changed.image.color, rtol=1e-6
+    )

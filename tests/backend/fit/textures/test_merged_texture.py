@@ -1,4 +1,6 @@
-"""One texture from several photos: what only one shows is that photo's, what both show lies between."""
+"""One texture from several photos: what only one shows is that photo's, what both show lies
+between.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def test_what_one_photo_shows_is_filled_in(merged: MergedTexture, frontal: State
     merged.add(flat(0.8), right, frontal, 1.0)
     assert merged.coverage.all()
     # 0.2 and 0.8, drawn a little to the basis.
-    assert (merged.mean()[MIDDLE, SIZE // 4] < 0.3).all() and (merged.mean()[MIDDLE, -SIZE // 4] > 0.7).all()
+    assert (merged.mean()[MIDDLE, SIZE // 4] < 0.3).all() and (
+        merged.mean()[MIDDLE, -SIZE // 4] > 0.7
+    ).all()
 
 
 def test_what_no_photo_shows_is_the_basis(merged: MergedTexture, frontal: State):
@@ -70,6 +74,8 @@ def test_the_photo_that_sees_a_place_straight_on_decides(merged: MergedTexture, 
     merged.add(flat(0.6), everywhere, turned, 1.0)
     texture = merged.mean()[MIDDLE, ..., 0].mean(axis=0)
     sides = texture[SIZE // 8], texture[-SIZE // 8]
-    print(f"on either side {sides[0]:.3f} and {sides[1]:.3f}, in the middle {texture[SIZE // 2]:.3f}")
+    print(
+        f"on either side {sides[0]:.3f} and {sides[1]:.3f}, in the middle {texture[SIZE // 2]:.3f}"
+    )
     assert abs(sides[0] - sides[1]) > 0.05
     assert texture.min() >= 0.2 and texture.max() <= 0.6

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from facestage.fit.face.state import State
-from facestage.fit.textures.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors, parts_of
+from facestage.fit.textures.part_color import (
+    WET_ROUGHNESS,
+    WET_SPECULAR,
+    Look,
+    part_colors,
+    parts_of,
+)
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
 BLUE = np.array([0.05, 0.09, 0.14])
@@ -22,9 +28,16 @@ def face(renderer: str) -> PaintedFace:
 @pytest.fixture(scope="module")
 def smiling(face: PaintedFace) -> State:
     names = face.forward.geometry.model.expression_names
-    weights = {"jawOpen": 0.25, "mouthUpperUpLeft": 0.8, "mouthUpperUpRight": 0.8, "mouthLowerDownLeft": 0.8}
+    weights = {
+        "jawOpen": 0.25,
+        "mouthUpperUpLeft": 0.8,
+        "mouthUpperUpRight": 0.8,
+        "mouthLowerDownLeft": 0.8,
+    }
     close = replace(face.state.camera, focal_px=900.0)
-    return replace(face.state, camera=close, expression=np.array([weights.get(name, 0.0) for name in names]))
+    return replace(
+        face.state, camera=close, expression=np.array([weights.get(name, 0.0) for name in names])
+    )
 
 
 def picture(face: PaintedFace, state: State, log_change: np.ndarray) -> Look:
@@ -35,7 +48,9 @@ def picture(face: PaintedFace, state: State, log_change: np.ndarray) -> Look:
     terms = face.forward.light_terms(state, surface, face.stage, 16, 5, roughness=rough)
     logs = (face.forward.log_albedo(state) + log_change)[surface.corners]
     albedo = np.exp(np.einsum("pi,pic->pc", surface.weights, logs))
-    image = face.forward.shade(state, surface, terms, albedo, c_spec=np.full(len(albedo), WET_SPECULAR))
+    image = face.forward.shade(
+        state, surface, terms, albedo, c_spec=np.full(len(albedo), WET_SPECULAR)
+    )
     column, row = surface.pixels.astype(int).T
     color, skin = np.zeros((SIDE, SIDE, 3)), np.zeros((SIDE, SIDE))
     color[row, column] = image.color
@@ -53,7 +68,9 @@ def test_blue_eyes_are_found(face: PaintedFace, smiling: State):
     change = np.zeros_like(geometry.log_albedo)
     iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
     change[iris] = np.log(BLUE) - geometry.log_albedo[iris].mean(axis=0)
-    found = by_name(face, part_colors(face.forward, smiling, face.stage, picture(face, smiling, change)), "iris")[0]
+    found = by_name(
+        face, part_colors(face.forward, smiling, face.stage, picture(face, smiling, change)), "iris"
+    )[0]
     print("log change of the iris", found.round(2), "true", change[iris][0].round(2))
     np.testing.assert_allclose(found, change[iris][0], atol=0.35)
     assert found[2] > found[0] + 0.5
@@ -64,7 +81,11 @@ def test_teeth_keep_to_what_teeth_can_be(face: PaintedFace, smiling: State):
     change = np.zeros_like(geometry.log_albedo)
     teeth = next(part for part in parts_of(geometry) if part.name == "teeth").vertices
     change[teeth] = [-0.1, -0.1, -1.5]
-    found = by_name(face, part_colors(face.forward, smiling, face.stage, picture(face, smiling, change)), "teeth")[0]
+    found = by_name(
+        face,
+        part_colors(face.forward, smiling, face.stage, picture(face, smiling, change)),
+        "teeth",
+    )[0]
     assert -0.7 < found[2] - found[0] < -0.1
 
 

@@ -1,4 +1,6 @@
-"""The per-texel stage over a problem read from files: what is held stays, and the coverage says what is what."""
+"""The per-texel stage over a problem read from files: what is held stays, and the coverage says
+what is what.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +26,34 @@ from reference.synthetic_scene import Scene
 @pytest.fixture(scope="module")
 def problem(case: Case) -> Problem:
     return read_problem(
-        Job(case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera)), fineness=SMALL
-    )  # fmt: skip
+        Job(
+            case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera)
+        ),
+        fineness=SMALL,
+    )
 
 
 def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
     """The truth, refined against the photo."""
     brightest = scene.render(samples=16)[0].max()
     fitted = Fitted(
-        state=scene.state, camera_to_stage=np.eye(4),
-        stage=scene.stage.with_radiance(scene.stage.radiance * 0.75 / brightest), trace=[], energy={}, condition=1.0,
-        seconds=0.0, check_seconds=0.0, in_time=True, certainty=Certainty({}, {}), shading_doubt=None,
-        hidden=np.zeros(problem.photograph.mask.shape, bool), doubt="", settled=True, lens=None, landmark_statistic=0.0,
-    )  # fmt: skip
+        state=scene.state,
+        camera_to_stage=np.eye(4),
+        stage=scene.stage.with_radiance(scene.stage.radiance * 0.75 / brightest),
+        trace=[],
+        energy={},
+        condition=1.0,
+        seconds=0.0,
+        check_seconds=0.0,
+        in_time=True,
+        certainty=Certainty({}, {}),
+        shading_doubt=None,
+        hidden=np.zeros(problem.photograph.mask.shape, bool),
+        doubt="",
+        settled=True,
+        lens=None,
+        landmark_statistic=0.0,
+    )
     return refine(replace(problem, job=replace(problem.job, freeze=freeze)), scene.forward, fitted)
 
 
@@ -63,10 +80,16 @@ def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
     assert set(np.unique(found.coverage[..., 0])) <= {0, BY_SYMMETRY, SEEN}
     assert not found.coverage[~atlas.skin].any()
     y, x = np.mgrid[:96, :96]
-    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True)
+    surface = scene.forward.surface(
+        scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True
+    )
     uvs = scene.forward.uvs(surface)
     shown = np.zeros((64, 64), int)
-    np.add.at(shown, ((64 * (1 - uvs[:, 1])).astype(int).clip(0, 63), (64 * uvs[:, 0]).astype(int).clip(0, 63)), 1)
+    np.add.at(
+        shown,
+        ((64 * (1 - uvs[:, 1])).astype(int).clip(0, 63), (64 * uvs[:, 0]).astype(int).clip(0, 63)),
+        1,
+    )
     seen = found.coverage[..., 0] == SEEN
     print(f"{seen[shown >= 3].mean():.2f} of the texels with three pixels or more are seen")
     assert seen[shown >= 3].mean() > 0.5 and seen[atlas.skin].mean() < 1

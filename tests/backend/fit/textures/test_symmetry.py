@@ -30,7 +30,10 @@ def test_the_mirrored_texel_is_the_nearest_of_all(geometry: FaceGeometry):
     found = np.linalg.norm(place[mirror.ravel()[some]] - place[some] * MIRROR, axis=1)
     excess = 1e3 * (found - distance.min(axis=1))
     most = np.percentile(excess, 95)
-    print(f"{share:.1%} of the skin has a mirror image; 95 % at most {most:.2f} mm farther than the nearest texel")
+    print(
+        f"{share:.1%} of the skin has a mirror image; 95 % at most {most:.2f} mm farther than "
+        "the nearest texel"
+    )
     assert share > 0.93 and np.median(excess) < 0.05 and most < 1.0
     # There and back again.
     back = mirror.ravel()[mirror.ravel()[paired]]
@@ -44,7 +47,9 @@ def test_nearest_points_against_all_triangles(geometry: FaceGeometry):
     chosen = triangles[random.integers(len(triangles), size=60)]
     points = geometry.mean[chosen].mean(axis=1) + 0.0005 * random.normal(size=(60, 3))
     index, weights = nearest_points(points, geometry.mean, triangles)
-    found = np.linalg.norm(np.einsum("ni,nix->nx", weights, geometry.mean[triangles[index]]) - points, axis=1)
+    found = np.linalg.norm(
+        np.einsum("ni,nix->nx", weights, geometry.mean[triangles[index]]) - points, axis=1
+    )
     grid = np.array([(i, j, 12 - i - j) for i in range(13) for j in range(13 - i)]) / 12.0
     dense = np.einsum("gi,tix->tgx", grid, geometry.mean[triangles]).reshape(-1, 3)
     brute = np.array([np.sqrt(((dense - point) ** 2).sum(axis=1).min()) for point in points])

@@ -46,7 +46,9 @@ def direct(field: Field) -> np.ndarray:
             right.append(np.sqrt(weight) * wanted)
     operator = sp.csr_matrix((data, (rows, columns)), shape=(len(right), len(chosen)))
     result = np.zeros((size * size, channels))
-    result[chosen] = spsolve((operator.T @ operator).tocsc(), operator.T @ np.array(right)).reshape(-1, channels)
+    result[chosen] = spsolve((operator.T @ operator).tocsc(), operator.T @ np.array(right)).reshape(
+        -1, channels
+    )
     return result.reshape(size, size, channels)
 
 
@@ -56,15 +58,24 @@ def example(size: int, guess: bool) -> Field:
     texels[:, size // 2 : size // 2 + 2] = False
     texels[: size // 4, : size // 4] = False
     uvs = random.uniform([0.05, 0.1], [0.6, 0.9], (400, 2))
-    values = np.stack([np.sin(7 * uvs[:, 0]), uvs[:, 1] - 0.5], axis=1) + 0.1 * random.normal(size=(400, 2))
+    values = np.stack([np.sin(7 * uvs[:, 0]), uvs[:, 1] - 0.5], axis=1) + 0.1 * random.normal(
+        size=(400, 2)
+    )
     return Field(
-        texels, uvs, random.uniform(0, 1, 400), values, 0.08, 0.02 * (24 / size) ** 2,
+        texels,
+        uvs,
+        random.uniform(0, 1, 400),
+        values,
+        0.08,
+        0.02 * (24 / size) ** 2,
         0.1 * random.uniform(size=(size, size)) if guess else None,
         random.normal(size=(size, size, 2)) if guess else None,
-    )  # fmt: skip
+    )
 
 
-@pytest.mark.parametrize(("size", "guess", "allowed"), [(24, False, 0.02), (24, True, 0.02), (128, False, 0.06)])
+@pytest.mark.parametrize(
+    ("size", "guess", "allowed"), [(24, False, 0.02), (24, True, 0.02), (128, False, 0.06)]
+)
 def test_fields_are_the_least_squares_solution(size: int, guess: bool, allowed: float):
     field = example(size, guess)
     found, known = solve_field(field)
@@ -74,7 +85,10 @@ def test_fields_are_the_least_squares_solution(size: int, guess: bool, allowed: 
     assert error < allowed
     assert known.min() >= 0 and known.max() <= 1 and not found[~field.texels].any()
     if not guess:
-        assert known[int(0.5 * size), int(0.3 * size)] > 0.7 and known[int(0.5 * size), int(0.95 * size)] < 0.05
+        assert (
+            known[int(0.5 * size), int(0.3 * size)] > 0.7
+            and known[int(0.5 * size), int(0.95 * size)] < 0.05
+        )
 
 
 def test_nothing_observed_is_nothing_found():

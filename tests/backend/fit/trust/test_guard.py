@@ -56,10 +56,11 @@ def test_a_plausible_shape_is_believed():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((300.0, 210.0, 30.0, 0.9), "300, at most 210"), ((1.0, 210.0, 9.0, 0.9), "PSNR 9.0 dB"),
+        ((300.0, 210.0, 30.0, 0.9), "300, at most 210"),
+        ((1.0, 210.0, 9.0, 0.9), "PSNR 9.0 dB"),
         ((1.0, 210.0, 30.0, 0.05), "only 5%"),
     ],
-)  # fmt: skip
+)
 def test_each_doubt_says_why(arguments: tuple[float, float, float, float], words: str):
     assert words in doubt(*arguments)
 
@@ -83,9 +84,14 @@ def test_a_wrong_lens_shows_in_the_landmarks(scene: Scene, factor: float):
 @pytest.fixture
 def job(case: Case) -> Job:
     return Job(
-        case.photo, case.model_option, Landmarks.read(case.landmarks), Camera.read(case.camera),
-        stage=fibonacci_stage(6), device="cpu", truth=case.truth,
-    )  # fmt: skip
+        case.photo,
+        case.model_option,
+        Landmarks.read(case.landmarks),
+        Camera.read(case.camera),
+        stage=fibonacci_stage(6),
+        device="cpu",
+        truth=case.truth,
+    )
 
 
 @pytest.mark.usefixtures("renderer")
@@ -94,7 +100,9 @@ def test_what_no_face_explains_keeps_the_landmarks_shape(job: Job, tmp_path: Pat
     Image.fromarray(noise).save(tmp_path / "noise.png")
     result = fit_job(replace(job, image=tmp_path / "noise.png"), tmp_path / "out", fineness=SMALL)
     assert result.status == STOPPED and "landmarks' own" in result.advice
-    assert result.errors["similarity_mm"] == pytest.approx(result.errors["landmark_stage_similarity_mm"], abs=1e-9)
+    assert result.errors["similarity_mm"] == pytest.approx(
+        result.errors["landmark_stage_similarity_mm"], abs=1e-9
+    )
     plain = fit_job(job, tmp_path / "plain", fineness=SMALL)
     assert plain.status == CONVERGED and plain.advice.startswith("Converged:")
     assert plain.errors["similarity_mm"] < plain.errors["landmark_stage_similarity_mm"]
@@ -104,7 +112,9 @@ def test_what_no_face_explains_keeps_the_landmarks_shape(job: Job, tmp_path: Pat
 def test_a_refusal_leaves_nothing_behind(job: Job, tmp_path: Path):
     alpha = np.zeros((96, 96), np.uint8)
     alpha[:4, :4] = 255
-    Image.fromarray(np.dstack([np.asarray(Image.open(job.image)), alpha])).save(tmp_path / "masked.png")
+    Image.fromarray(np.dstack([np.asarray(Image.open(job.image)), alpha])).save(
+        tmp_path / "masked.png"
+    )
     with pytest.raises(InputError, match="shows the face"):
         fit_job(replace(job, image=tmp_path / "masked.png"), tmp_path / "out", fineness=SMALL)
     assert not partial_folder(tmp_path / "out").exists() and not (tmp_path / "out").exists()

@@ -15,24 +15,39 @@ from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Stage
 from facestage.fit.trust.checks import _names, _settled
-from facestage.fit.trust.guard import doubt, informative_share, landmark_energy, landmark_statistic, statistic_limit
+from facestage.fit.trust.guard import (
+    doubt,
+    informative_share,
+    landmark_energy,
+    landmark_statistic,
+    statistic_limit,
+)
 from reference.synthetic_scene import Scene, moved, plain_photo
 
 
 @pytest.mark.parametrize(
     ("statistic", "psnr", "share", "word"),
     [
-        (10.0, 15.0, 0.2, ""), (10.001, 15.0, 0.2, "squared distance"), (10.0, 14.99, 0.2, "PSNR"),
-        (10.0, 15.0, 0.199, "black"), (10.0, float("inf"), 1.0, ""), (10.0, float("nan"), 1.0, ""),
+        (10.0, 15.0, 0.2, ""),
+        (10.001, 15.0, 0.2, "squared distance"),
+        (10.0, 14.99, 0.2, "PSNR"),
+        (10.0, 15.0, 0.199, "black"),
+        (10.0, float("inf"), 1.0, ""),
+        (10.0, float("nan"), 1.0, ""),
     ],
-)  # fmt: skip
+)
 def test_at_its_limit_a_photo_is_believed(statistic: float, psnr: float, share: float, word: str):
     found = doubt(statistic, 10.0, psnr, share)
     assert (word in found) if word else found == ""
 
 
 def test_without_a_free_parameter_the_limit_is_that_of_one():
-    assert statistic_limit(0) == statistic_limit(1) < statistic_limit(2) == pytest.approx(13.816, abs=1e-3)
+    assert (
+        statistic_limit(0)
+        == statistic_limit(1)
+        < statistic_limit(2)
+        == pytest.approx(13.816, abs=1e-3)
+    )
 
 
 def stage_of(scene: Scene, weights: Weights) -> Stage:
@@ -48,7 +63,9 @@ def test_the_statistic_counts_landmarks_shape_and_lens_and_no_more(scene: Scene)
     # A lens longer by two of its deviations of a quarter: 2^2.
     assert landmark_statistic(blind, start, longer) == pytest.approx(4.0)
     assert landmark_statistic(blind, longer, start) == pytest.approx(-4.0)
-    assert landmark_statistic(blind, start, replace(start, roughness=0.9, albedo=np.full(5, 3.0))) == 0
+    assert (
+        landmark_statistic(blind, start, replace(start, roughness=0.9, albedo=np.full(5, 3.0))) == 0
+    )
     smiling = replace(start, expression=np.array([0.35, 0, 0]))
     assert landmark_energy(blind, smiling) - landmark_energy(blind, start) == pytest.approx(0.5)
     placed = energy.landmarks.at(start)
@@ -70,7 +87,10 @@ def test_black_and_saturated_pixels_say_nothing(scene: Scene):
     clipped[row[90:120], column[90:120], 1:] = True  # red is still known
     found = informative_share(plain_photo(dark, clipped), evaluation)
     assert found == pytest.approx(1 - (30 + 40) / count)
-    nothing = replace(evaluation, image=replace(evaluation.image, surface=evaluation.image.surface.part(slice(0, 0))))
+    nothing = replace(
+        evaluation,
+        image=replace(evaluation.image, surface=evaluation.image.surface.part(slice(0, 0))),
+    )
     assert informative_share(term.photo, nothing) == 0.0
 
 
@@ -78,22 +98,31 @@ def view_of(scene: Scene, frozen: set[str], share: float = 0.05) -> Any:
     """What a check of the trace asks of a view."""
     fineness = SimpleNamespace(settled_share=share)
     return SimpleNamespace(
-        problem=SimpleNamespace(fineness=fineness), start_state=lambda: scene.state, frozen=lambda: frozen
+        problem=SimpleNamespace(fineness=fineness),
+        start_state=lambda: scene.state,
+        frozen=lambda: frozen,
     )
 
 
 @pytest.mark.parametrize(
     ("errors", "settled"),
     [
-        ([], False), ([1.0], True), ([1.0, 0.5], True), ([1.0, 0.9, 0.86], True), ([1.0, 0.9, 0.85], False),
-        ([1.0, None, 0.5], True), ([1.0, 0.9, None], True),
+        ([], False),
+        ([1.0], True),
+        ([1.0, 0.5], True),
+        ([1.0, 0.9, 0.86], True),
+        ([1.0, 0.9, 0.85], False),
+        ([1.0, None, 0.5], True),
+        ([1.0, 0.9, None], True),
     ],
-)  # fmt: skip
+)
 def test_a_phase_has_settled_when_it_ended_by_itself_or_its_last_step_was_small(
     scene: Scene, errors: list[float | None], settled: bool
 ):
     phase = Phase("joint", ("pose", "lights"), 160.0, 3)
-    trace = [{"stage": "geometry", "photo_rms": 9.0}] + [{"stage": "joint", "photo_rms": error} for error in errors]
+    trace = [{"stage": "geometry", "photo_rms": 9.0}] + [
+        {"stage": "joint", "photo_rms": error} for error in errors
+    ]
     assert _settled(view_of(scene, set()), phase, trace) is settled
     assert _settled(view_of(scene, {"pose"}), phase, trace) is settled
     assert _settled(view_of(scene, {"pose", "lights"}), phase, trace) is True, "nothing was free"
@@ -104,7 +133,14 @@ def test_light_parameters_are_named_by_the_lights_of_the_stage(scene: Scene):
     lit = np.array([True, False, True, True])
     fitted = np.array([True, False, True])
     for uniform, wanted in (
-        (False, [f"light {number} {channel}" for number in (0, 3) for channel in ("red", "green", "blue")]),
+        (
+            False,
+            [
+                f"light {number} {channel}"
+                for number in (0, 3)
+                for channel in ("red", "green", "blue")
+            ],
+        ),
         (True, ["light 0", "light 3", "color red", "color green", "color blue"]),
     ):
         lights = LightParameters(fitted, np.zeros((3, 3)), uniform)

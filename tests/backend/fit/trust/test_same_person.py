@@ -10,12 +10,18 @@ from facestage.fit.trust.same_person import CHANCE, Evidence, combined, differen
 MODES, FREEDOM = 12, 130
 
 
-def evidence(identity: np.ndarray, seed: int, strength: float = 30.0, scale: float = 1.0) -> Evidence:
-    """What landmarks of so much information, ``scale`` times noisier than they say, would tell of ``identity``."""
+def evidence(
+    identity: np.ndarray, seed: int, strength: float = 30.0, scale: float = 1.0
+) -> Evidence:
+    """What landmarks of so much information, ``scale`` times noisier than they say, would tell of
+    ``identity``.
+    """
     random = np.random.default_rng(seed)
     basis = np.linalg.qr(random.normal(size=(MODES, MODES)))[0]
     information = basis @ np.diag(strength * 10.0 ** random.uniform(-2, 1, MODES)) @ basis.T
-    seen = identity + np.sqrt(scale) * np.linalg.cholesky(np.linalg.inv(information)) @ random.normal(size=MODES)
+    seen = identity + np.sqrt(scale) * np.linalg.cholesky(
+        np.linalg.inv(information)
+    ) @ random.normal(size=MODES)
     found = np.linalg.solve(information + np.eye(MODES), information @ seen)
     return Evidence(found, information, np.eye(MODES), scale * FREEDOM, FREEDOM)
 
@@ -58,7 +64,11 @@ def test_all_photos_together_are_what_one_with_all_landmarks_would_be():
     information = sum(photo.information for photo in photos)
     seen = [np.linalg.solve(photo.information, photo.pull) for photo in photos]
     wanted = sum(photo.information @ one for photo, one in zip(photos, seen, strict=True))
-    np.testing.assert_allclose((information + np.eye(MODES)) @ identity, wanted, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        (information + np.eye(MODES)) @ identity, wanted, rtol=1e-6, atol=1e-6
+    )
     np.testing.assert_allclose(covariance @ (information + np.eye(MODES)), np.eye(MODES), atol=1e-9)
-    error = [np.linalg.norm(one - person(3)) for one in (identity, *(photo.identity for photo in photos))]
+    error = [
+        np.linalg.norm(one - person(3)) for one in (identity, *(photo.identity for photo in photos))
+    ]
     assert error[0] < min(error[1:])

@@ -42,7 +42,10 @@ def test_the_deviation_of_drawn_shapes_is_the_doubt(scene: Scene):
     wanted = np.sqrt(spread**2 + gloss**2) / diffuse
     # Where a shadow's edge moves the derivative does not see it: the middle half must agree.
     ratio = doubt[y, x] / wanted
-    print(f"doubt over drawn spread, quartiles {np.percentile(ratio, [25, 50, 75]).round(2)} (1 is right)")
+    print(
+        f"doubt over drawn spread, quartiles {np.percentile(ratio, [25, 50, 75]).round(2)} (1 "
+        "is right)"
+    )
     assert np.percentile(ratio, 25) > 0.85 and np.percentile(ratio, 75) < 1.15
 
 
@@ -55,4 +58,6 @@ def test_without_a_free_shape_only_highlights_are_in_doubt(scene: Scene):
     x, y = image.surface.pixels.astype(int).T
     diffuse = brdf.K_DIFFUSE / np.pi * (image.albedo * image.diffuse).mean(axis=1)
     gloss = HIGHLIGHT_SHARE * brdf.K_SPECULAR * image.c_spec * image.specular.mean(axis=1)
-    np.testing.assert_allclose(doubt[y, x], np.minimum(gloss / diffuse, DOUBT_MAX), rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(
+        doubt[y, x], np.minimum(gloss / diffuse, DOUBT_MAX), rtol=1e-5, atol=1e-9
+    )

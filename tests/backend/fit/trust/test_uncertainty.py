@@ -23,7 +23,9 @@ from reference.synthetic_scene import Scene
 
 
 def test_independent_parameters_have_the_inverse_root_of_their_information() -> None:
-    found = deviations(np.diag([4.0, 25.0, 1.0]), np.diag([1.0, 1.0, 1.0]), np.array([True, True, False]))
+    found = deviations(
+        np.diag([4.0, 25.0, 1.0]), np.diag([1.0, 1.0, 1.0]), np.array([True, True, False])
+    )
     np.testing.assert_allclose(found.after[:2], [0.5, 0.2], rtol=1e-6)
     np.testing.assert_allclose(found.before[:2], 1.0, rtol=1e-6)
     assert np.isnan(found.after[2]) and not found.unobserved.any()
@@ -60,7 +62,9 @@ def test_unobserved_entries_are_named_by_block(scene: Scene) -> None:
     hessian[texels, texels] = np.eye(texels.stop - texels.start)
     active = np.ones(layout.size, bool)
     active[layout.slices["pose"]] = False
-    certainty = describe(deviations(hessian, np.eye(layout.size), active), layout, {"identity": ["wide", "long"]})
+    certainty = describe(
+        deviations(hessian, np.eye(layout.size), active), layout, {"identity": ["wide", "long"]}
+    )
     assert certainty.unobserved["identity"] == ["long"]
     assert certainty.unobserved["lights"] == ["0"]
     count = texels.stop - texels.start
@@ -78,9 +82,14 @@ def test_a_fit_names_the_mode_that_moves_nothing(case: Case, tmp_path: Path) -> 
     basis[1] = 0.0
     replace(model, expression_basis=basis).save(tmp_path / "model.npz")
     job = Job(
-        image=case.photo, landmarks=Landmarks.read(case.landmarks), camera=Camera.read(case.camera),
-        model=f"npz:{tmp_path / 'model.npz'}", stage=fibonacci_stage(6), freeze=("identity",), device="cpu",
-    )  # fmt: skip
+        image=case.photo,
+        landmarks=Landmarks.read(case.landmarks),
+        camera=Camera.read(case.camera),
+        model=f"npz:{tmp_path / 'model.npz'}",
+        stage=fibonacci_stage(6),
+        freeze=("identity",),
+        device="cpu",
+    )
     fit_job(job, tmp_path / "result", fineness=SMALL)
     result = Result.load(tmp_path / "result")
     assert result.unobserved["expression"] == [model.expression_names[1]]

@@ -1,4 +1,6 @@
-"""Standard deviations of vertices against drawn samples, and named directions against systems made by hand."""
+"""Standard deviations of vertices against drawn samples, and named directions against systems made
+by hand.
+"""
 
 from __future__ import annotations
 
@@ -27,27 +29,39 @@ def test_deviations_are_those_of_aligned_samples(scene: Scene):
         total += (aligned @ state.rotation.T) ** 2
     drawn = 1e3 * np.sqrt(total / count)
     error = np.abs(found[region] - drawn).max() / drawn.max()
-    print(f"largest deviation {drawn.max():.3f} mm, propagated and drawn differ by {100 * error:.1f} %")
+    print(
+        f"largest deviation {drawn.max():.3f} mm, propagated and drawn differ by "
+        f"{100 * error:.1f} %"
+    )
     assert error < 0.06
 
 
 def test_size_and_pose_drop_out(scene: Scene):
     model, state = scene.model, scene.state
     shape = model.shape(state.identity, state.expression).astype(float)
-    basis = np.stack([shape, np.broadcast_to([0.1, 0.2, 0.3], shape.shape), np.cross([0.3, 0.1, 0.2], shape)])
+    basis = np.stack(
+        [shape, np.broadcast_to([0.1, 0.2, 0.3], shape.shape), np.cross([0.3, 0.1, 0.2], shape)]
+    )
     from dataclasses import replace
 
     moving = replace(
-        model, identity_basis=basis.astype(np.float32), identity_names=("larger", "shift", "turn"),
-        expression_basis=model.expression_basis[:0], expression_names=(),
-    )  # fmt: skip
-    found = vertex_deviation(moving, shape, np.eye(3), 0.01 * np.eye(3), model.regions["narrow_face"])
+        model,
+        identity_basis=basis.astype(np.float32),
+        identity_names=("larger", "shift", "turn"),
+        expression_basis=model.expression_basis[:0],
+        expression_names=(),
+    )
+    found = vertex_deviation(
+        moving, shape, np.eye(3), 0.01 * np.eye(3), model.regions["narrow_face"]
+    )
     assert np.abs(found).max() < 1e-3, "mm"
 
 
 def test_nothing_fitted_is_no_deviation(scene: Scene):
     shape = scene.model.shape(scene.state.identity, scene.state.expression)
-    found = vertex_deviation(scene.model, shape, np.eye(3), np.zeros((7, 7)), scene.model.regions["narrow_face"])
+    found = vertex_deviation(
+        scene.model, shape, np.eye(3), np.zeros((7, 7)), scene.model.regions["narrow_face"]
+    )
     assert found.shape == shape.shape and not found.any()
 
 
@@ -60,9 +74,12 @@ def test_the_inverse_leaves_out_what_is_frozen():
 
 
 NAMES = {
-    "identity": ["width", "height", "nose", "lean"], "expression": ["jaw_open", "smile", "brow_up"],
-    "lights": [f"light {light} {color}" for light in range(6) for color in ("red", "green", "blue")],
-}  # fmt: skip
+    "identity": ["width", "height", "nose", "lean"],
+    "expression": ["jaw_open", "smile", "brow_up"],
+    "lights": [
+        f"light {light} {color}" for light in range(6) for color in ("red", "green", "blue")
+    ],
+}
 
 
 def system(scene: Scene) -> tuple[Layout, np.ndarray, np.ndarray]:
@@ -76,7 +93,13 @@ def system(scene: Scene) -> tuple[Layout, np.ndarray, np.ndarray]:
 
 def sentences(scene: Scene, layout: Layout, prior: np.ndarray, data: np.ndarray) -> str:
     found = find_null_directions(
-        data + prior, prior, np.ones(layout.size, bool), scene.state, scene.geometry, scene.lights, NAMES
+        data + prior,
+        prior,
+        np.ones(layout.size, bool),
+        scene.state,
+        scene.geometry,
+        scene.lights,
+        NAMES,
     )
     return "; ".join(found.sentences)
 
@@ -105,7 +128,8 @@ def test_twin_lights_dark_lights_and_hidden_modes_are_named(scene: Scene):
 
 def test_trade_offs_are_named(scene: Scene):
     layout, prior, data = system(scene)
-    # The image sees the product of skin brightness (every albedo mode) and light: only the sum of their logarithms.
+    # The image sees the product of skin brightness (every albedo mode) and light: only the sum of
+    # their logarithms.
     joint = np.zeros(layout.size)
     joint[layout.slices["albedo"]] = scene.geometry.albedo_basis.mean(axis=(1, 2))
     joint /= np.linalg.norm(joint)
