@@ -194,7 +194,8 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
     lines += [
         f"{item.case[:19]:20}{item.contender:{width}}{item.seconds:>8.1f}"
         f"{_fixed(item.start_mm, 2):>10}{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}"
-        f"{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
+        f"{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}"
+        f"{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
         for item in finals
     ]
     return lines
