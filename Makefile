@@ -23,8 +23,10 @@ setup: ## Make .venv with everything needed (minutes the first time, then nothin
 demo: setup ## Fit a face from a photograph and show it in a Blender scene
 	@$(VENV) -P -m facestage_blender.demo
 
-test: setup ## Run all tests
-	@$(VENV) -m pytest
+# Each process takes one core and up to 2 GiB; make test PROCESSES=0 runs the tests in one, for a debugger.
+PROCESSES ?= auto
+test: setup ## Run all tests, in a process for each core
+	@$(VENV) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
 mutants: setup ## Say which small errors no test would see (an hour or more; docs/testing.md)
 	@$(VENV) tools/mutate.py

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+
+# Processes of `make test` share the cores; before anything imports numpy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import hypothesis
 import pytest
@@ -13,6 +18,16 @@ hypothesis.settings.register_profile("facestage", derandomize=True, deadline=Non
 hypothesis.settings.load_profile("facestage")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Render with one thread where several processes run tests at once."""
+    if "drjit" in sys.modules and "PYTEST_XDIST_WORKER" in os.environ:
+        import drjit
+
+        if drjit.thread_count() != 1:
+            drjit.set_thread_count(1)
 
 
 @pytest.fixture(scope="session")
