@@ -27,7 +27,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 from facestage.contract.face_model import EYES, SKIN
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.models.registry import load_model
 

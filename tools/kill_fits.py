@@ -63,7 +63,7 @@ class Run:
 
     def at(self, out: Path) -> str:
         """What it is doing."""
-        from facestage.contract.temporaries import being_replaced
+        from facestage.contract.files.temporaries import being_replaced
 
         if being_replaced(out):
             return WRITING
@@ -199,7 +199,7 @@ def _wait(run: Run, until: Callable[[], bool]) -> None:
 
 def _when_writing(run: Run, out: Path) -> float | None:
     """Wait until the result folder is begun; when that was."""
-    from facestage.contract.temporaries import being_replaced
+    from facestage.contract.files.temporaries import being_replaced
 
     _wait(run, lambda: being_replaced(out))
     return run.seconds() if run.process.poll() is None else None

@@ -24,7 +24,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
-from facestage.image_io import linear_to_srgb
+from facestage.images.image_io import linear_to_srgb
 
 SIDE, NET_SIDE = 384, 256
 LIGHTS = 20

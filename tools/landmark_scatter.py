@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from landmark_pictures import canonical_mesh, mirror_order
 
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.files.storage import read_arrays, write_arrays
 
 # Cosines of normal and view above which a point shows well, and at least shows.
 WELL, BARELY = 0.4, -0.1

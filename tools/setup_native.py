@@ -85,7 +85,7 @@ def import_failure(python: Path, module: str) -> str:
 
 def renderer_works(python: Path) -> bool:
     """Whether the backend finds a renderer that compiles and runs here."""
-    command = [str(python), "-I", "-m", "facestage.native"]
+    command = [str(python), "-I", "-m", "facestage.system.native"]
     return (
         subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
         == 0

@@ -10,7 +10,7 @@ import bpy
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
-from facestage.contract.paths import is_file
+from facestage.contract.files.paths import is_file
 
 SENSOR_MM = 36.0
 CAMERA_NAME = "Facestage Camera"

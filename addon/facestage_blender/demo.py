@@ -17,10 +17,10 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.files.storage import read_json
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.machine import machine_trouble
 from facestage.contract.result import Result
-from facestage.contract.storage import read_json
 
 from .texture import inside_polygon
 

@@ -13,11 +13,11 @@ import bpy
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.json_text import decode_json
+from facestage.contract.files.json_text import decode_json
+from facestage.contract.files.paths import is_file
+from facestage.contract.files.storage import finite
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.paths import is_file
 from facestage.contract.result import Result
-from facestage.contract.storage import finite
 
 from .camera import put_photo_in_front, require_camera
 from .landmark_plane import (

@@ -11,8 +11,8 @@ from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.files.paths import is_file
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.paths import is_file
 from facestage.contract.result import Result
 
 from .camera import ensure_camera, show_photo

@@ -8,8 +8,8 @@ import bpy
 from bpy.props import EnumProperty
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import write_json
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.storage import write_json
 
 from . import landmarks as shown
 from .backend import detect_command

@@ -12,7 +12,7 @@ from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
-from facestage.contract.paths import is_file, is_folder
+from facestage.contract.files.paths import is_file, is_folder
 
 from .operators import reported
 from .scene_read import absolute

@@ -16,12 +16,12 @@ import bpy
 import numpy as np
 from marshmallow import ValidationError
 
-from facestage.contract.array_field import Array
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, PARTS, SKIN, TEETH, FaceModel
-from facestage.contract.fields import Checked, Number, Table, Text
 from facestage.contract.rig_file import MARKS, UNKNOWN_PART, RigFile
-from facestage.contract.schema import FileSchema, checked, decoded_meta
+from facestage.contract.schemas.array_field import Array
+from facestage.contract.schemas.fields import Checked, Number, Table, Text
+from facestage.contract.schemas.schema import FileSchema, checked, decoded_meta
 
 from .own_uvs import face_uvs
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import bpy
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.paths import is_file, is_folder
 from facestage.contract.partial import partial_folder
-from facestage.contract.paths import is_file, is_folder
 from facestage.contract.relight_cache import RELIGHT_CACHE
 
 from .operators import REPORT, result_folder

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from facestage.contract.errors import BackendUnavailableError
-from facestage.contract.paths import user_path
+from facestage.contract.files.paths import user_path
 
 from .backend import find_backend
 from .online import online_access

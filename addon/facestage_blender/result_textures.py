@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.exr_header import exr_size
-from facestage.contract.paths import is_file
+from facestage.contract.files.exr_header import exr_size
+from facestage.contract.files.paths import is_file
 from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
 
 from .material import image_pixels

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.paths import user_path
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.paths import user_path
 
 from . import frames
 from .camera import load_image, read_camera, require_camera

@@ -13,11 +13,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.storage import write_arrays, write_json
 from facestage.contract.light_stage import LightStage
-from facestage.contract.storage import write_arrays, write_json
 
 from . import frames
 from .camera import ensure_camera, write_camera

@@ -16,12 +16,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from facestage import __version__, native
-from facestage.child import python_code
+from facestage import __version__
 from facestage.contract.errors import BackendUnavailableError, InputError
 from facestage.contract.online import OFFLINE_VARIABLE, is_offline
-from facestage.folders import cache_folder, data_folder
 from facestage.landmarks.model_file import URL, VARIABLE, cached_path, find_model
+from facestage.system import native
+from facestage.system.child import python_code
+from facestage.system.folders import cache_folder, data_folder
 
 EXIT_ABLE, EXIT_UNABLE = 0, BackendUnavailableError.exit_code
 PYTHONS = ((3, 11), (3, 13))  # the Pythons inside Blender 4.2-5.0 and 5.1+

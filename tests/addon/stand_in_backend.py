@@ -20,16 +20,16 @@ os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
 import cv2
 import numpy as np
 
-from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.storage import write_json
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
-from facestage.contract.storage import write_json
 
 
 def main() -> int:

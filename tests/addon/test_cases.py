@@ -14,9 +14,9 @@ from facestage.bench.cases import Case
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.storage import read_arrays
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.contract.storage import read_arrays
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.given.truth import Truth

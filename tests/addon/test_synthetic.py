@@ -9,8 +9,8 @@ import pytest
 
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.storage import read_arrays
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.storage import read_arrays
 
 SIZE = 64
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays
 from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.result import Result
-from facestage.contract.storage import read_arrays
 from reference.fit_scene import fit_scene
 from reference.tampering import ARRAY_CHANGES, FILES, copy_of, tamperings
 

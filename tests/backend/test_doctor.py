@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from facestage import doctor, native
+from facestage import doctor
+from facestage.system import native
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

@@ -7,12 +7,13 @@ from typing import NoReturn
 
 import pytest
 
-from facestage import doctor, folders
+from facestage import doctor
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.online import is_offline, with_online_access
 from facestage.landmarks import model_file
 from facestage.models import registry
+from facestage.system import folders
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.files.storage import read_arrays, write_arrays
 from reference.synthetic_face import synthetic_face
 
 

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS, Job, Weights
-from facestage.contract.storage import read_arrays, write_arrays
 
 
 def assert_same(first: Any, second: Any, what: str = "") -> None:

@@ -21,7 +21,7 @@ from facestage.contract.light_stage import (
     StageSchema,
     fibonacci_stage,
 )
-from facestage.contract.schema import checked
+from facestage.contract.schemas.schema import checked
 
 counts = st.integers(1, 300)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.light_stage import OFF
 from facestage.contract.relight_cache import (
     RELIGHT_CACHE,
@@ -19,7 +20,6 @@ from facestage.contract.relight_cache import (
     relight_fingerprint,
 )
 from facestage.contract.result import Result
-from facestage.contract.storage import read_arrays, write_arrays
 from reference.known import known
 
 PIXELS = np.array([3, 4, 97, 200, 96 * 80 - 1])

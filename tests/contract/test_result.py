@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.light_stage import LightStage
 from facestage.contract.result import Result
-from facestage.contract.storage import read_arrays, write_arrays
 
 
 def test_round_trip_keeps_everything(tmp_path: Path, result: Result):

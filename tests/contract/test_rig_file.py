@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.rig_file import MARKS, RigFile
-from facestage.contract.storage import read_arrays, write_arrays
 from reference.synthetic_face import synthetic_face
 from reference.tampering import ARRAY_CHANGES, GONE
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import read_arrays
 from facestage.contract.result import Result
-from facestage.contract.storage import read_arrays
 from reference.tampering import copy_of, tamperings
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and /dev/zero are of Unix")

@@ -172,7 +172,7 @@ def read_relight(folder: Path) -> None:
 
 
 def read_memory(folder: Path) -> None:
-    from facestage import native
+    from facestage.system import native
 
     with mock.patch.dict(os.environ, FACESTAGE_CACHE=str(folder)):
         check(native._remembered(), list[str], "what native.json remembers")
@@ -209,14 +209,14 @@ def read_rig_file(folder: Path) -> None:
 
 
 def read_any_json(folder: Path) -> None:
-    from facestage.contract.storage import finite, read_json
+    from facestage.contract.files.storage import finite, read_json
 
     data = read_json(folder / "a.json", "file")
     json.dumps(finite(data), allow_nan=False)
 
 
 def read_any_arrays(folder: Path) -> None:
-    from facestage.contract.storage import read_arrays
+    from facestage.contract.files.storage import read_arrays
 
     for name, array in read_arrays(folder / "a.npz", "file").items():
         require(isinstance(name, str) and isinstance(array, np.ndarray), "an array is none")

@@ -28,7 +28,7 @@ class RefusedError(Exception):
 def read_render(folder: Path) -> None:
     """``facestage render`` with light and weight files, up to the renderer."""
     from facestage.fit.result import relight
-    from facestage.image_io import read_exr
+    from facestage.images.image_io import read_exr
     from facestage.models.registry import load_model
 
     def stand_in(result: Any, *_samples: Any, **_options: Any) -> np.ndarray:
@@ -49,7 +49,7 @@ def read_render(folder: Path) -> None:
 
 
 def _json_or_none(path: Path, what: str) -> dict[str, Any] | None:
-    from facestage.contract.storage import read_json
+    from facestage.contract.files.storage import read_json
 
     return read_json(path, what) if path.exists() else None
 

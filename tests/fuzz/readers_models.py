@@ -64,7 +64,7 @@ def check_model(model: Any) -> None:
 
 
 def read_pickled(folder: Path) -> None:
-    from facestage.models.restricted_pickle import read_pickle
+    from facestage.models.files.restricted_pickle import read_pickle
 
     read_pickle(folder / "a.pkl", "pickle")
 
@@ -114,7 +114,7 @@ def read_geometry(folder: Path) -> None:
 
 
 def read_photo(folder: Path) -> None:
-    from facestage.image_io import read_photograph
+    from facestage.images.image_io import read_photograph
 
     files = sorted(folder.iterdir())
     photo = read_photograph(files[0] if files else folder / "a.png")
@@ -133,7 +133,7 @@ def read_photo(folder: Path) -> None:
 def read_profile(folder: Path) -> None:
     from PIL import Image
 
-    from facestage.color_profile import decoder_of, through_littlecms
+    from facestage.images.color_profile import decoder_of, through_littlecms
     from fuzz.seeds_images import picture
 
     data = (folder / "a.icc").read_bytes()
@@ -150,7 +150,7 @@ def read_profile(folder: Path) -> None:
 def read_exif(folder: Path) -> None:
     from PIL import Image
 
-    from facestage.exif import focal_prior
+    from facestage.images.exif import focal_prior
 
     exif = Image.Exif()
     # What Pillow itself refuses, reading the photo refuses.

@@ -57,14 +57,14 @@ TARGETS = {
     for target in (
         _target(
             "json",
-            f"{CONTRACT}.storage {CONTRACT}.reading {CONTRACT}.json_text",
+            f"{CONTRACT}.files.storage {CONTRACT}.files.reading {CONTRACT}.files.json_text",
             seeds_contract.any_json,
             readers.read_any_json,
             60,
         ),
         _target(
             "arrays",
-            f"{CONTRACT}.storage {CONTRACT}.array_archive",
+            f"{CONTRACT}.files.storage {CONTRACT}.files.array_archive",
             seeds_contract.any_arrays,
             readers.read_any_arrays,
             120,
@@ -112,7 +112,7 @@ TARGETS = {
         _target(
             "rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50
         ),
-        _target("rig", f"{MODELS}.rig", seeds_contract.rig_files, models.read_rig, 1),
+        _target("rig", f"{MODELS}.loaders.rig", seeds_contract.rig_files, models.read_rig, 1),
         _target(
             "face-model",
             f"{CONTRACT}.face_model {MODELS}.registry",
@@ -123,7 +123,9 @@ TARGETS = {
         _target(
             "truth", "facestage.fit.given.truth", seeds_contract.truth_files, readers.read_truth, 40
         ),
-        _target("memory", "facestage.native", seeds_contract.memories, readers.read_memory, 30),
+        _target(
+            "memory", "facestage.system.native", seeds_contract.memories, readers.read_memory, 30
+        ),
         _target(
             "checkpoint",
             "facestage.fit.runs.checkpoint",
@@ -139,40 +141,46 @@ TARGETS = {
             20,
         ),
         _target(
-            "pickle", f"{MODELS}.restricted_pickle", seeds_models.pickles, models.read_pickled, 100
+            "pickle",
+            f"{MODELS}.files.restricted_pickle",
+            seeds_models.pickles,
+            models.read_pickled,
+            100,
         ),
-        _target("flame", f"{MODELS}.flame", seeds_models.flame_files, models.read_flame, 20),
+        _target(
+            "flame", f"{MODELS}.loaders.flame", seeds_models.flame_files, models.read_flame, 20
+        ),
         _target(
             "flame-whole",
-            f"{MODELS}.flame {MODELS}.embedding",
+            f"{MODELS}.loaders.flame {MODELS}.correspondence.embedding",
             seeds_models.whole_flame,
             models.read_flame,
             1,
         ),
         _target(
             "bfm",
-            f"{MODELS}.bfm {MODELS}.hdf5_file facestage.in_child",
+            f"{MODELS}.loaders.bfm {MODELS}.files.hdf5_file facestage.system.in_child",
             seeds_models.bfm_files,
             models.read_bfm,
             6,
         ),
         _target(
             "bfm-mat",
-            f"{MODELS}.bfm {MODELS}.mat_file facestage.in_child",
+            f"{MODELS}.loaders.bfm {MODELS}.files.mat_file facestage.system.in_child",
             seeds_models.mat_files,
             models.read_bfm,
             8,
         ),
         _target(
             "gnm",
-            f"{MODELS}.gnm {MODELS}.published_file",
+            f"{MODELS}.loaders.gnm {MODELS}.files.published_file",
             seeds_models.gnm_files,
             models.read_gnm,
             4,
         ),
         _target(
             "ict",
-            f"{MODELS}.ict {MODELS}.obj_text {MODELS}.published_archive",
+            f"{MODELS}.loaders.ict {MODELS}.files.obj_text {MODELS}.files.published_archive",
             seeds_models.ict_files,
             models.read_ict,
             8,
@@ -189,17 +197,19 @@ TARGETS = {
             30,
             plain=True,
         ),
-        _target("photo", "facestage.image_io", seeds_images.photographs, models.read_photo, 110),
+        _target(
+            "photo", "facestage.images.image_io", seeds_images.photographs, models.read_photo, 110
+        ),
         _target(
             "exr",
-            f"facestage.image_io facestage.exr_pixels {CONTRACT}.exr_header",
+            f"facestage.images.image_io facestage.images.exr_pixels {CONTRACT}.files.exr_header",
             seeds_images.exr_photographs,
             models.read_photo,
             60,
         ),
         _target(
             "profile",
-            "facestage.color_profile",
+            "facestage.images.color_profile",
             seeds_images.profiles,
             models.read_profile,
             50,
@@ -207,7 +217,12 @@ TARGETS = {
             plain=True,
         ),
         _target(
-            "exif", "facestage.exif", seeds_images.exif_blocks, models.read_exif, 30, plain=True
+            "exif",
+            "facestage.images.exif",
+            seeds_images.exif_blocks,
+            models.read_exif,
+            30,
+            plain=True,
         ),
         _target(
             "command",

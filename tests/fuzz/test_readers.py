@@ -39,7 +39,7 @@ READING = {
 # Modules that read only what Facestage or the system itself wrote.
 OWN_FILES = {
     "facestage.contract.quality": "its own quality.json",
-    "facestage.models.shipped_landmarks": "data of the project",
+    "facestage.models.anatomy.shipped_landmarks": "data of the project",
     "facestage.report.page": "pictures that it has drawn",
     "facestage.report.person_page": "pictures that it has drawn",
     "facestage.bench.relighting": "a table that it writes",
@@ -47,9 +47,9 @@ OWN_FILES = {
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",
     "facestage.fit.result.memory": "the system's own account of memory",
-    "facestage.contract.durable": "folders, to have them written",
-    "facestage.contract.temporaries": "locks of its own",
-    "facestage.quiet": "the null device",
+    "facestage.contract.files.durable": "folders, to have them written",
+    "facestage.contract.files.temporaries": "locks of its own",
+    "facestage.images.quiet": "the null device",
     "facestage.landmarks.face_detector": "a member of the bundle whose SHA-256 is checked",
     "facestage.landmarks.face_mesh": "a member of the bundle whose SHA-256 is checked",
 }

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import scipy.io
 
-from facestage.models.bfm import _LANDMARKS_2009, _NAMED
+from facestage.models.loaders.bfm import _LANDMARKS_2009, _NAMED
 from reference.published_heads import Head, head, smooth_modes
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.storage import read_arrays
-from facestage.image_io import read_exr
+from facestage.contract.files.storage import read_arrays
+from facestage.images.image_io import read_exr
 
 # A chart and a page of seconds.
 TIMED = ("trace.png", "report.html")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.storage import read_arrays
+from facestage.contract.files.storage import read_arrays
 
 Tampering = tuple[str, Callable[[Path], None]]
 GONE = object()

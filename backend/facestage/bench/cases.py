@@ -11,10 +11,10 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.files.paths import is_file
+from facestage.contract.files.storage import write_arrays, write_json
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.paths import is_file
-from facestage.contract.storage import write_arrays, write_json
 
 PHOTO, LANDMARKS, CAMERA, TRUTH = "photo.png", "landmarks.json", "camera.json", "truth.npz"
 ICT_ARCHIVE = "ict-facekit.tar.xz"

@@ -14,8 +14,8 @@ from typing import TextIO
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
+from facestage.contract.files.atomic import atomic_file
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
 from facestage.fit.energy.plan import Plan, Rules

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.bench.trace import Track
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.state import State
 from facestage.fit.forward.rendering import Textures, render_picture

@@ -22,7 +22,7 @@ from facestage.bench.charts import (
 from facestage.bench.settings import HARMONICS, OURS
 from facestage.bench.table import Final, Reach, adam_text, final_lines, ratio_text, reach_lines
 from facestage.bench.trace import Row
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.report.page_style import CSS
 
 TRACE_CSV, REACH_CSV, FINAL_CSV, TEXT, PAGE = (

@@ -12,7 +12,7 @@ from typing import Any
 
 from facestage.bench.settings import DEFAULT
 from facestage.bench.table import Final
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.contract.quality import BEST, DRAFT, GOOD
 
 QUALITY_JSON = "quality.json"

@@ -14,7 +14,7 @@ from facestage.fit.forward.shading import ForwardModel, pixel_rays
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
 from facestage.fit.given.truth import Truth
-from facestage.image_io import resize
+from facestage.images.image_io import resize
 from facestage.render.tracer import RayTracer
 
 JUDGE_SAMPLES = 4

@@ -108,7 +108,7 @@ def _image_job(
     from facestage.contract.job import Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
-    from facestage.image_io import read_photograph
+    from facestage.images.image_io import read_photograph
 
     camera = Camera.read(camera_file) if camera_file else None
     if focal_px is not None:

@@ -72,6 +72,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(path: Path | None, what: str) -> dict[str, Any] | None:
-    from facestage.contract.storage import read_json
+    from facestage.contract.files.storage import read_json
 
     return read_json(path, what) if path is not None else None

@@ -7,12 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from facestage.child import trusted_path
 from facestage.cli import streams
 from facestage.cli.signals import Cancellation
 from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.machine import machine_trouble
-from facestage.folders import shelter_caches
+from facestage.system.child import trusted_path
+from facestage.system.folders import shelter_caches
 
 EXIT_BAD_INPUT, EXIT_CANCELLED = InputError.exit_code, CancelledError.exit_code
 
@@ -42,7 +42,7 @@ def run_command(arguments: Sequence[str] | None, cancellation: Cancellation) -> 
 
 def _check_paths(options: argparse.Namespace) -> None:
     """Raise InputError for a path that no machine has, whichever option it belongs to."""
-    from facestage.contract.paths import user_path
+    from facestage.contract.files.paths import user_path
 
     for name, value in vars(options).items():
         for path in value if isinstance(value, list) else [value]:

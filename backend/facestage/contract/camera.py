@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Items, Number, Whole
-from facestage.contract.schema import FileSchema, checked
-from facestage.contract.storage import read_json
+from facestage.contract.files.storage import read_json
+from facestage.contract.schemas.fields import Items, Number, Whole
+from facestage.contract.schemas.schema import FileSchema, checked
 
 # A 50 mm lens on a 36 mm wide sensor, the usual guess for a portrait whose lens is unknown.
 DEFAULT_FOCAL_PER_SIDE = 50.0 / 36.0

@@ -8,10 +8,10 @@ from typing import Any
 
 from marshmallow import ValidationError
 
-from facestage.contract.fields import Name, Number, Text, Whole
-from facestage.contract.json_text import decode_json
-from facestage.contract.schema import FileSchema
-from facestage.contract.storage import finite
+from facestage.contract.files.json_text import decode_json
+from facestage.contract.files.storage import finite
+from facestage.contract.schemas.fields import Name, Number, Text, Whole
+from facestage.contract.schemas.schema import FileSchema
 
 STARTED, PROGRESS, DONE, FAILED = "started", "progress", "done", "failed"
 ITERATION_MAX = 2**63

@@ -13,12 +13,27 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from facestage.contract.array_field import WHOLE, Array, Words
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Checked, Choice, Items, Name, Number, Table, Text, Whole
-from facestage.contract.reading import GIB
-from facestage.contract.schema import FileSchema, check_version, checked, decoded_meta, sections
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.files.reading import GIB
+from facestage.contract.files.storage import read_arrays, write_arrays
+from facestage.contract.schemas.array_field import WHOLE, Array, Words
+from facestage.contract.schemas.fields import (
+    Checked,
+    Choice,
+    Items,
+    Name,
+    Number,
+    Table,
+    Text,
+    Whole,
+)
+from facestage.contract.schemas.schema import (
+    FileSchema,
+    check_version,
+    checked,
+    decoded_meta,
+    sections,
+)
 
 SCHEMA_VERSION = 1
 PARTS = ("skin", "eyes", "mouth", "teeth", "other")

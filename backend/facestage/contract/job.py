@@ -10,11 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.array_field import Array, rigid
-from facestage.contract.atomic import atomic_folder
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.fields import (
+from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.paths import is_folder, user_path
+from facestage.contract.files.reading import MIB
+from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.quality import GOOD, QUALITIES
+from facestage.contract.schemas.array_field import Array, rigid
+from facestage.contract.schemas.fields import (
     Choice,
     Items,
     Name,
@@ -25,13 +31,13 @@ from facestage.contract.fields import (
     Table,
     Whole,
 )
-from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
-from facestage.contract.paths import is_folder, user_path
-from facestage.contract.quality import GOOD, QUALITIES
-from facestage.contract.reading import MIB
-from facestage.contract.schema import FileSchema, HandWritten, check_version, checked, sections
-from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.schemas.schema import (
+    FileSchema,
+    HandWritten,
+    check_version,
+    checked,
+    sections,
+)
 
 SCHEMA_VERSION = 1
 PARAMETERS = (

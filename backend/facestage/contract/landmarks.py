@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.array_field import FLAGS, Array
 from facestage.contract.errors import InputError
-from facestage.contract.fields import Choice
-from facestage.contract.schema import FileSchema, checked
-from facestage.contract.storage import read_json
+from facestage.contract.files.storage import read_json
+from facestage.contract.schemas.array_field import FLAGS, Array
+from facestage.contract.schemas.fields import Choice
+from facestage.contract.schemas.schema import FileSchema, checked
 
 # A profile is a third as wide as it is high; landmarks narrower than this share are no face.
 LINE_SHARE = 0.04

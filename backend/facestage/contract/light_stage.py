@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from marshmallow import ValidationError, validates_schema
 
-from facestage.contract.array_field import WHOLE, Array, unit
 from facestage.contract.errors import InputError
-from facestage.contract.schema import FileSchema
+from facestage.contract.schemas.array_field import WHOLE, Array, unit
+from facestage.contract.schemas.schema import FileSchema
 
 # The arrays of a stage, by the names they have in files.
 LIGHT_ARRAYS = ("position", "direction", "axis_x", "side", "radiance", "state")

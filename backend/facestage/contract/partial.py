@@ -8,8 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from facestage.contract.errors import InputError
-from facestage.contract.storage import write_json
-from facestage.contract.temporaries import PREFIX
+from facestage.contract.files.storage import write_json
+from facestage.contract.files.temporaries import PREFIX
 
 SUFFIX = ".partial"
 MARKER = ".facestage-partial.json"

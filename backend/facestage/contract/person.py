@@ -8,8 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from facestage.contract.array_field import Array
-from facestage.contract.fields import (
+from facestage.contract.files.storage import read_json, write_json
+from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
+from facestage.contract.schemas.array_field import Array
+from facestage.contract.schemas.fields import (
     Choice,
     Figures,
     Flag,
@@ -21,9 +23,7 @@ from facestage.contract.fields import (
     Text,
     Whole,
 )
-from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
-from facestage.contract.schema import FileSchema, check_version, checked
-from facestage.contract.storage import read_json, write_json
+from facestage.contract.schemas.schema import FileSchema, check_version, checked
 
 SCHEMA_VERSION = 1
 FILE = "person.json"

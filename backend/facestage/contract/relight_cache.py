@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.array_field import WHOLE, Array, Words
 from facestage.contract.camera import PIXELS_MAX, SIDE_MAX
 from facestage.contract.errors import InputError
-from facestage.contract.paths import is_file
-from facestage.contract.reading import GIB, read_bytes
+from facestage.contract.files.paths import is_file
+from facestage.contract.files.reading import GIB, read_bytes
+from facestage.contract.files.storage import finite, read_arrays, write_arrays
 from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
-from facestage.contract.schema import FileSchema, checked
-from facestage.contract.storage import finite, read_arrays, write_arrays
+from facestage.contract.schemas.array_field import WHOLE, Array, Words
+from facestage.contract.schemas.schema import FileSchema, checked
 
 RELIGHT_CACHE = "relight.npz"
 # Raise it when the forward model changes, so that no cache of the former one is used.

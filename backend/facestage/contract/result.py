@@ -9,11 +9,16 @@ from typing import Any, ClassVar
 import numpy as np
 from marshmallow import ValidationError, validates_schema
 
-from facestage.contract.array_field import WHOLE, Array, rigid
-from facestage.contract.atomic import read_consistently
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
-from facestage.contract.fields import (
+from facestage.contract.files.atomic import read_consistently
+from facestage.contract.files.paths import is_folder
+from facestage.contract.files.reading import MIB
+from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.job import SEED_MAX
+from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.schemas.array_field import WHOLE, Array, rigid
+from facestage.contract.schemas.fields import (
     Choice,
     Figures,
     Items,
@@ -25,12 +30,7 @@ from facestage.contract.fields import (
     Text,
     Whole,
 )
-from facestage.contract.job import SEED_MAX
-from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
-from facestage.contract.paths import is_folder
-from facestage.contract.reading import MIB
-from facestage.contract.schema import FileSchema, check_version, checked, sections
-from facestage.contract.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.schemas.schema import FileSchema, check_version, checked, sections
 
 SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.

@@ -12,14 +12,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from facestage.contract.array_field import WHOLE, Array, Words
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import PARTS, UV_HIGH, UV_LOW
-from facestage.contract.fields import Flag, Items, Name, Number, Table, Text, Whole
-from facestage.contract.reading import GIB
+from facestage.contract.files.reading import GIB
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.result import VERTICES_MAX
-from facestage.contract.schema import FileSchema, check_version, checked, decoded_meta, sections
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.schemas.array_field import WHOLE, Array, Words
+from facestage.contract.schemas.fields import Flag, Items, Name, Number, Table, Text, Whole
+from facestage.contract.schemas.schema import (
+    FileSchema,
+    check_version,
+    checked,
+    decoded_meta,
+    sections,
+)
 
 SCHEMA_VERSION = 1
 # the backend guesses: skin, unless a loose piece lies where the eyes or the teeth are

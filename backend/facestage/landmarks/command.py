@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from facestage.contract.errors import InputError
-from facestage.contract.storage import finite, write_json
-from facestage.image_io import read_photograph
+from facestage.contract.files.storage import finite, write_json
+from facestage.images.image_io import read_photograph
 from facestage.landmarks.finder import Face, FaceFinder, choose_face, require_faces
 from facestage.landmarks.model_file import open_model
 from facestage.landmarks.picture import draw_faces

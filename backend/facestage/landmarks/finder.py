@@ -9,7 +9,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
-from facestage.image_io import Photograph
+from facestage.images.image_io import Photograph
 from facestage.landmarks.canonical import CanonicalFace, read_canonical
 from facestage.landmarks.crop import Crop
 from facestage.landmarks.face_detector import Detections, FaceDetector, overlap

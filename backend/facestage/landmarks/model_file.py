@@ -13,10 +13,10 @@ from io import BytesIO
 from pathlib import Path
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.paths import user_path
+from facestage.contract.files.reading import MIB, read_bytes
 from facestage.contract.online import OFFLINE_VARIABLE, is_offline
-from facestage.contract.paths import user_path
-from facestage.contract.reading import MIB, read_bytes
-from facestage.folders import cache_folder, data_folder
+from facestage.system.folders import cache_folder, data_folder
 
 FILE_NAME = "face_landmarker.task"
 URL = f"https://storage.googleapis.com/mediapipe-models/face_landmarker/face_landmarker/float16/1/{FILE_NAME}"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
-from facestage.image_io import Photograph
+from facestage.contract.files.atomic import atomic_file
+from facestage.images.image_io import Photograph
 from facestage.landmarks.canonical import CanonicalFace
 from facestage.landmarks.crop import Crop
 from facestage.landmarks.finder import Face

@@ -1,4 +1,5 @@
-"""Face models: every loader gives a ``facestage.contract.face_model.FaceModel``.
+"""Face models: from a job's specification to a ``FaceModel``; ``registry`` is the way in.
 
-May import the contract, numpy and scipy.
+The registry imports the loaders, the loaders correspondence and files, and all of them what is
+known of any face and any mesh. May import the contract, the room system, numpy, scipy and h5py.
 """

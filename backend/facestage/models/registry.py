@@ -11,9 +11,9 @@ from pathlib import Path
 from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.paths import user_path
+from facestage.contract.files.paths import user_path
 from facestage.contract.wording import quoted
-from facestage.folders import cache_folder
+from facestage.system.folders import cache_folder
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
@@ -83,37 +83,37 @@ def _short(error: Exception) -> str:
 
 
 def _build_default() -> FaceModel:
-    from facestage.models.default_head import build_default_model
+    from facestage.models.head.default_head import build_default_model
 
     return build_default_model()
 
 
 def _load_ict(path: Path) -> FaceModel:
-    from facestage.models.ict import load_ict
+    from facestage.models.loaders.ict import load_ict
 
     return load_ict(path)
 
 
 def _load_rig(path: Path) -> FaceModel:
-    from facestage.models.rig import load_rig
+    from facestage.models.loaders.rig import load_rig
 
     return load_rig(path)
 
 
 def _load_flame(path: Path) -> FaceModel:
-    from facestage.models.flame import load_flame
+    from facestage.models.loaders.flame import load_flame
 
     return load_flame(path)
 
 
 def _load_bfm(path: Path) -> FaceModel:
-    from facestage.models.bfm import load_bfm
+    from facestage.models.loaders.bfm import load_bfm
 
     return load_bfm(path)
 
 
 def _load_gnm(path: Path) -> FaceModel:
-    from facestage.models.gnm import load_gnm
+    from facestage.models.loaders.gnm import load_gnm
 
     return load_gnm(path)
 

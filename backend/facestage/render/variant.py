@@ -8,7 +8,7 @@ from typing import Any
 
 import mitsuba as mi
 
-from facestage.native import LLVM_VARIANT, choose_variant, ensure_llvm
+from facestage.system.native import LLVM_VARIANT, choose_variant, ensure_llvm
 
 
 def start_renderer(device: str = "auto") -> str:

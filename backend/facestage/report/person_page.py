@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.contract.person import Person
 from facestage.report.figure import DARK, Canvas
 from facestage.report.page import STATUS_WORDS, data_uri

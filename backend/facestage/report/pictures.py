@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.report.color import (
     clean,

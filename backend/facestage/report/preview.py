@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.report.color import exposure, shrink, to_image
 
 PREVIEW_SIDE = 400  # pixels; larger ones take longer to compress than a step may spare

@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
 
-from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
-from facestage.contract.storage import write_json
+from facestage.contract.files.atomic import atomic_file
+from facestage.contract.files.storage import write_json
 from facestage.report.page_style import CSS
 from facestage.report.tables import NOTHING, number
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from facestage.contract.atomic import atomic_file
+from facestage.contract.files.atomic import atomic_file
 from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink

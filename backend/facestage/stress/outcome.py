@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.files.storage import read_json, write_json
 from facestage.contract.result import CONVERGED, PICTURES, Result
-from facestage.contract.storage import read_json, write_json
-from facestage.image_io import read_photograph
+from facestage.images.image_io import read_photograph
 from facestage.stress.case import DOUBT, FIT, REFUSAL, SLACK_MM, Case
 
 ADVISED, REFUSED, CRASHED, HUNG = "advised", "refused", "crashed", "hung"

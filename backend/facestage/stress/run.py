@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
-from facestage.child import python_module
 from facestage.contract.errors import FacestageError, InputError
 from facestage.report.stress import (
     StressRow,
@@ -27,6 +26,7 @@ from facestage.stress.case import Case
 from facestage.stress.cases import CASES
 from facestage.stress.child import OUTCOME
 from facestage.stress.outcome import CRASHED, HUNG, Outcome, Verdict, judge
+from facestage.system.child import python_module
 
 EXIT_PASSED, EXIT_FAILED = 0, 1
 LOG = "log.txt"

@@ -11,17 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.storage import write_arrays
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.contract.storage import write_arrays
 from facestage.fit.energy.priors import SPECULAR_MEAN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.image_io import linear_to_srgb
+from facestage.images.image_io import linear_to_srgb
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 

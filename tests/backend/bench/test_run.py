@@ -16,7 +16,7 @@ from facestage.bench.cases import Case, find_cases, synthetic_case
 from facestage.bench.run import run_bench
 from facestage.bench.settings import Lineup, SolverSettings
 from facestage.contract.errors import InputError
-from facestage.contract.storage import read_arrays
+from facestage.contract.files.storage import read_arrays
 from reference.tiny_bench import SHORT, TINY
 
 TRACE_COLUMNS = [

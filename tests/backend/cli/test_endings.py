@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from facestage import child, cli
+from facestage import cli
 from facestage.cli.signals import Cancellation
-from facestage.contract.temporaries import PREFIX
+from facestage.contract.files.temporaries import PREFIX
+from facestage.system import child
 from reference.command_line import fit_arguments, one_sentence
 from reference.synthetic_case import Case
 
@@ -116,7 +117,7 @@ def test_a_cache_that_cannot_be_used_leaves_the_libraries_silent(tmp_path: Path)
         if name not in ("DRJIT_CACHE_DIR", "MPLCONFIGDIR")
     }
     done = start(
-        "import os\nfrom facestage.folders import shelter_caches; shelter_caches()\n"
+        "import os\nfrom facestage.system.folders import shelter_caches; shelter_caches()\n"
         "from facestage.render.variant import start_renderer; start_renderer('cpu')\n"
         "from facestage.report.figure import DARK, Canvas; Canvas(9, 9, DARK)\n"
         "print(os.environ['DRJIT_CACHE_DIR'], os.environ['MPLCONFIGDIR'])",

@@ -18,7 +18,7 @@ from facestage.contract.light_stage import OFF
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
 from facestage.fit.result import relight
-from facestage.image_io import read_exr
+from facestage.images.image_io import read_exr
 from reference.command_line import Finished, refuse, write
 
 HALF = 1.2e-3  # two roundings to half floats: the cache's and the EXR's
@@ -137,11 +137,11 @@ def test_a_cache_that_does_not_fit_is_made_again(
     elif fault == "other arrays":
         np.savez(path, images=np.zeros((3, 4, 5)))
     elif fault == "texture painted":
-        from facestage.image_io import write_exr
+        from facestage.images.image_io import write_exr
 
         write_exr(folder / "albedo.exr", 0.5 * read_exr(folder / "albedo.exr"))
     elif fault == "rougher":
-        from facestage.image_io import write_exr
+        from facestage.images.image_io import write_exr
 
         write_exr(folder / "roughness.exr", 1.5 * read_exr(folder / "roughness.exr")[..., 0])
     elif fault == "map lost":

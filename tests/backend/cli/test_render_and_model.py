@@ -12,7 +12,7 @@ import pytest
 from facestage import cli
 from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.result import Result
-from facestage.image_io import read_exr
+from facestage.images.image_io import read_exr
 from reference.command_line import Finished, call, listing, refuse, write
 from reference.synthetic_case import Case
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.contract.storage import read_arrays
+from facestage.contract.files.storage import read_arrays
 from reference.command_line import Finished, listing, refuse
 
 

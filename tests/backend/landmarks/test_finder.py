@@ -14,7 +14,7 @@ import pytest
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
-from facestage.image_io import Photograph, read_photograph
+from facestage.images.image_io import Photograph, read_photograph
 from facestage.landmarks.face_mesh import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from facestage.landmarks.finder import Face, FaceFinder, choose_face, require_faces
 from facestage.landmarks.ibug68 import to_ibug68

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
-from facestage.contract.reading import MIB
+from facestage.contract.files.reading import MIB
 from facestage.landmarks import model_file
 from facestage.models import registry
-from facestage.models.flame import load_flame
-from facestage.models.gnm import load_gnm
-from facestage.models.published_file import MODEL_LIMIT, PICKLE_LIMIT
+from facestage.models.files.published_file import MODEL_LIMIT, PICKLE_LIMIT
+from facestage.models.files.restricted_pickle import read_pickle
+from facestage.models.loaders.flame import load_flame
+from facestage.models.loaders.gnm import load_gnm
 from facestage.models.registry import load_model
-from facestage.models.restricted_pickle import read_pickle
 from reference.published_flame import embedding, flame_arrays, write_embedding, write_flame
 from reference.synthetic_face import synthetic_face
 

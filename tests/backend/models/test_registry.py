@@ -9,9 +9,9 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.folders import cache_folder
 from facestage.models import registry
 from facestage.models.registry import load_model
+from facestage.system.folders import cache_folder
 from reference.synthetic_face import synthetic_face
 
 

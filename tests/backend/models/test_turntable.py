@@ -4,7 +4,7 @@ import zlib
 
 import numpy as np
 
-from facestage.models.head.turntable import picture, sheet, write_png
+from facestage.models.turntable import picture, sheet, write_png
 
 
 def _square(z: float, half: float) -> np.ndarray:

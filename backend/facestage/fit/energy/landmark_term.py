@@ -13,7 +13,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.surface_points import SurfacePoints
-from facestage.models.landmark_schemes import Scheme, scheme_of
+from facestage.models.anatomy.landmark_schemes import Scheme, scheme_of
 
 # A point that the file marks as hidden is a guess of whoever made it.
 HIDDEN_SIGMA = 3.0

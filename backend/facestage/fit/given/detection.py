@@ -10,7 +10,7 @@ from facestage.contract.events import PROGRESS, Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
-from facestage.image_io import Photograph
+from facestage.images.image_io import Photograph
 from facestage.landmarks.finder import choose_face, detect_faces
 from facestage.landmarks.ibug68 import SOURCE, TARGET, to_ibug68
 

@@ -15,6 +15,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
+from facestage.contract.files.storage import finite
 from facestage.contract.job import FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import (
@@ -25,7 +26,6 @@ from facestage.contract.light_stage import (
     LightStage,
     fibonacci_stage,
 )
-from facestage.contract.storage import finite
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import FOCAL_SIGMA
 from facestage.fit.face.light_parameters import LightParameters
@@ -35,7 +35,7 @@ from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import face_pixels, face_size_px, paint_weight, skin_weight
 from facestage.fit.given.window import Window
-from facestage.image_io import Photograph, read_photograph, resize
+from facestage.images.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
 
 # Longer side of the bounding box from chin to brows, pixels, at which the face is fitted: finer

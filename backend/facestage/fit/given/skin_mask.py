@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, label, mean
 
 from facestage.contract.landmarks import Landmarks
-from facestage.image_io import resize
-from facestage.models.landmark_schemes import scheme_of
+from facestage.images.image_io import resize
+from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
 DARK_SHARE = 0.1

@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from facestage.contract.array_field import Array, unit
+from facestage.contract.files.reading import GIB
+from facestage.contract.files.storage import read_arrays
 from facestage.contract.light_stage import COUNT_MAX, FAR, RADIANCE_MAX, LightStage
-from facestage.contract.reading import GIB
-from facestage.contract.schema import FileSchema, checked
-from facestage.contract.storage import read_arrays
+from facestage.contract.schemas.array_field import Array, unit
+from facestage.contract.schemas.schema import FileSchema, checked
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import sample_bilinear

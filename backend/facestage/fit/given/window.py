@@ -15,7 +15,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.fineness import USUAL
-from facestage.image_io import Photograph, resize
+from facestage.images.image_io import Photograph, resize
 
 # How far around the landmarks' box the head may reach, neck and all, in longer sides of it.
 MARGIN = 1.6

@@ -14,10 +14,10 @@ import numpy as np
 
 from facestage import __version__
 from facestage.contract.face_model import OTHER
+from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import COVERAGE, ROUGHNESS, Result
-from facestage.contract.storage import finite, write_json
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.face.state import State
 from facestage.fit.forward.one_light import relight_scale
@@ -30,7 +30,7 @@ from facestage.fit.result.left_out import left_out
 from facestage.fit.textures.refine import Refined, refine
 from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
-from facestage.image_io import write_exr, write_png
+from facestage.images.image_io import write_exr, write_png
 from facestage.report import ReportData, write_report
 
 

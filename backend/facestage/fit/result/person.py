@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract import person as contract
-from facestage.contract.atomic import atomic_folder
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
+from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.job import Job
 from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
@@ -33,7 +33,7 @@ from facestage.fit.runs.joint_run import JointFitted, JointRun
 from facestage.fit.runs.place import claimed
 from facestage.fit.textures.merged_maps import MergedMaps
 from facestage.fit.textures.refine import Refined, refine, texture_size
-from facestage.image_io import write_exr
+from facestage.images.image_io import write_exr
 from facestage.render.variant import start_renderer
 from facestage.report import write_person_report, write_preview
 

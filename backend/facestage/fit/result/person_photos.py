@@ -19,7 +19,7 @@ from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.runs.member import Member
 from facestage.fit.trust.fitted import Fitted
-from facestage.image_io import resize
+from facestage.images.image_io import resize
 
 # What the jobs of one person must agree on, in words.
 COMMON = {

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.array_field import Array
-from facestage.contract.atomic import atomic_file
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.fields import Number, Table
+from facestage.contract.files.atomic import atomic_file
+from facestage.contract.files.paths import is_file
 from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
-from facestage.contract.paths import is_file
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import NAMES_MAX, ROUGHNESS, WEIGHT_MAX, Result
-from facestage.contract.schema import HandWritten, checked
+from facestage.contract.schemas.array_field import Array
+from facestage.contract.schemas.fields import Number, Table
+from facestage.contract.schemas.schema import HandWritten, checked
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -29,7 +29,7 @@ from facestage.fit.forward.rendering import Textures, face_pixels, render_pictur
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import select_lights
 from facestage.fit.result.memory import check_picture, machine_memory
-from facestage.image_io import linear_to_srgb, read_exr, resize, write_exr
+from facestage.images.image_io import linear_to_srgb, read_exr, resize, write_exr
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 

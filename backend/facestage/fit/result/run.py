@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.atomic import atomic_folder
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
+from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.job import Job
 from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.result import Result

@@ -19,10 +19,10 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.files.storage import finite as finite_json
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.partial import CHECKPOINT
-from facestage.contract.schema import checked, decoded_meta, sections
-from facestage.contract.storage import finite as finite_json
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.schemas.schema import checked, decoded_meta, sections
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.state import State
 from facestage.fit.runs.checkpoint_schema import CheckpointArrays, finite

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from facestage.contract.array_field import FLAGS, Array, Words, rigid
-from facestage.contract.fields import Part
 from facestage.contract.light_stage import FAR
-from facestage.contract.schema import FileSchema
+from facestage.contract.schemas.array_field import FLAGS, Array, Words, rigid
+from facestage.contract.schemas.fields import Part
+from facestage.contract.schemas.schema import FileSchema
 
 
 class StateArrays(FileSchema):

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.partial import PERSON_CHECKPOINT
-from facestage.contract.schema import decoded_meta
-from facestage.contract.storage import read_arrays, write_arrays
+from facestage.contract.schemas.schema import decoded_meta
 from facestage.fit.runs.checkpoint import (
     AGAIN,
     SCHEMA_VERSION,

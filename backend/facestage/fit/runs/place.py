@@ -12,6 +12,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.temporaries import sweep
 from facestage.contract.partial import (
     LOCK,
     has_checkpoint,
@@ -21,7 +22,6 @@ from facestage.contract.partial import (
     remove_partial,
 )
 from facestage.contract.result_files import is_result_file
-from facestage.contract.temporaries import sweep
 
 TRIES = 100
 

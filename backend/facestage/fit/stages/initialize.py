@@ -13,7 +13,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
-from facestage.models.landmark_schemes import scheme_of
+from facestage.models.anatomy.landmark_schemes import scheme_of
 
 
 def scaled_orthographic_pose(

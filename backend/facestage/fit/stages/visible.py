@@ -11,7 +11,7 @@ from facestage.fit.given.occlusion import flat_occluders, without
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights
-from facestage.image_io import resize
+from facestage.images.image_io import resize
 
 # Share of the face that must be left to see; with less, the photo says nothing of the shape.
 VISIBLE_SHARE_MIN = 0.1

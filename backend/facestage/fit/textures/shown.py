@@ -12,7 +12,7 @@ from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
 from facestage.fit.trust.fitted import Fitted
-from facestage.image_io import resize
+from facestage.images.image_io import resize
 from facestage.render.tracer import Asked
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.

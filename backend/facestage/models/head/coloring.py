@@ -8,11 +8,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from facestage.contract.face_model import MOUTH
+from facestage.models.anatomy.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 from facestage.models.head import eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
 from facestage.models.head.features import BROW_LINE
 from facestage.models.head.masks import Masks, eye_center, smoothstep
-from facestage.models.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 
 SCLERA, IRIS, IRIS_RIM, PUPIL = (
     (0.62, 0.57, 0.54),

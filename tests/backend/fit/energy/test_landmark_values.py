@@ -9,7 +9,7 @@ import pytest
 
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.landmark_term import LandmarkTerm, PlacedLandmarks
-from facestage.models.landmark_schemes import scheme_of
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.synthetic_scene import Scene, moved
 
 SIGMA = 1.5

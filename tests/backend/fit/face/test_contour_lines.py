@@ -24,7 +24,7 @@ from facestage.fit.face.state import State
 from facestage.fit.given.metrics import aligned_distance
 from facestage.fit.stages.phases import SHAPE
 from facestage.fit.stages.stage import Stage
-from facestage.models.landmark_schemes import scheme_of
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
 
 SIDE = 256

@@ -24,7 +24,7 @@ from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.stages.phases import SHAPE
 from facestage.fit.stages.stage import Stage
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
-from facestage.models.landmark_schemes import scheme_of
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
 
 SCHEME = "mediapipe478"

@@ -11,7 +11,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.window import Window
-from facestage.image_io import Photograph
+from facestage.images.image_io import Photograph
 
 
 def landmarks(center: tuple[float, float], side: float) -> Landmarks:

@@ -27,7 +27,7 @@ from facestage.fit.given.problem import read_problem
 from facestage.fit.result import person as person_fit
 from facestage.fit.result import run
 from facestage.fit.result.relight import render_result
-from facestage.image_io import read_exr
+from facestage.images.image_io import read_exr
 from reference.small_fit import QUICK, SMALL
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene

@@ -24,7 +24,7 @@ from facestage.contract.partial import partial_folder
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
 from facestage.fit.result import run
-from facestage.image_io import read_exr
+from facestage.images.image_io import read_exr
 from reference.small_fit import QUICK
 from reference.synthetic_case import Case
 

@@ -14,7 +14,7 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 from facestage.fit.result.run import fit_job
-from facestage.image_io import read_exr
+from facestage.images.image_io import read_exr
 
 
 @pytest.fixture(scope="module")
