@@ -13,10 +13,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from scene_setup import face_model, options_of, run
 
-from facestage_blender import pipeline
-from facestage_blender.camera import ensure_camera, set_resolution
-from facestage_blender.rig import build_rig
-from facestage_blender.stage import build_stage, default_stage, facestage_collection
+from facestage_blender.headless import pipeline
+from facestage_blender.rig.face_rig import build_rig
+from facestage_blender.scene.camera import ensure_camera, set_resolution
+from facestage_blender.scene.stage import build_stage, default_stage, facestage_collection
 
 
 def main() -> None:

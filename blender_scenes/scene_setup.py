@@ -17,9 +17,9 @@ for package, folder in (("facestage_blender", "addon"), ("facestage", "backend")
 # After the path is set.
 from facestage.contract.errors import FacestageError  # noqa: E402
 from facestage.contract.face_model import FaceModel  # noqa: E402
-from facestage_blender import pipeline  # noqa: E402
-from facestage_blender.backend import find_backend  # noqa: E402
-from facestage_blender.batch import own_arguments  # noqa: E402
+from facestage_blender.backend.commands import find_backend  # noqa: E402
+from facestage_blender.headless import pipeline  # noqa: E402
+from facestage_blender.headless.batch import own_arguments  # noqa: E402
 
 
 def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:

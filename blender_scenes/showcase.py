@@ -14,13 +14,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from scene_setup import face_model, options_of, run
 
 from facestage.contract.result import Result
-from facestage_blender import pipeline
-from facestage_blender.frames import LIGHT_DIRECTIONS
-from facestage_blender.relight import relight, restore_lights
-from facestage_blender.render import render_linear, save_png, srgb
-from facestage_blender.rig import build_rig, read_weights, set_weights
-from facestage_blender.stage import build_stage
-from facestage_blender.write_back import apply_result
+from facestage_blender.exchange.write_back import apply_result
+from facestage_blender.headless import pipeline
+from facestage_blender.pictures.render import render_linear, save_png, srgb
+from facestage_blender.rig.face_rig import build_rig, read_weights, set_weights
+from facestage_blender.scene.frames import LIGHT_DIRECTIONS
+from facestage_blender.scene.relight import relight, restore_lights
+from facestage_blender.scene.stage import build_stage
 
 EXPRESSIONS = {
     "smile": {

@@ -13,9 +13,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from scene_setup import face_model, options_of, run
 
-from facestage_blender import pipeline
-from facestage_blender.cases.person import random_person
-from facestage_blender.synthetic import render_person
+from facestage_blender.headless import pipeline
+from facestage_blender.synthetic.cases.person import random_person
+from facestage_blender.synthetic.photograph import render_person
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from bpy.props import StringProperty
 from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.files.paths import user_path
 
-from .backend import find_backend
+from .backend.commands import find_backend
 from .online import online_access
 
 REPORT_LINES = 14

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import (
-    landmark_overlay,
+from . import preferences, properties
+from .landmarks import overlay as landmark_overlay
+from .preview import live as preview
+from .ui import (
     operators,
     operators_fit,
     operators_landmarks,
@@ -14,9 +16,6 @@ from . import (
     operators_rig,
     panels,
     panels_photo,
-    preferences,
-    preview,
-    properties,
 )
 
 # Panels stand in the sidebar in the order in which they are registered.

@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from facestage.contract.errors import BackendUnavailableError
-from facestage_blender import backend, online, pipeline
-from facestage_blender.process import CANCELLED, BackendProcess, explain
+from facestage_blender import online
+from facestage_blender.backend import commands as backend
+from facestage_blender.backend.process import CANCELLED, BackendProcess, explain
+from facestage_blender.headless import pipeline
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SAY = "import os; print(os.environ.get('FACESTAGE_OFFLINE'), os.environ['PYTHONSAFEPATH'])"

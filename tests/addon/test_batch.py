@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from facestage_blender import batch
+import facestage_blender
+from facestage_blender.headless import batch
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def test_without_landmarks_the_fit_finds_them(run, photo: Path, tmp_path: Path) 
     import bpy
 
     from facestage.contract.job import Job
-    from facestage_blender.landmarks import landmark_empties
+    from facestage_blender.landmarks.empties import landmark_empties
 
     out = tmp_path / "out"
     code, said = run("--image", photo, "--face", 2, "--out", out, "--lights", 3)
@@ -108,7 +109,7 @@ def test_runs_as_a_module(stand_in, photo: Path, landmark_file: Path, tmp_path: 
 
 
 def test_runs_by_its_path_as_blender_does(photo: Path) -> None:
-    script = Path(batch.__file__)
+    script = Path(facestage_blender.__file__).parent / "batch.py"
     done = subprocess.run(
         [sys.executable, "-I", str(script), "--", "--image", "absent.png", "--out", "x"],
         capture_output=True,
@@ -201,7 +202,7 @@ def test_backends_refusal_and_absence_have_their_codes(
 def test_the_demo_detects_or_takes_what_is_shipped(
     stand_in, photo: Path, tmp_path: Path, capfd
 ) -> None:
-    from facestage_blender.demo import LANDMARKS, astronaut_landmarks
+    from facestage_blender.headless.demo import LANDMARKS, astronaut_landmarks
 
     out = tmp_path / "found.json"
     assert astronaut_landmarks(photo, out, stand_in("works")) == (

@@ -40,7 +40,7 @@ def blender_pixels(scene, view, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_projection_is_the_same(scene, view, camera: Camera) -> None:
-    from facestage_blender.camera import write_camera
+    from facestage_blender.scene.camera import write_camera
 
     points = np.random.default_rng(0).uniform((-0.1, -0.1, -1.5), (0.1, 0.1, -0.5), (50, 3))
     write_camera(scene, view.data, camera)
@@ -51,7 +51,7 @@ def test_projection_is_the_same(scene, view, camera: Camera) -> None:
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_camera_survives_the_scene(scene, view, camera: Camera) -> None:
-    from facestage_blender.camera import read_camera, write_camera
+    from facestage_blender.scene.camera import read_camera, write_camera
 
     write_camera(scene, view.data, camera)
     found = read_camera(view.data, camera.width, camera.height)
@@ -62,7 +62,7 @@ def test_camera_survives_the_scene(scene, view, camera: Camera) -> None:
 @pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
 @pytest.mark.parametrize(("width", "height"), [(640, 400), (300, 500)])
 def test_any_users_camera_is_read_right(scene, view, fit: str, width: int, height: int) -> None:
-    from facestage_blender.camera import read_camera, set_resolution
+    from facestage_blender.scene.camera import read_camera, set_resolution
 
     data = view.data
     data.sensor_fit, data.sensor_width, data.sensor_height = fit, 30.0, 20.0
@@ -80,8 +80,8 @@ def test_rendered_pixels_are_where_the_projection_says(scene, view) -> None:
     import bpy
     from mathutils import Vector
 
-    from facestage_blender.camera import write_camera
-    from facestage_blender.render import render_linear
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.scene.camera import write_camera
 
     camera = CAMERAS[1].scaled(0.25)
     write_camera(scene, view.data, camera)
@@ -95,7 +95,7 @@ def test_rendered_pixels_are_where_the_projection_says(scene, view) -> None:
 
 
 def test_photo_is_shown_and_sets_the_size(scene, photo) -> None:
-    from facestage_blender.operators import choose_photo
+    from facestage_blender.ui.operators import choose_photo
 
     choose_photo(scene, photo)
     assert (scene.render.resolution_x, scene.render.resolution_y) == (96, 80)
@@ -106,7 +106,7 @@ def test_photo_is_shown_and_sets_the_size(scene, photo) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"hello, this is no picture"])
 def test_what_is_no_picture_is_refused(scene, tmp_path, content: bytes) -> None:
-    from facestage_blender.camera import load_image
+    from facestage_blender.scene.camera import load_image
 
     bad = tmp_path / "photo.png"
     bad.write_bytes(content)
@@ -117,7 +117,7 @@ def test_what_is_no_picture_is_refused(scene, tmp_path, content: bytes) -> None:
 
 
 def test_what_is_no_perspective_camera_is_refused(scene, view) -> None:
-    from facestage_blender.camera import require_camera
+    from facestage_blender.scene.camera import require_camera
 
     view.data.type = "ORTHO"
     with pytest.raises(InputError, match="perspective"):

@@ -35,13 +35,13 @@ def model() -> FaceModel:
 
 def person_of(model: FaceModel, chosen: Any, seed: int, same: int | None = None) -> Any:
     """With small textures."""
-    from facestage_blender.cases import person
+    from facestage_blender.synthetic.cases import person
 
     return person.person_of(model, chosen, seed, same, albedo_size=192)
 
 
 def recipe(name: str):
-    from facestage_blender.cases.recipe import RECIPES
+    from facestage_blender.synthetic.cases.recipe import RECIPES
 
     return next(recipe for recipe in RECIPES if recipe.name == name)
 
@@ -52,8 +52,8 @@ def landmarks_of(model: FaceModel, vertices: np.ndarray) -> np.ndarray:
 
 
 def test_every_case_has_its_own_name_and_repeats_get_a_number() -> None:
-    from facestage_blender.cases.__main__ import choose
-    from facestage_blender.cases.recipe import RECIPES
+    from facestage_blender.headless.cases import choose
+    from facestage_blender.synthetic.cases.recipe import RECIPES
 
     assert len({recipe.name for recipe in RECIPES}) == len(RECIPES) >= 14
     chosen = choose(len(RECIPES) + 2, [])
@@ -63,7 +63,7 @@ def test_every_case_has_its_own_name_and_repeats_get_a_number() -> None:
 
 
 def test_wrong_orders_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from facestage_blender.cases.__main__ import choose, main
+    from facestage_blender.headless.cases import choose, main
 
     with pytest.raises(InputError, match="no case 'hat'"):
         choose(3, ["hat"])
@@ -80,8 +80,8 @@ def test_wrong_orders_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
-    from facestage_blender.cases.__main__ import main
-    from facestage_blender.cases.recipe import RECIPES
+    from facestage_blender.headless.cases import main
+    from facestage_blender.synthetic.cases.recipe import RECIPES
 
     assert main(["--list", "--count", "3"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -89,7 +89,7 @@ def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
-    from facestage_blender.cases.__main__ import case_seed
+    from facestage_blender.headless.cases import case_seed
 
     first, again, other = (
         person_of(head, recipe("freckles"), case_seed("freckles", seed)) for seed in (0, 0, 1)
@@ -105,7 +105,7 @@ def test_a_seed_is_one_person_under_one_light(head: FaceModel) -> None:
 
 
 def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
-    from facestage_blender.cases.__main__ import case_seed, photos
+    from facestage_blender.headless.cases import case_seed, photos
 
     chosen = photos(2)
     first, second = (
@@ -123,7 +123,7 @@ def test_photos_of_one_person_share_the_person_alone(head: FaceModel) -> None:
 
 
 def test_expressions_are_found_by_either_spelling(head: FaceModel) -> None:
-    from facestage_blender.cases.person import expression_weights
+    from facestage_blender.synthetic.cases.person import expression_weights
 
     wanted = {
         "mouthSmileLeft": 0.5,
@@ -142,7 +142,7 @@ def test_expressions_are_found_by_either_spelling(head: FaceModel) -> None:
 
 
 def test_a_lamp_lights_the_face_as_much_as_it_says() -> None:
-    from facestage_blender.cases.lamps import (
+    from facestage_blender.synthetic.cases.lamps import (
         AIM_SPREAD,
         ANGLE_SPREAD,
         DISTANCE_SPREAD,
@@ -171,8 +171,8 @@ def test_a_lamp_lights_the_face_as_much_as_it_says() -> None:
 
 
 def test_lamps_lie_on_no_lattice() -> None:
-    from facestage_blender.cases.lamps import light_stage
-    from facestage_blender.cases.recipe import RECIPES
+    from facestage_blender.synthetic.cases.lamps import light_stage
+    from facestage_blender.synthetic.cases.recipe import RECIPES
 
     lattice = fibonacci_stage().position
     for index, each in enumerate(RECIPES):
@@ -206,7 +206,7 @@ def test_skin_is_what_the_recipe_says(model: FaceModel) -> None:
 
 
 def test_a_beard_grows_around_the_mouth_only(model: FaceModel) -> None:
-    from facestage_blender.cases.skin import beard_weight
+    from facestage_blender.synthetic.cases.skin import beard_weight
 
     weight = beard_weight(model)
     assert ((weight >= 0) & (weight <= 1)).all()
@@ -281,9 +281,9 @@ def test_a_hand_leans_on_a_cheek(model: FaceModel, seed: int) -> None:
 
 
 def test_walls_stand_where_no_lamp_does() -> None:
-    from facestage_blender.cases.lamps import light_stage
-    from facestage_blender.cases.recipe import RECIPES
-    from facestage_blender.cases.surroundings import walls
+    from facestage_blender.synthetic.cases.lamps import light_stage
+    from facestage_blender.synthetic.cases.recipe import RECIPES
+    from facestage_blender.synthetic.cases.surroundings import walls
 
     walled = [each for each in RECIPES if each.walls is not None]
     assert walled
@@ -302,7 +302,7 @@ def test_walls_stand_where_no_lamp_does() -> None:
 
 
 def test_a_sensor_counts_electrons() -> None:
-    from facestage_blender.synthetic import READ_NOISE, noisy
+    from facestage_blender.synthetic.photograph import READ_NOISE, noisy
 
     picture = np.full((200, 200, 3), 0.25)
     assert noisy(picture, None, np.random.default_rng(0)) is picture
@@ -312,9 +312,9 @@ def test_a_sensor_counts_electrons() -> None:
 
 
 def test_a_snapshot_has_all_of_it(scene, model: FaceModel, tmp_path: Path) -> None:
-    from facestage_blender.render import read_pixels
-    from facestage_blender.sightlines import BACKGROUND, FACE, HEAD, NARROW_FACE, WORN
-    from facestage_blender.synthetic import render_person
+    from facestage_blender.pictures.render import read_pixels
+    from facestage_blender.synthetic.photograph import render_person
+    from facestage_blender.synthetic.sightlines import BACKGROUND, FACE, HEAD, NARROW_FACE, WORN
 
     person = person_of(model, recipe("snapshot"), 3)
     assert [item.name for item in person.worn] == ["Strands", "Hand"] and len(person.around) == 2
@@ -343,7 +343,7 @@ def test_a_snapshot_has_all_of_it(scene, model: FaceModel, tmp_path: Path) -> No
 
 
 def test_sightlines_see_what_lies_before_the_head(head: FaceModel) -> None:
-    from facestage_blender.sightlines import BACKGROUND, WORN, Sightlines
+    from facestage_blender.synthetic.sightlines import BACKGROUND, WORN, Sightlines
 
     camera = Camera.default(64, 64, 150.0)
     vertices = head.vertices + np.array([0, 0, -0.78])
@@ -367,7 +367,7 @@ def test_sightlines_see_what_lies_before_the_head(head: FaceModel) -> None:
 
 
 def test_truth_shows_the_albedo_of_the_face_tile(head: FaceModel) -> None:
-    from facestage_blender.synthetic import face_tile
+    from facestage_blender.synthetic.photograph import face_tile
 
     texture = np.random.default_rng(2).uniform(size=(64, 64, 3))
     model = replace(head, face_tile=(0.25, 0.125, 0.5))
@@ -388,7 +388,7 @@ def test_command_line_writes_cases_that_load(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from facestage_blender.cases.__main__ import main
+    from facestage_blender.headless.cases import main
 
     stand_in("works")
     order = [
@@ -429,9 +429,9 @@ def test_command_line_writes_cases_that_load(
 
 @pytest.mark.parametrize("kind", OCCLUDERS)
 def test_what_is_worn_hides_the_face(scene, model: FaceModel, kind: str, tmp_path: Path) -> None:
-    from facestage_blender.render import read_pixels
-    from facestage_blender.sightlines import WORN
-    from facestage_blender.synthetic import render_person
+    from facestage_blender.pictures.render import read_pixels
+    from facestage_blender.synthetic.photograph import render_person
+    from facestage_blender.synthetic.sightlines import WORN
 
     person = person_of(model, recipe(kind), 1)
     render_person(scene, model, person, tmp_path / "case", samples=4, seed=1, size=2 * SIZE)

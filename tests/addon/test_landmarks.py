@@ -71,7 +71,7 @@ def seen_pixels(scene) -> np.ndarray:
     import bpy
     from bpy_extras.object_utils import world_to_camera_view
 
-    from facestage_blender.landmarks import landmark_empties
+    from facestage_blender.landmarks.empties import landmark_empties
 
     bpy.context.view_layer.update()
     width, height = scene.render.resolution_x, scene.render.resolution_y
@@ -84,8 +84,12 @@ def seen_pixels(scene) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(VIEWS))
 def test_empties_stand_on_their_pixels(scene, name: str) -> None:
-    from facestage_blender.landmark_plane import empty_pixel
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
+    from facestage_blender.landmarks.plane import empty_pixel
 
     size = set_view(scene, name)
     given = made_up(*size)
@@ -107,7 +111,11 @@ def test_empties_stand_on_their_pixels(scene, name: str) -> None:
 
 @pytest.mark.parametrize("after", ["portrait", "shifted", "scaled"])
 def test_landmarks_stay_on_the_photo_when_the_camera_changes(scene, after: str) -> None:
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
 
     size = set_view(scene, "plain")
     given = made_up(*size)
@@ -126,7 +134,11 @@ def test_reading_is_what_the_camera_sees(scene, how: str) -> None:
     """Whatever a user does to a point, it counts where the camera's picture shows it."""
     import bpy
 
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
 
     size = set_view(scene, "portrait")
     given = made_up(*size)
@@ -149,8 +161,12 @@ def test_reading_is_what_the_camera_sees(scene, how: str) -> None:
 
 
 def test_followers_follow_what_is_dragged(scene) -> None:
-    from facestage_blender.landmark_scheme import handles
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
+    from facestage_blender.landmarks.scheme import handles
 
     size = set_view(scene, "plain")
     given = made_up(*size, "mediapipe478")
@@ -166,7 +182,11 @@ def test_followers_follow_what_is_dragged(scene) -> None:
 
 
 def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
 
     size = set_view(scene, "plain")
     given = made_up(*size, "mediapipe478")
@@ -190,7 +210,11 @@ def test_a_hidden_handle_hides_what_is_around_it(scene) -> None:
 def test_weights_of_a_file_are_kept(scene) -> None:
     from dataclasses import replace
 
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
 
     size = set_view(scene, "plain")
     given = replace(made_up(*size), weights=np.arange(68) / 10)
@@ -209,7 +233,11 @@ def test_weights_of_a_file_are_kept(scene) -> None:
 
 
 def test_a_landmark_without_position_waits_on_the_photo(scene) -> None:
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties, show_landmarks
+    from facestage_blender.landmarks.empties import (
+        edited_landmarks,
+        landmark_empties,
+        show_landmarks,
+    )
 
     size = set_view(scene, "plain")
     given = made_up(*size)
@@ -242,8 +270,8 @@ def refused(operator: Callable[..., set[str]], match: str, **options: object) ->
 def test_detect_edit_done(ready, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import landmark_empties
-    from facestage_blender.scene_read import read_landmarks
+    from facestage_blender.exchange.scene_read import read_landmarks
+    from facestage_blender.landmarks.empties import landmark_empties
 
     ready.facestage.face_number = 3
     assert bpy.ops.facestage.detect_landmarks() == {"FINISHED"}
@@ -269,7 +297,7 @@ def test_fit_takes_the_points_as_they_are(ready, landmark_file: Path, tmp_path: 
     import bpy
 
     from facestage.contract.job import Job
-    from facestage_blender.landmarks import landmark_empties
+    from facestage_blender.landmarks.empties import landmark_empties
 
     for answer in (
         bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file)),
@@ -296,7 +324,7 @@ def test_fit_takes_the_points_as_they_are(ready, landmark_file: Path, tmp_path: 
 def test_marks_and_revert(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import edited_landmarks, landmark_empties
+    from facestage_blender.landmarks.empties import edited_landmarks, landmark_empties
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     assert bpy.ops.facestage.edit_landmarks() == {"FINISHED"}
@@ -344,7 +372,7 @@ def test_users_errors_are_one_sentence(
 def test_what_cannot_be_read_says_so(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import landmark_empties
+    from facestage_blender.landmarks.empties import landmark_empties
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
@@ -366,7 +394,7 @@ def test_what_cannot_be_read_says_so(ready, landmark_file: Path) -> None:
 def test_a_deleted_camera_keeps_the_landmarks(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import edited_landmarks
+    from facestage_blender.landmarks.empties import edited_landmarks
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
@@ -379,7 +407,7 @@ def test_a_deleted_camera_keeps_the_landmarks(ready, landmark_file: Path) -> Non
 def test_a_damaged_scene_is_said_and_mended(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import BASE, landmark_empties
+    from facestage_blender.landmarks.empties import BASE, landmark_empties
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
@@ -398,7 +426,7 @@ def test_another_photo_has_other_landmarks(ready, landmark_file: Path, tmp_path:
     import bpy
     import cv2
 
-    from facestage_blender.landmarks import landmark_empties
+    from facestage_blender.landmarks.empties import landmark_empties
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
@@ -412,7 +440,7 @@ def test_another_photo_has_other_landmarks(ready, landmark_file: Path, tmp_path:
 def test_undo_is_one_step_and_leaves_nothing_behind(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import COLLECTION, landmark_empties
+    from facestage_blender.landmarks.empties import COLLECTION, landmark_empties
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.ed.undo_push(message="before")
@@ -443,7 +471,7 @@ def test_undo_is_one_step_and_leaves_nothing_behind(ready, landmark_file: Path) 
 def test_a_saved_scene_goes_on(ready, landmark_file: Path, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.landmarks import edited_landmarks
+    from facestage_blender.landmarks.empties import edited_landmarks
 
     bpy.ops.facestage.choose_landmarks(filepath=str(landmark_file))
     bpy.ops.facestage.edit_landmarks()
@@ -485,13 +513,13 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     """What is drawn over the camera's view lies where its picture has the landmarks."""
     import bpy
 
-    from facestage_blender.landmark_overlay import (
+    from facestage_blender.landmarks.empties import landmark_empties, show_landmarks
+    from facestage_blender.landmarks.overlay import (
         current_landmarks,
         discs_by_color,
         line_ends,
         on_screen,
     )
-    from facestage_blender.landmarks import landmark_empties, show_landmarks
 
     width, height = size = set_view(scene, name)
     given = made_up(*size, "mediapipe478")
@@ -524,7 +552,7 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
 
 
 def test_handles_are_named_and_distinct() -> None:
-    from facestage_blender.landmark_scheme import IBUG_NAMES, handles, lines
+    from facestage_blender.landmarks.scheme import IBUG_NAMES, handles, lines
 
     assert handles("ibug68", 68)[30].name == "Landmark 31 nose tip"
     assert len({handle.index for handle in handles("mediapipe478", 478)}) == len(IBUG_NAMES) + 5
@@ -537,7 +565,7 @@ def test_handles_are_named_and_distinct() -> None:
 
 def test_followers_move_smoothly() -> None:
     """One dragged handle takes its surroundings along and leaves the rest."""
-    from facestage_blender.landmark_scheme import follow
+    from facestage_blender.landmarks.scheme import follow
 
     rng = np.random.default_rng(0)
     axis = np.linspace(0, 100, 9)
@@ -566,7 +594,7 @@ def test_followers_move_smoothly() -> None:
 def test_the_panel_says_where_landmarks_come_from(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.panels_photo import landmark_lines
+    from facestage_blender.ui.panels_photo import landmark_lines
 
     settings = ready.facestage
     assert landmark_lines(settings) == ["Landmarks: found automatically"]

@@ -52,10 +52,15 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
     """
     import bpy
 
-    from facestage_blender.camera import set_resolution
-    from facestage_blender.material import part_materials, set_textures, skin_group, texture_image
-    from facestage_blender.render import render_linear
-    from facestage_blender.stage import build_stage
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.rig.material import (
+        part_materials,
+        set_textures,
+        skin_group,
+        texture_image,
+    )
+    from facestage_blender.scene.camera import set_resolution
+    from facestage_blender.scene.stage import build_stage
 
     build_stage(scene, small_light(towards))
     bpy.ops.mesh.primitive_uv_sphere_add(segments=256, ring_count=128, radius=RADIUS)
@@ -135,7 +140,7 @@ def expected_ball(albedo, c_spec, roughness, towards) -> tuple[np.ndarray, np.nd
 def test_cycles_evaluates_the_contracts_reflectance(
     scene, tmp_path: Path, albedo, c_spec, roughness, textured
 ) -> None:
-    from facestage_blender.render import save_exr
+    from facestage_blender.pictures.render import save_exr
 
     towards = np.array([0.5, 0.4, 0.77])
     towards /= np.linalg.norm(towards)
@@ -151,7 +156,7 @@ def test_cycles_evaluates_the_contracts_reflectance(
 
 
 def test_textures_keep_their_linear_values(scene) -> None:
-    from facestage_blender.material import image_pixels, texture_image
+    from facestage_blender.rig.material import image_pixels, texture_image
 
     values = np.random.default_rng(0).uniform(0, 1.8, (9, 5)).astype(np.float32)
     image = texture_image("map", values)
@@ -163,7 +168,7 @@ def test_textures_keep_their_linear_values(scene) -> None:
 def test_the_node_group_is_shared(scene) -> None:
     import bpy
 
-    from facestage_blender.material import part_materials, skin_group
+    from facestage_blender.rig.material import part_materials, skin_group
 
     materials = part_materials(np.arange(OTHER))
     assert (
@@ -173,7 +178,7 @@ def test_the_node_group_is_shared(scene) -> None:
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
-    from facestage_blender.material import part_materials
+    from facestage_blender.rig.material import part_materials
 
     (material,) = part_materials(np.array([OTHER]))
     output = next(

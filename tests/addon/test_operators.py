@@ -74,9 +74,9 @@ def refused(operator: Callable[..., set[str]], match: str, **options: object) ->
 def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
     import bpy
 
-    from facestage_blender.operators import choose_photo
-    from facestage_blender.rig import build_rig
-    from facestage_blender.stage import build_stage, default_stage
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.scene.stage import build_stage, default_stage
+    from facestage_blender.ui.operators import choose_photo
 
     by_operators = describe(ready)
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -90,7 +90,7 @@ def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
     import bpy
 
     from facestage.contract.result import Result
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     before = describe(ready)
     assert bpy.ops.facestage.fit(apply=False) == {"FINISHED"}
@@ -198,7 +198,7 @@ def test_failed_fit_leaves_the_scene_alone(ready, stand_in, mood: str, sentence:
 def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.operators_fit import Running
+    from facestage_blender.ui.operators_fit import Running
 
     before = describe(ready)
     stand_in("hangs in fit")
@@ -221,8 +221,8 @@ def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: 
 
 
 def test_disabling_the_addon_stops_the_backend(scene, stand_in) -> None:
-    from facestage_blender.operators_fit import Running, stop_running
-    from facestage_blender.process import BackendProcess
+    from facestage_blender.backend.process import BackendProcess
+    from facestage_blender.ui.operators_fit import Running, stop_running
 
     Running.process = child = BackendProcess([*stand_in("hangs"), "fit"])
     stop_running()
@@ -243,7 +243,7 @@ def test_check_backend_shows_the_report(scene, stand_in) -> None:
 def test_relight_and_light_states(ready) -> None:
     import bpy
 
-    from facestage_blender.stage import read_stage, stage_lights
+    from facestage_blender.scene.stage import read_stage, stage_lights
 
     before = read_stage(ready.facestage.stage)
     assert bpy.ops.facestage.relight(direction="right") == {"FINISHED"}
@@ -280,7 +280,7 @@ def test_all_properties_and_operators_explain_themselves(scene) -> None:
 def test_face_model_is_chosen_with_its_license(ready, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.operators_model import KINDS, model_label, model_license
+    from facestage_blender.ui.operators_model import KINDS, model_label, model_license
 
     assert model_license(ready) == "CC0-1.0"  # as the model of the rig says
     file = tmp_path / "somebody.npz"

@@ -20,7 +20,7 @@ def alice(scene, head: FaceModel):
     """
     import bpy
 
-    from facestage_blender.rig import add_shape_keys, build_mesh
+    from facestage_blender.rig.face_rig import add_shape_keys, build_mesh
 
     mesh = build_mesh(head)
     item = bpy.data.objects.new("Alice", mesh)
@@ -47,7 +47,7 @@ def alice(scene, head: FaceModel):
 
 def model_of(rig, head: FaceModel) -> FaceModel:
     """What the backend makes of the mesh, without searching for its face."""
-    from facestage_blender import frames
+    from facestage_blender.scene import frames
 
     turn = frames.stage_to_blender()
     scaled = np.array(rig.scale)
@@ -99,7 +99,7 @@ def result_of(model: FaceModel, identity: np.ndarray, expression: np.ndarray) ->
 
 
 def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
-    from facestage_blender.own_mesh import read_mesh
+    from facestage_blender.rig.own_mesh import read_mesh
 
     rig, own, notes = read_mesh(alice)
     np.testing.assert_allclose(rig.scale, 0.01, rtol=1e-5)
@@ -122,11 +122,11 @@ def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
 def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) -> None:
     import bpy
 
-    from facestage_blender.own_mesh import SHAPE_KEY, OwnMesh, read_mesh, write_shape
-    from facestage_blender.own_rig import adopt, borrowed_shape
-    from facestage_blender.rig import read_weights, rig_axes, set_weights
-    from facestage_blender.stage import build_stage
-    from facestage_blender.write_back import place
+    from facestage_blender.exchange.write_back import place
+    from facestage_blender.rig.face_rig import read_weights, rig_axes, set_weights
+    from facestage_blender.rig.own_mesh import SHAPE_KEY, OwnMesh, read_mesh, write_shape
+    from facestage_blender.rig.own_rig import adopt, borrowed_shape
+    from facestage_blender.scene.stage import build_stage
 
     rig, own, _ = read_mesh(alice)
     model = model_of(rig, head)
@@ -165,7 +165,7 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
 
 
 def test_marks_are_kept_replaced_and_cleared(alice) -> None:
-    from facestage_blender.own_mesh import clear_mark, mark, read_marks
+    from facestage_blender.rig.own_mesh import clear_mark, mark, read_marks
 
     for vertex in alice.data.vertices:
         vertex.select = vertex.index in (5, 9)
@@ -181,7 +181,7 @@ def test_marks_are_kept_replaced_and_cleared(alice) -> None:
 
 
 def test_mesh_without_uvs_gets_a_map_and_keeps_its_selection(alice) -> None:
-    from facestage_blender.own_mesh import read_mesh
+    from facestage_blender.rig.own_mesh import read_mesh
 
     alice.data.uv_layers.remove(alice.data.uv_layers[0])
     for vertex in alice.data.vertices:
@@ -193,7 +193,7 @@ def test_mesh_without_uvs_gets_a_map_and_keeps_its_selection(alice) -> None:
 
 
 def test_tiles_are_packed_beside_the_own_map(alice) -> None:
-    from facestage_blender.own_mesh import read_mesh
+    from facestage_blender.rig.own_mesh import read_mesh
 
     layer = alice.data.uv_layers[0]
     flat = np.empty(2 * len(layer.uv), np.float32)
@@ -210,7 +210,7 @@ def test_tiles_are_packed_beside_the_own_map(alice) -> None:
 def test_what_cannot_be_a_face_is_refused(scene, alice) -> None:
     import bpy
 
-    from facestage_blender.own_mesh import read_mesh
+    from facestage_blender.rig.own_mesh import read_mesh
 
     with pytest.raises(InputError, match="No mesh is active"):
         read_mesh(None)

@@ -20,7 +20,7 @@ GREY = ((128 / 255 + 0.055) / 1.055) ** 2.4  # the photo's, linear
 def applied(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path) -> Iterator[object]:
     """A scene with an applied result that has no relight cache yet."""
 
-    from facestage_blender import preview
+    from facestage_blender.preview import live as preview
 
     stand_in("works")
     scene.facestage.output = str(tmp_path / "work")
@@ -41,8 +41,8 @@ def live(applied) -> object:
 
 def shown() -> np.ndarray:
     """(h, w, 3) what the preview's image holds, row 0 at the top."""
-    from facestage_blender.material import image_pixels
-    from facestage_blender.preview import find_image
+    from facestage_blender.preview.live import find_image
+    from facestage_blender.rig.material import image_pixels
 
     image = find_image()
     assert image is not None and image.is_float
@@ -51,7 +51,7 @@ def shown() -> np.ndarray:
 
 def expected(scene) -> np.ndarray:
     """(h, w, 3) the cache's own picture of the scene's lights over the photo."""
-    from facestage_blender.stage import read_stage
+    from facestage_blender.scene.stage import read_stage
 
     cache = RelightCache.load(Result.load(Path(scene.facestage.result)))
     behind = np.ones(cache.height * cache.width)
@@ -115,7 +115,7 @@ def test_refused_preparation_is_reported(applied, stand_in) -> None:
 def test_color_power_and_state_of_the_lights_are_followed(live) -> None:
     import bpy
 
-    from facestage_blender.stage import stage_lights
+    from facestage_blender.scene.stage import stage_lights
 
     light, before = stage_lights(live.facestage.stage)[1], shown().copy()
     for owner, name, value in (
@@ -139,8 +139,8 @@ def test_color_power_and_state_of_the_lights_are_followed(live) -> None:
 
 
 def test_nothing_is_made_when_nothing_changed(live, monkeypatch: pytest.MonkeyPatch) -> None:
-    from facestage_blender import preview
-    from facestage_blender.stage import stage_lights
+    from facestage_blender.preview import live as preview
+    from facestage_blender.scene.stage import stage_lights
 
     made = []
     show = preview._show
@@ -165,7 +165,7 @@ def test_nothing_is_made_when_nothing_changed(live, monkeypatch: pytest.MonkeyPa
     "change", ["light moved", "light resized", "head", "slider", "lens", "camera", "cache gone"]
 )
 def test_what_the_cache_does_not_hold_is_said_and_the_photo_shown(live, change: str) -> None:
-    from facestage_blender.stage import stage_lights
+    from facestage_blender.scene.stage import stage_lights
 
     light, rig = stage_lights(live.facestage.stage)[2], live.facestage.rig
     key = rig.data.shape_keys.key_blocks["jawOpen"]
@@ -199,7 +199,7 @@ def test_what_the_cache_does_not_hold_is_said_and_the_photo_shown(live, change: 
 def test_the_image_lies_over_the_cameras_view_until_turned_off(live) -> None:
     import bpy
 
-    from facestage_blender.preview import find_image
+    from facestage_blender.preview.live import find_image
 
     fronts = [item for item in live.camera.data.background_images if item.display_depth == "FRONT"]
     assert [item.image for item in fronts] == [find_image()]
@@ -215,7 +215,7 @@ def test_the_image_lies_over_the_cameras_view_until_turned_off(live) -> None:
 def test_undo_and_redo_are_followed(live) -> None:
     import bpy
 
-    from facestage_blender.stage import stage_lights
+    from facestage_blender.scene.stage import stage_lights
 
     bpy.ops.ed.undo_push(message="before")
     bright = shown().copy()
@@ -233,7 +233,7 @@ def test_undo_and_redo_are_followed(live) -> None:
 def test_undo_does_not_bring_back_a_preview_that_is_off(live) -> None:
     import bpy
 
-    from facestage_blender.preview import find_image
+    from facestage_blender.preview.live import find_image
 
     bpy.ops.ed.undo_push(message="on")
     bpy.ops.facestage.relight_preview()
@@ -246,7 +246,7 @@ def test_undo_does_not_bring_back_a_preview_that_is_off(live) -> None:
 def test_the_preview_is_not_saved(live, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.preview import find_image
+    from facestage_blender.preview.live import find_image
 
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"), check_existing=False)
     assert find_image() is not None, "it goes on after saving"
@@ -263,7 +263,7 @@ def test_nothing_stays_when_the_addon_is_disabled(live) -> None:
     import bpy
 
     from facestage_blender import registration
-    from facestage_blender.preview import find_image
+    from facestage_blender.preview.live import find_image
 
     assert handlers()
     registration.unregister()
@@ -277,7 +277,7 @@ def test_nothing_stays_when_the_addon_is_disabled(live) -> None:
 def test_a_deleted_scene_ends_the_preview(live) -> None:
     import bpy
 
-    from facestage_blender import preview
+    from facestage_blender.preview import live as preview
 
     bpy.data.scenes.new("another")
     bpy.data.scenes.remove(live)

@@ -14,9 +14,9 @@ import pytest
 
 from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.events import Event
-from facestage_blender import process
-from facestage_blender.backend import find_backend
-from facestage_blender.process import BackendProcess, explain
+from facestage_blender.backend import process
+from facestage_blender.backend.commands import find_backend
+from facestage_blender.backend.process import BackendProcess, explain
 
 
 def wait_for_first_event(child: BackendProcess) -> None:
@@ -104,6 +104,7 @@ def test_backend_is_found_where_the_user_says(
 
 
 def test_process_and_backend_need_no_blender() -> None:
-    modules = "facestage_blender.process, facestage_blender.backend, facestage_blender.batch"
-    code = f"import sys, {modules}; sys.exit('bpy' in sys.modules)"
+    modules = ("backend.process", "backend.commands", "batch")
+    imports = ", ".join(f"facestage_blender.{name}" for name in modules)
+    code = f"import sys, {imports}; sys.exit('bpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -14,7 +14,7 @@ from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.partial import partial_folder
 from facestage.contract.result import Result
-from facestage_blender.backend import find_backend, fit_command, model_command
+from facestage_blender.backend.commands import find_backend, fit_command, model_command
 
 pytestmark = pytest.mark.slow
 SIZE = 96
@@ -31,9 +31,9 @@ def backend() -> list[str]:
 @pytest.fixture
 def case(scene, backend: list[str], tmp_path: Path) -> Path:
     """A small photo of the default model's person number 7."""
-    from facestage_blender import pipeline
-    from facestage_blender.cases.person import random_person
-    from facestage_blender.synthetic import render_person
+    from facestage_blender.headless import pipeline
+    from facestage_blender.synthetic.cases.person import random_person
+    from facestage_blender.synthetic.photograph import render_person
 
     pipeline.run_backend(
         model_command(backend, "default", tmp_path / "model.npz"), lambda _event: None
@@ -48,7 +48,8 @@ def case(scene, backend: list[str], tmp_path: Path) -> Path:
 def test_fit_is_written_back_as_the_fit_saw_it(
     case: Path, backend: list[str], tmp_path: Path
 ) -> None:
-    from facestage_blender import demo, pipeline, render
+    from facestage_blender.headless import demo, pipeline
+    from facestage_blender.pictures import render
 
     order = pipeline.Order(
         image=case / "photo.png",
@@ -70,9 +71,9 @@ def test_fit_is_written_back_as_the_fit_saw_it(
 
 
 def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -> None:
-    from facestage_blender import pipeline
-    from facestage_blender.process import BackendProcess
-    from facestage_blender.scene_read import read_job
+    from facestage_blender.backend.process import BackendProcess
+    from facestage_blender.exchange.scene_read import read_job
+    from facestage_blender.headless import pipeline
 
     order = pipeline.Order(
         image=case / "photo.png",
@@ -107,9 +108,9 @@ def test_the_face_of_a_real_photo_is_found(
     import skimage.data
 
     from facestage.contract.landmarks import Landmarks
-    from facestage_blender.demo import LANDMARKS
-    from facestage_blender.landmark_scheme import MEDIAPIPE_AS_IBUG
-    from facestage_blender.scene_read import read_landmarks
+    from facestage_blender.exchange.scene_read import read_landmarks
+    from facestage_blender.headless.demo import LANDMARKS
+    from facestage_blender.landmarks.scheme import MEDIAPIPE_AS_IBUG
 
     monkeypatch.setenv("FACESTAGE_DATA", str(shared_data))
     photo, empty = tmp_path / "astronaut.png", tmp_path / "gray.png"

@@ -13,8 +13,8 @@ from facestage.contract.face_model import FaceModel
 
 @pytest.fixture
 def rig(scene, head: FaceModel):
-    from facestage_blender.rig import build_rig
-    from facestage_blender.stage import build_stage, default_stage
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.scene.stage import build_stage, default_stage
 
     return build_rig(scene, head, "default", build_stage(scene, default_stage(4, 1.0, 0.2)))
 
@@ -23,7 +23,7 @@ def stage_vertices(rig) -> np.ndarray:
     """(n, 3) vertices of the rig as Blender shows them, in the stage frame."""
     import bpy
 
-    from facestage_blender import frames
+    from facestage_blender.scene import frames
 
     shown = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
     flat = np.empty(3 * len(shown.data.vertices), np.float32)
@@ -34,7 +34,7 @@ def stage_vertices(rig) -> np.ndarray:
 
 
 def test_sliders_make_the_models_shapes(rig, head: FaceModel) -> None:
-    from facestage_blender.rig import read_weights, set_weights
+    from facestage_blender.rig.face_rig import read_weights, set_weights
 
     rng = np.random.default_rng(0)
     identity, expression = rng.normal(size=6) * 2, rng.uniform(0, 1, 4)
@@ -76,7 +76,7 @@ def test_mesh_has_the_models_polygons_uvs_parts_and_regions(rig, head: FaceModel
 
 
 def test_slider_ranges_follow_the_prior(scene, rig, head: FaceModel) -> None:
-    from facestage_blender.rig import build_rig, set_weights
+    from facestage_blender.rig.face_rig import build_rig, set_weights
 
     keys = rig.data.shape_keys.key_blocks
     assert (keys["identity/mode_0"].slider_min, keys["identity/mode_0"].slider_max) == (-5, 5)
@@ -95,7 +95,7 @@ def test_slider_ranges_follow_the_prior(scene, rig, head: FaceModel) -> None:
 def test_rebuilding_leaves_one_rig_and_nothing_behind(scene, rig, head: FaceModel) -> None:
     import bpy
 
-    from facestage_blender.rig import build_rig
+    from facestage_blender.rig.face_rig import build_rig
 
     rig.location = (1, 2, 3)
     assert build_rig(scene, head, "ict:/somewhere", rig.parent) == rig
@@ -107,7 +107,7 @@ def test_rebuilding_leaves_one_rig_and_nothing_behind(scene, rig, head: FaceMode
 
 
 def test_first_texture_is_the_models_mean_albedo(rig, head: FaceModel) -> None:
-    from facestage_blender.material import image_pixels
+    from facestage_blender.rig.material import image_pixels
 
     pixels = image_pixels(rig.facestage_face.albedo_image)
     centre = head.polygons[700]
@@ -121,7 +121,7 @@ def test_first_texture_is_the_models_mean_albedo(rig, head: FaceModel) -> None:
 
 
 def test_unknown_slider_is_named_before_anything_moves(rig) -> None:
-    from facestage_blender.rig import read_weights, set_weights
+    from facestage_blender.rig.face_rig import read_weights, set_weights
 
     before = read_weights(rig)
     with pytest.raises(InputError, match="tailWag"):
@@ -130,7 +130,7 @@ def test_unknown_slider_is_named_before_anything_moves(rig) -> None:
 
 
 def test_painted_texture_is_the_interpolated_value() -> None:
-    from facestage_blender.texture import paint_vertices
+    from facestage_blender.pictures.texture import paint_vertices
 
     uvs = np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9]])
     triangles = np.array([[0, 1, 2], [0, 2, 3]])

@@ -49,9 +49,9 @@ def white_card(scene, light: LightStage, samples: int = 256) -> np.ndarray:
     """
     import bpy
 
-    from facestage_blender.camera import set_resolution
-    from facestage_blender.render import render_linear
-    from facestage_blender.stage import build_stage
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.scene.camera import set_resolution
+    from facestage_blender.scene.stage import build_stage
 
     build_stage(scene, light)
     mesh = bpy.data.meshes.new("card")
@@ -125,7 +125,7 @@ def test_a_light_is_dark_from_behind_and_when_off(scene) -> None:
 
 
 def test_stage_survives_the_scene(scene) -> None:
-    from facestage_blender.stage import build_stage, read_stage, require_stage
+    from facestage_blender.scene.stage import build_stage, read_stage, require_stage
 
     expected = some_stage()
     build_stage(scene, expected)
@@ -133,7 +133,7 @@ def test_stage_survives_the_scene(scene) -> None:
 
 
 def test_stage_is_read_relative_to_its_empty(scene) -> None:
-    from facestage_blender.stage import build_stage, read_stage, require_stage
+    from facestage_blender.scene.stage import build_stage, read_stage, require_stage
 
     empty = build_stage(scene, some_stage())
     empty.location, empty.rotation_euler = (3.0, -2.0, 1.0), (0.3, -0.5, 2.0)
@@ -143,7 +143,7 @@ def test_stage_is_read_relative_to_its_empty(scene) -> None:
 def test_rebuilding_reuses_and_removes_lights(scene) -> None:
     import bpy
 
-    from facestage_blender.stage import build_stage, default_stage, stage_lights
+    from facestage_blender.scene.stage import build_stage, default_stage, stage_lights
 
     empty = build_stage(scene, default_stage(20, 1.0, 0.2))
     first = stage_lights(empty)[0]
@@ -158,7 +158,7 @@ def test_rebuilding_reuses_and_removes_lights(scene) -> None:
 
 
 def test_off_keeps_the_power_for_later(scene) -> None:
-    from facestage_blender.stage import build_stage, read_stage, require_stage, stage_lights
+    from facestage_blender.scene.stage import build_stage, read_stage, require_stage, stage_lights
 
     build_stage(scene, fibonacci_stage(3, radiance=4.0))
     light = stage_lights(scene.facestage.stage)[1]
@@ -173,7 +173,7 @@ def test_off_keeps_the_power_for_later(scene) -> None:
 
 
 def test_what_cannot_be_read_is_refused(scene) -> None:
-    from facestage_blender.stage import build_stage, read_stage, require_stage, stage_lights
+    from facestage_blender.scene.stage import build_stage, read_stage, require_stage, stage_lights
 
     with pytest.raises(InputError, match="Build Light Stage"):
         require_stage(scene)
@@ -187,8 +187,8 @@ def test_what_cannot_be_read_is_refused(scene) -> None:
 
 
 def test_relight_comes_from_that_side_and_goes_back(scene) -> None:
-    from facestage_blender.relight import relight, restore_lights
-    from facestage_blender.stage import build_stage, read_stage, require_stage
+    from facestage_blender.scene.relight import relight, restore_lights
+    from facestage_blender.scene.stage import build_stage, read_stage, require_stage
 
     before = some_stage()
     before = replace(before, state=np.zeros(7, int)).with_radiance(before.radiance)

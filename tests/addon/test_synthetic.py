@@ -17,8 +17,8 @@ SIZE = 64
 
 @pytest.fixture
 def case(scene, head: FaceModel, tmp_path: Path) -> Path:
-    from facestage_blender.cases.person import random_person
-    from facestage_blender.synthetic import render_person
+    from facestage_blender.synthetic.cases.person import random_person
+    from facestage_blender.synthetic.photograph import render_person
 
     render_person(
         scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE
@@ -27,7 +27,7 @@ def case(scene, head: FaceModel, tmp_path: Path) -> Path:
 
 
 def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
-    from facestage_blender.render import read_pixels
+    from facestage_blender.pictures.render import read_pixels
 
     truth = read_arrays(case / "truth.npz", "truth")
     camera = Camera.read(case / "camera.json")
@@ -40,7 +40,7 @@ def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
     assert photo[truth["mask"]].mean() > 2 * photo[~truth["mask"]].mean()
     assert 0.5 < np.percentile(photo[truth["mask"]], 99) < 1.0
     encoded = read_pixels(case / "photo.png")[..., :3]
-    from facestage_blender.render import srgb
+    from facestage_blender.pictures.render import srgb
 
     np.testing.assert_allclose(encoded, srgb(photo), atol=0.6 / 255)
 
@@ -70,10 +70,10 @@ def test_lights_of_the_truth_face_the_head(case: Path) -> None:
 
 
 def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
-    from facestage_blender import pipeline
-    from facestage_blender.cases.person import random_person
-    from facestage_blender.render import read_pixels
-    from facestage_blender.synthetic import render_person
+    from facestage_blender.headless import pipeline
+    from facestage_blender.pictures.render import read_pixels
+    from facestage_blender.synthetic.cases.person import random_person
+    from facestage_blender.synthetic.photograph import render_person
 
     scene = pipeline.empty_scene()
     render_person(
@@ -90,7 +90,7 @@ def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> No
 
 
 def test_polygon_covers_its_pixels() -> None:
-    from facestage_blender.texture import inside_polygon
+    from facestage_blender.pictures.texture import inside_polygon
 
     inside = inside_polygon(np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]), 8, 6)
     assert inside.sum() == 12
@@ -98,7 +98,7 @@ def test_polygon_covers_its_pixels() -> None:
 
 
 def test_crop_is_a_square_inside_the_picture() -> None:
-    from facestage_blender import demo
+    from facestage_blender.headless import demo
 
     crop = demo.head_crop(Landmarks.read(demo.LANDMARKS), Camera.default(512, 512))
     left, top, right, bottom = crop.box
@@ -115,7 +115,7 @@ def test_crop_is_a_square_inside_the_picture() -> None:
 def test_contact_sheet_shows_every_picture(tmp_path: Path) -> None:
     import cv2
 
-    from facestage_blender.contact_sheet import contact_sheet
+    from facestage_blender.headless.contact_sheet import contact_sheet
 
     colors = np.eye(3)
     pictures = {f"picture {k}": np.full((20, 20 + 30 * (k == 2), 3), colors[k]) for k in range(3)}

@@ -36,7 +36,7 @@ def fitted(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path) ->
 def test_a_tampered_result_changes_nothing_or_nothing_to_worry_about(
     fitted, tmp_path: Path
 ) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     scene, sound = fitted
     refused = applied = 0
@@ -79,7 +79,7 @@ def not_finite(path: Path) -> None:
 
 
 def test_a_damaged_texture_is_refused_and_none_is_left(fitted, tmp_path: Path) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     scene, sound = fitted
     before = snapshot(scene)
@@ -97,7 +97,7 @@ def test_a_damaged_texture_is_refused_and_none_is_left(fitted, tmp_path: Path) -
 
 
 def test_weights_that_the_rig_lacks_change_nothing(fitted) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     scene, sound = fitted
     data = json.loads((sound / "result.json").read_text())
@@ -110,8 +110,8 @@ def test_weights_that_the_rig_lacks_change_nothing(fitted) -> None:
 
 
 def test_a_camera_that_is_none_is_said(fitted) -> None:
-    from facestage_blender.stage import stage_lights
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.scene.stage import stage_lights
 
     scene, sound = fitted
     scene.camera = stage_lights(scene.facestage.stage)[0]
@@ -132,7 +132,7 @@ RECORDS = (
 
 
 def test_a_damaged_record_of_an_own_mesh_is_said(fitted) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     scene, sound = fitted
     result = Result.load(sound)
@@ -147,8 +147,8 @@ def test_a_damaged_record_of_an_own_mesh_is_said(fitted) -> None:
 def test_paths_that_no_machine_has_are_said(fitted) -> None:
     import bpy
 
-    from facestage_blender.operators import result_folder
-    from facestage_blender.panels import existing
+    from facestage_blender.ui.operators import result_folder
+    from facestage_blender.ui.panels import existing
 
     scene, _ = fitted
     photo = scene.facestage.photo
@@ -171,7 +171,7 @@ def refused(operator) -> None:
 def test_a_damaged_relight_cache_turns_no_preview_on(fitted) -> None:
     import bpy
 
-    from facestage_blender import preview
+    from facestage_blender.preview import live as preview
 
     scene, sound = fitted
     bpy.ops.facestage.prepare_relight()

@@ -13,16 +13,16 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import PARAMETERS, Job
 from facestage.contract.result import Result
-from facestage_blender.backend import fit_command
+from facestage_blender.backend.commands import fit_command
 from reference.known import known
 
 
 @pytest.fixture
 def ready(scene, head: FaceModel, photo: Path, landmark_file: Path):
     """A scene with everything set up for a fit."""
-    from facestage_blender.operators import choose_landmarks, choose_photo
-    from facestage_blender.rig import build_rig
-    from facestage_blender.stage import build_stage, default_stage
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.scene.stage import build_stage, default_stage
+    from facestage_blender.ui.operators import choose_landmarks, choose_photo
 
     empty = build_stage(scene, default_stage(5, 1.0, 0.2))
     empty.location, empty.rotation_euler = (0.5, 0.25, 1.5), (0.1, 0.2, 0.7)
@@ -33,7 +33,7 @@ def ready(scene, head: FaceModel, photo: Path, landmark_file: Path):
 
 
 def fitted(scene, stand_in: Callable[[str], list[str]], folder: Path) -> Result:
-    from facestage_blender.scene_read import read_job
+    from facestage_blender.exchange.scene_read import read_job
 
     read_job(scene).save(folder / "job")
     subprocess.run(
@@ -57,7 +57,7 @@ def camera_vertices(scene) -> np.ndarray:
 
 
 def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
-    from facestage_blender.scene_read import read_job
+    from facestage_blender.exchange.scene_read import read_job
 
     settings = ready.facestage
     settings.freeze, settings.light_color, settings.budget = (
@@ -87,7 +87,7 @@ def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
 
 
 def test_every_parameter_can_be_frozen(ready) -> None:
-    from facestage_blender.scene_read import read_job
+    from facestage_blender.exchange.scene_read import read_job
 
     for name in PARAMETERS:
         ready.facestage.freeze = {name}
@@ -95,8 +95,12 @@ def test_every_parameter_can_be_frozen(ready) -> None:
 
 
 def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -> None:
-    from facestage_blender.scene_read import read_camera_to_stage, read_job, read_model_to_stage
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.scene_read import (
+        read_camera_to_stage,
+        read_job,
+        read_model_to_stage,
+    )
+    from facestage_blender.exchange.write_back import apply_result
 
     world = ready.world
     result = fitted(ready, stand_in, tmp_path)
@@ -120,8 +124,8 @@ def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -
 def test_textures_are_packed_and_linear(ready, stand_in, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.render import read_pixels
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.pictures.render import read_pixels
 
     result = fitted(ready, stand_in, tmp_path)
     apply_result(ready, result)
@@ -142,7 +146,7 @@ def test_textures_are_packed_and_linear(ready, stand_in, tmp_path: Path) -> None
 
 
 def test_a_result_without_a_roughness_map_has_one_value(ready, stand_in, tmp_path: Path) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     result = fitted(ready, stand_in, tmp_path)
     apply_result(ready, result)
@@ -155,7 +159,7 @@ def test_a_result_without_a_roughness_map_has_one_value(ready, stand_in, tmp_pat
 
 
 def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -> None:
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.write_back import apply_result
 
     ready.facestage.keep_camera = True
     ready.camera.location, ready.camera.data.lens = (0.4, -0.9, 1.6), 61.0
@@ -169,8 +173,8 @@ def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -
 
 
 def test_what_is_missing_is_said(scene, ready, stand_in, tmp_path: Path) -> None:
-    from facestage_blender.scene_read import read_job
-    from facestage_blender.write_back import apply_result
+    from facestage_blender.exchange.scene_read import read_job
+    from facestage_blender.exchange.write_back import apply_result
 
     result = fitted(ready, stand_in, tmp_path)
     (known(result.folder) / "albedo.exr").unlink()

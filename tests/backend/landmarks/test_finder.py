@@ -40,7 +40,7 @@ def test_the_astronaut_agrees_with_the_landmarks_that_ship_with_the_demo(
     found: Face, repository: Path
 ):
     shipped = json.loads(
-        (repository / "addon/facestage_blender/data/astronaut_landmarks.json").read_text()
+        (repository / "addon/facestage_blender/headless/data/astronaut_landmarks.json").read_text()
     )
     error = distance(to_ibug68(found.landmarks).points, np.array(shipped["points"]), found)
     print(

@@ -23,7 +23,9 @@ CENTER, RADII = np.array([80.0, 78.0]), np.array([46.0, 60.0])
 @pytest.fixture(scope="module")
 def landmarks(repository: Path) -> Landmarks:
     """A real face's landmarks, moved into the drawn one."""
-    found = Landmarks.read(repository / "addon/facestage_blender/data/astronaut_landmarks.json")
+    found = Landmarks.read(
+        repository / "addon/facestage_blender/headless/data/astronaut_landmarks.json"
+    )
     low, high = found.points.min(axis=0), found.points.max(axis=0)
     points = (found.points - low) / (high - low) * [72, 76] + CENTER + [-36, -22]
     return Landmarks("ibug68", points, found.visible)

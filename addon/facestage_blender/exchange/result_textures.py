@@ -1,0 +1,73 @@
+"""A result's textures as images in the .blend: all of them, sound, or none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.files.exr_header import exr_size
+from facestage.contract.files.paths import is_file
+from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
+
+from ..rig.material import image_pixels
+
+SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
+
+
+@dataclass(frozen=True)
+class ResultTextures:
+    """The images that :func:`load_textures` made."""
+
+    albedo: bpy.types.Image
+    specular: bpy.types.Image
+    roughness: bpy.types.Image | None  # older results have one value alone
+
+
+def load_textures(result: Result) -> ResultTextures:
+    """The result's maps, packed into the .blend and never color-converted.
+
+    Raises InputError when one is missing, damaged or not finite; then none is left behind.
+    """
+    names = ["albedo", "specular"]
+    if result.folder is not None and is_file(Path(result.folder) / ROUGHNESS):
+        names.append(Path(ROUGHNESS).stem)
+    loaded: dict[str, bpy.types.Image] = {}
+    try:
+        for name in names:
+            loaded[name] = _load(result, name)
+    except InputError:
+        for image in loaded.values():
+            bpy.data.images.remove(image)
+        raise
+    return ResultTextures(loaded["albedo"], loaded["specular"], loaded.get("roughness"))
+
+
+def _load(result: Result, name: str) -> bpy.types.Image:
+    path = Path(result.folder or "") / f"{name}.exr"
+    if result.folder is None or not is_file(path):
+        raise InputError(f"The result has no '{path}'; run the fit again.")
+    size = exr_size(path, "result's picture", TEXTURE_MAX, SIDE_MAX)
+    damaged = InputError(f"The result's picture '{path}' cannot be read; run the fit again.")
+    try:
+        image = bpy.data.images.load(str(path))
+    except RuntimeError as error:
+        raise damaged from error
+    try:
+        image.name = f"Facestage {name.capitalize()}"
+        image.colorspace_settings.name = "Non-Color"
+        image.alpha_mode = "NONE"
+        if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it
+            raise damaged
+        if not np.isfinite(image_pixels(image)).all():
+            raise InputError(
+                f"The result's picture '{path}' holds NaN or infinity; run the fit again."
+            )
+        image.pack()
+    except (RuntimeError, InputError) as error:
+        bpy.data.images.remove(image)
+        raise error if isinstance(error, InputError) else damaged from error
+    return image

@@ -1,0 +1,124 @@
+"""The only reader: what the user has set up in the scene, as the contract's Job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.files.paths import user_path
+from facestage.contract.job import Job, Weights
+from facestage.contract.landmarks import Landmarks
+
+from ..landmarks.empties import edited_landmarks, shown_plane
+from ..landmarks.plane import photo_size
+from ..rig.face_rig import read_weights, require_rig, rig_axes
+from ..scene import frames
+from ..scene.camera import load_image, read_camera, require_camera
+from ..scene.stage import read_stage, relative_matrix, require_stage
+
+
+def read_job(scene: bpy.types.Scene) -> Job:
+    """The scene's job. Raises InputError naming what is missing or wrong and what to do."""
+    settings = scene.facestage
+    if not settings.photo:
+        raise InputError("No photo is chosen; press Choose Photo first.")
+    photo = absolute(settings.photo)
+    width, height = load_image(photo).size
+    empty, rig = require_stage(scene), require_rig(scene)
+    frozen = tuple(sorted(settings.freeze))
+    camera = camera_to_stage = None
+    if settings.keep_camera or settings.known_lens or "focal" in frozen:
+        camera = read_camera(require_camera(scene).data, width, height)
+    if settings.keep_camera:
+        camera_to_stage = read_camera_to_stage(scene)
+    return Job(
+        image=photo,
+        model=rig.facestage_face.model,
+        landmarks=(landmarks := read_landmarks(scene, width, height)),
+        face=settings.face_number if landmarks is None else None,
+        camera=camera,
+        stage=read_stage(empty),
+        camera_to_stage=camera_to_stage,
+        light_color=settings.light_color,
+        freeze=frozen,
+        weights=Weights(
+            photo=settings.weight_photo,
+            landmarks=settings.weight_landmarks,
+            prior=settings.weight_prior,
+            light=settings.weight_light,
+        ),
+        initial=_initial(scene, frozen, camera_to_stage),
+        budget_seconds=settings.budget or None,
+        quality=settings.quality,
+        seed=settings.seed,
+        device=settings.device,
+    )
+
+
+def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks | None:
+    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else
+    the file's, else None.
+
+    Raises InputError when they are not of this photo.
+    """
+    plane = shown_plane(scene)
+    if plane is not None:
+        if photo_size(plane) != (width, height):
+            raise InputError(
+                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x "
+                f"{photo_size(plane)[1]} pixels, the "
+                f"photo has {width} x {height}; press Done, then Detect Landmarks again."
+            )
+        landmarks = edited_landmarks(scene)
+    elif scene.facestage.landmarks:
+        landmarks = Landmarks.read(absolute(scene.facestage.landmarks))
+    else:
+        return None
+    landmarks.check_inside(width, height)
+    return landmarks
+
+
+def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:
+    """(4, 4) pose of the scene's camera in the stage frame, without its scale."""
+    local = relative_matrix(require_stage(scene), require_camera(scene))
+    local[:3, :3] /= np.linalg.norm(local[:3, :3], axis=0)
+    return frames.to_stage_matrix(local, frames.CAMERA)
+
+
+def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
+    """(4, 4) pose of the rig in the stage frame."""
+    rig = require_rig(scene)
+    matrix = frames.to_stage_matrix(relative_matrix(require_stage(scene), rig), rig_axes(rig))
+    # a mesh of the user's may have been scaled since
+    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))
+    return matrix
+
+
+def absolute(path: str) -> Path:
+    """A path of the user interface, which may start with // for the .blend's folder.
+
+    Raises InputError for what can be no path.
+    """
+    return user_path(bpy.path.abspath(path) or ".", "path").resolve()
+
+
+def _initial(
+    scene: bpy.types.Scene, frozen: tuple[str, ...], camera_to_stage: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Where the fit starts: what is frozen must be said, the rest only when the user asks for
+    it.
+    """
+    settings, rig = scene.facestage, require_rig(scene)
+    identity, expression = read_weights(rig)
+    values: dict[str, np.ndarray] = {}
+    for name, weights in (("identity", identity), ("expression", expression)):
+        if settings.start_from_rig or name in frozen:
+            values[name] = np.array(list(weights.values()), np.float64)
+    if settings.start_from_rig or "roughness" in frozen:
+        values["roughness"] = np.array(rig.facestage_face.roughness)
+    if camera_to_stage is not None and (settings.start_from_rig or "pose" in frozen):
+        values["model_to_camera"] = np.linalg.inv(camera_to_stage) @ read_model_to_stage(scene)
+    return values

@@ -1,0 +1,74 @@
+"""The only writer: a Result becomes sliders, pose, textures, lights and camera.
+
+The world is not touched.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from facestage.contract.errors import InputError
+from facestage.contract.result import Result
+
+from ..rig.face_rig import move_sliders, require_rig, rig_axes, slider_values
+from ..rig.material import set_textures
+from ..rig.own_mesh import OwnMesh, write_shape
+from ..rig.own_rig import borrowed_shape, check_vertices
+from ..scene import frames
+from ..scene.camera import ensure_camera, write_camera
+from ..scene.stage import build_stage, facestage_collection, require_stage
+from .result_textures import load_textures
+
+
+def apply_result(scene: bpy.types.Scene, result: Result) -> None:
+    """Write the fitted face, lights and camera into the scene.
+
+    With the scene's "Keep camera" the camera stays and only the head moves. Raises InputError
+    before anything changes when the rig is of another model, or something of the result or the
+    scene does not fit.
+    """
+    settings = scene.facestage
+    empty, rig = require_stage(scene), require_rig(scene)
+    if rig.facestage_face.model != result.model:
+        raise InputError(
+            f"The result is of the face model '{result.model}', the rig of "
+            f"'{rig.facestage_face.model}'; "
+            "build the rig of the result's model first."
+        )
+    if not settings.keep_camera and scene.camera is not None and scene.camera.type != "CAMERA":
+        raise InputError(
+            f"'{scene.camera.name}' serves as the scene's camera and is none; choose a camera."
+        )
+    own = OwnMesh.of(rig)
+    identity = dict(zip(result.identity_names, result.identity.tolist(), strict=True))
+    expression = dict(zip(result.expression_names, result.expression.tolist(), strict=True))
+    sliders, borrowed = slider_values(rig, identity, expression), None
+    if own is not None:
+        check_vertices(rig, result)
+        borrowed = borrowed_shape(rig, own, result)
+    textures = load_textures(result)
+    move_sliders(rig, sliders)
+    if own is not None and borrowed is not None:
+        write_shape(rig, own, identity, borrowed)
+    build_stage(scene, result.stage)
+    place(empty, rig, result.model_to_stage, rig_axes(rig))
+    set_textures(rig, textures.albedo, textures.specular, result.roughness, textures.roughness)
+    if not settings.keep_camera:
+        camera = ensure_camera(scene, facestage_collection(scene))
+        place(empty, camera, result.camera_to_stage, frames.CAMERA)
+        write_camera(scene, camera.data, result.camera)
+    if result.folder is not None:
+        settings.result = str(result.folder)
+    for layer in scene.view_layers:
+        layer.update()
+
+
+def place(
+    empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray
+) -> None:
+    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the
+    axes' scale.
+    """
+    item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())

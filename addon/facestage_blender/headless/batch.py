@@ -1,0 +1,247 @@
+"""Facestage without a window.
+
+    python -P -m facestage_blender.batch --image PHOTO --out DIR [options]
+    blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out
+    DIR [options]
+
+Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    import bpy
+
+from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.machine import machine_trouble
+from facestage.contract.quality import GOOD, QUALITIES, parse_budget
+
+from ..backend.commands import find_backend
+from ..scene.frames import LIGHT_DIRECTIONS
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit code 2."""
+        self.exit(2, f"facestage: {message}\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = Parser(
+        prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend."
+    )
+    result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
+    result.add_argument(
+        "--out", type=Path, required=True, help="folder for the .blend, the result and the pictures"
+    )
+    face = result.add_mutually_exclusive_group()
+    face.add_argument(
+        "--landmarks",
+        type=Path,
+        help="landmark file of the photo (landmarks.json); without it they are detected",
+    )
+    face.add_argument(
+        "--face",
+        type=_face,
+        default=1,
+        metavar="K",
+        help="which face to detect: 1 is the largest (default)",
+    )
+    lens = result.add_mutually_exclusive_group()
+    lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
+    lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
+    result.add_argument(
+        "--model",
+        default="default",
+        help="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
+    )
+    result.add_argument(
+        "--rig-blend",
+        type=Path,
+        metavar="FILE.blend",
+        help="a scene with a face mesh of your own, instead of --model",
+    )
+    result.add_argument("--rig-object", default="", metavar="NAME", help="the mesh in --rig-blend")
+    result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
+    result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
+    result.add_argument(
+        "--freeze",
+        choices=PARAMETERS,
+        nargs="*",
+        default=[],
+        metavar="NAME",
+        help="what not to fit",
+    )
+    result.add_argument(
+        "--budget",
+        type=_budget,
+        default=(None, GOOD),
+        metavar="SECONDS|NAME",
+        help=f"seconds that the fit may take, or {', '.join(QUALITIES)}",
+    )
+    result.add_argument("--seed", type=int, default=0)
+    result.add_argument("--device", choices=DEVICES, default="auto")
+    result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
+    result.add_argument(
+        "--resume", action="store_true", help="go on from the last checkpoint in --out"
+    )
+    result.add_argument(
+        "--relight",
+        choices=sorted(LIGHT_DIRECTIONS),
+        nargs="*",
+        default=[],
+        help="also render lit from there",
+    )
+    result.add_argument(
+        "--expression",
+        type=_weight,
+        nargs="*",
+        default=[],
+        metavar="NAME=VALUE",
+        help="render this expression",
+    )
+    result.add_argument(
+        "--resolution", type=int, help="longer side of the extra pictures in pixels"
+    )
+    result.add_argument(
+        "--samples", type=int, default=64, help="samples per pixel of the extra pictures"
+    )
+    return result
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Do what the command line asks; returns the exit code."""
+    options = parser().parse_args(own_arguments() if arguments is None else arguments)
+    try:
+        if not options.image.is_file():
+            raise InputError(f"The photo '{options.image}' does not exist; check the path.")
+        backend = find_backend()
+        run(options, backend)
+    except FacestageError as error:
+        print(f"facestage: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(
+            "facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.",
+            file=sys.stderr,
+        )
+        return 3
+    except OSError as error:
+        print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
+        return InputError.exit_code
+    return 0
+
+
+def run(options: argparse.Namespace, backend: list[str]) -> None:
+    """Fit, save, and render the extra pictures."""
+    from . import pipeline
+
+    out = options.out.resolve()
+    order = pipeline.Order(
+        image=options.image.resolve(),
+        out=out,
+        landmarks=_resolved(options.landmarks),
+        camera=_resolved(options.camera),
+        focal_px=options.focal_px,
+        model=options.model,
+        lights=options.lights,
+        light_color=options.light_color,
+        freeze=tuple(options.freeze),
+        budget=options.budget[0],
+        quality=options.budget[1],
+        seed=options.seed,
+        device=options.device,
+        truth=_resolved(options.truth),
+        resume=options.resume,
+        face=options.face,
+        rig_blend=_resolved(options.rig_blend),
+        rig_object=options.rig_object,
+    )
+    scene = (
+        pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
+    )
+    result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
+    pictures = _extra_pictures(scene, options, out)
+    print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
+    for picture in pictures:
+        print(f"Picture: {picture}")
+
+
+def own_arguments() -> list[str]:
+    """The arguments meant for this program: inside Blender those after ``--``."""
+    if "--" in sys.argv:
+        return sys.argv[sys.argv.index("--") + 1 :]
+    return sys.argv[1:]
+
+
+def _extra_pictures(scene: bpy.types.Scene, options: argparse.Namespace, out: Path) -> list[Path]:
+    from ..pictures.render import render_linear, save_png, srgb
+    from ..rig.face_rig import read_weights, require_rig, set_weights
+    from ..scene.relight import relight, restore_lights
+
+    if options.resolution:
+        longer = max(scene.render.resolution_x, scene.render.resolution_y)
+        scene.render.resolution_percentage = max(1, round(100 * options.resolution / longer))
+    pictures = []
+
+    def render(name: str) -> None:
+        pixels = render_linear(scene, options.samples)
+        save_png(out / f"{name}.png", srgb(pixels[..., :3]))
+        pictures.append(out / f"{name}.png")
+
+    for direction in options.relight:
+        relight(scene, direction)
+        render(f"relit_{direction}")
+    restore_lights(scene)
+    if options.expression:
+        rig = require_rig(scene)
+        _, fitted = read_weights(rig)
+        set_weights(rig, {}, dict(options.expression))
+        render("expression")
+        set_weights(rig, {}, fitted)
+    return pictures
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number greater than 0, found '{text}'")
+    return value
+
+
+def _face(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number, 1 for the largest face, found '{text}'"
+        )
+    return int(text)
+
+
+def _budget(text: str) -> tuple[float | None, str]:
+    try:
+        return parse_budget(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _weight(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=VALUE with a number, found '{text}'"
+        ) from None
+
+
+def _resolved(path: Path | None) -> Path | None:
+    return None if path is None else path.resolve()

@@ -1,0 +1,180 @@
+"""Makes photographs with known truth.
+
+python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE]
+[--size 256] [--seed 0] python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4]
+[--model ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.face_model import FaceModel
+
+from ..synthetic.cases.recipe import RECIPES, Recipe
+from ..synthetic.cases.same_person import PHOTOS
+
+SAMPLES = 96
+SIZE_MIN, SIZE_MAX = 16, 4096
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = argparse.ArgumentParser(
+        prog="facestage_blender.cases", description="Make photographs with known truth."
+    )
+    result.add_argument("--out", type=Path, help="folder for the cases, one folder each")
+    result.add_argument(
+        "--count",
+        type=int,
+        default=len(RECIPES),
+        help="how many; more than the recipes repeat them",
+    )
+    result.add_argument(
+        "--only", nargs="*", default=[], metavar="NAME", help="only cases of these names"
+    )
+    result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
+    result.add_argument("--size", type=int, default=256, help="side of the photos in pixels")
+    result.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel")
+    result.add_argument(
+        "--seed", type=int, default=0, help="other people, poses and lamps of the same recipes"
+    )
+    result.add_argument(
+        "--person",
+        type=int,
+        metavar="SEED",
+        help="instead: several photos of the person of this seed",
+    )
+    result.add_argument(
+        "--photos",
+        type=int,
+        default=4,
+        metavar="N",
+        help=f"how many of the person, 1 to {len(PHOTOS)} (default 4)",
+    )
+    result.add_argument(
+        "--list",
+        action="store_true",
+        help="only say which cases there are, and what is hard in each",
+    )
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the cases; returns the exit code."""
+    options = parser().parse_args(arguments)
+    try:
+        chosen = (
+            choose(options.count, options.only)
+            if options.person is None
+            else photos(options.photos)
+        )
+        if options.list:
+            for name, recipe in chosen.items():
+                print(f"{name:<20}{recipe.hard}")
+            return 0
+        if options.out is None:
+            raise InputError("No folder was given for the cases; add --out DIR.")
+        if not SIZE_MIN <= options.size <= SIZE_MAX or options.samples < 1:
+            raise InputError(
+                f"Photos of {options.size} pixels with {options.samples} samples cannot be made; "
+                f"--size goes from {SIZE_MIN} to {SIZE_MAX}, --samples from 1."
+            )
+        make(chosen, options)
+    except FacestageError as error:
+        print(f"facestage: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("facestage: cancelled; the finished cases are kept.", file=sys.stderr)
+        return 3
+    return 0
+
+
+def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:
+    """The first ``count`` cases by name: each recipe once, then again as NAME_2, NAME_3, ... with
+    other seeds.
+
+    Raises InputError for a count below 1 and for a name in ``only`` that is not among them.
+    """
+    if count < 1:
+        raise InputError(f"{count} cases were asked for; expected 1 or more.")
+    cases = {}
+    for index in range(count):
+        turn, which = divmod(index, len(RECIPES))
+        recipe = RECIPES[which]
+        cases[f"{recipe.name}_{turn + 1}" if turn else recipe.name] = recipe
+    unknown = [name for name in only if name not in cases]
+    if unknown:
+        raise InputError(f"There is no case '{unknown[0]}'; --list says which there are.")
+    return {name: recipe for name, recipe in cases.items() if not only or name in only}
+
+
+def photos(count: int) -> dict[str, Recipe]:
+    """The first ``count`` photos of a person by name.
+
+    Raises InputError for a count that there is not.
+    """
+    if not 1 <= count <= len(PHOTOS):
+        raise InputError(f"{count} photos of a person were asked for; expected 1 to {len(PHOTOS)}.")
+    return {recipe.name: recipe for recipe in PHOTOS[:count]}
+
+
+def case_seed(name: str, seed: int) -> int:
+    """The seed of a case, which does not depend on what other cases there are."""
+    return zlib.crc32(f"{name}/{seed}".encode()) % 2**31  # as much as Cycles takes
+
+
+def make(chosen: dict[str, Recipe], options: argparse.Namespace) -> None:
+    """Photograph every case into its own folder, each written whole."""
+    from ..backend.commands import find_backend
+    from . import pipeline
+
+    model = pipeline.face_model(options.model, find_backend(), lambda _event: None)
+    for name, recipe in chosen.items():
+        started = time.monotonic()
+        make_case(
+            model,
+            name,
+            recipe,
+            options.out.resolve(),
+            options.size,
+            options.samples,
+            options.seed,
+            options.person,
+        )
+        print(f"{name:<20}{time.monotonic() - started:5.1f} s", flush=True)
+
+
+def make_case(
+    model: FaceModel,
+    name: str,
+    recipe: Recipe,
+    out: Path,
+    size: int,
+    samples: int,
+    seed: int,
+    person: int | None = None,
+) -> None:
+    """Photograph one case into ``out``/``name``; ``person``: the seed of who it is, else that of
+    the case.
+    """
+    from ..synthetic.cases.person import person_of
+    from ..synthetic.photograph import render_person
+    from . import pipeline
+
+    drawn = case_seed(name if person is None else f"{person}/{name}", seed)
+    render_person(
+        pipeline.empty_scene(),
+        model,
+        person_of(model, recipe, drawn, person),
+        out / name,
+        samples,
+        drawn,
+        size,
+    )

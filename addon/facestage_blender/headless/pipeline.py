@@ -1,0 +1,274 @@
+"""The whole way without a window: build -> job -> backend -> result -> write-back -> save.
+
+For batch and demo.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.camera import Camera
+from facestage.contract.errors import (
+    BackendUnavailableError,
+    CancelledError,
+    FacestageError,
+    InputError,
+)
+from facestage.contract.events import Event
+from facestage.contract.face_model import FaceModel
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.quality import GOOD
+from facestage.contract.result import Result
+
+from ..backend import process
+from ..backend.commands import fit_command, model_command
+from ..backend.process import BackendProcess
+from ..exchange.scene_read import read_job
+from ..exchange.write_back import apply_result
+from ..landmarks.empties import remember_landmarks
+from ..online import online_access
+from ..pictures.render import quiet
+from ..rig.face_rig import build_rig
+from ..rig.own_rig import adopt, export_mesh
+from ..scene.camera import ensure_camera, load_image, show_photo, write_camera
+from ..scene.stage import build_stage, default_stage, facestage_collection
+from ..scene.user_state import preserved
+
+SCENE_FILE, JOB_FOLDER, RESULT_FOLDER = "scene.blend", "job", "result"
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to fit, and where to put it."""
+
+    image: Path
+    out: Path
+    landmarks: Path | None = None
+    camera: Path | None = None
+    focal_px: float | None = None
+    model: str = "default"
+    lights: int = 20
+    light_color: str = "multi"
+    freeze: tuple[str, ...] = ()
+    budget: float | None = None
+    quality: str = GOOD
+    seed: int = 0
+    device: str = "auto"
+    truth: Path | None = None
+    resume: bool = False
+    face: int = 1  # which face of a photo without landmarks; 1 is the largest
+    rig_blend: Path | None = None  # a .blend with a mesh of the user's, which then is the rig
+    rig_object: str = ""
+
+
+def empty_scene() -> bpy.types.Scene:
+    """Start from an empty scene with the add-on registered."""
+    _register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+def open_scene(path: Path) -> bpy.types.Scene:
+    """Start from a .blend of the user's with the add-on registered; its scripts are not run."""
+    _register()
+    if not path.is_file():
+        raise InputError(f"The scene '{path}' does not exist; check the path.")
+    try:
+        with quiet():
+            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise InputError(
+            f"The scene '{path}' cannot be opened; give a .blend that this Blender can read."
+        ) from error
+    return bpy.context.scene
+
+
+def _register() -> None:
+    from .. import registration
+
+    if not hasattr(bpy.types.Scene, "facestage"):
+        registration.register()
+
+
+def fit_photo(
+    scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
+) -> Result:
+    """Build stage and rig, fit them to the photo, write the result back and save the .blend.
+
+    Raises FacestageError with the backend's own sentence when it fails; then no .blend is written.
+    """
+    prepare_scene(scene, order, backend, on_event)
+    job = read_job(scene)
+    if order.truth is not None:
+        job = replace(job, truth=order.truth.resolve())
+    job.save(order.out / JOB_FOLDER)
+    folder = order.out / RESULT_FOLDER
+    run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
+    result = Result.load(folder)
+    remember_landmarks(scene, result)
+    apply_result(scene, result)
+    save_blend(order.out / SCENE_FILE)
+    return result
+
+
+def prepare_scene(
+    scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
+) -> None:
+    """Check the order's files, then build the light stage and the rig, and set the scene's job."""
+    width, height = load_image(order.image).size
+    if order.landmarks is not None:
+        Landmarks.read(order.landmarks).check_inside(width, height)
+    camera = _known_camera(order, width, height)
+    if order.truth is not None and not order.truth.is_file():
+        raise InputError(f"The truth file '{order.truth}' does not exist; check the path.")
+    settings = scene.facestage
+    stage = default_stage(order.lights, settings.light_radius, settings.light_side)
+    try:
+        order.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"Cannot write the folder '{order.out}': {error.strerror or error}; choose one "
+            "that you may write to."
+        ) from error
+    if order.rig_blend is not None:
+        use_mesh(scene, order.rig_object, order.out, backend, on_event)
+    else:
+        model = face_model(order.model, backend, on_event)
+    settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
+    settings.face_number = order.face
+    settings.light_count, settings.light_color = order.lights, order.light_color
+    settings.freeze, settings.budget, settings.seed = (
+        set(order.freeze),
+        order.budget or 0.0,
+        order.seed,
+    )
+    settings.device, settings.output, settings.quality = order.device, str(order.out), order.quality
+    empty = build_stage(scene, stage)
+    if order.rig_blend is None:
+        settings.model = order.model
+        build_rig(scene, model, order.model, empty)
+    view = ensure_camera(scene, facestage_collection(scene))
+    if camera is not None:
+        settings.known_lens = True
+        write_camera(scene, view.data, camera)
+    show_photo(scene, view, order.image)
+
+
+def use_mesh(
+    scene: bpy.types.Scene,
+    name: str,
+    folder: Path,
+    backend: list[str],
+    on_event: Callable[[Event], None],
+) -> None:
+    """Make the scene's mesh of this name the face rig; without a name, the only mesh that has shape
+    keys.
+    """
+    keyed = [
+        item for item in scene.objects if item.type == "MESH" and item.data.shape_keys is not None
+    ]
+    item = scene.objects.get(name) if name else keyed[0] if len(keyed) == 1 else None
+    if item is None:
+        meshes = (
+            ", ".join(sorted(other.name for other in scene.objects if other.type == "MESH"))
+            or "none"
+        )
+        raise InputError(
+            f"The scene has no object '{name}'; its meshes: {meshes}."
+            if name
+            else f"{len(keyed)} meshes of the scene have shape keys; name one with "
+            f"--rig-object (meshes: {meshes})."
+        )
+    for layer in scene.view_layers:
+        layer.update()
+    with preserved(bpy.context.view_layer):
+        path, rig, own, notes = export_mesh(item, folder)
+    for note in notes:
+        print(f"facestage: {note}", file=sys.stderr)
+    spec = f"rig:{path}"
+    adopt(scene, item, spec, face_model(spec, backend, on_event), rig, own)
+
+
+def face_model(spec: str, backend: list[str], on_event: Callable[[Event], None]) -> FaceModel:
+    """The face model that ``spec`` names, exported by the backend."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        run_backend(model_command(backend, spec, file), on_event)
+        return FaceModel.load(file)
+
+
+def run_backend(command: list[str], on_event: Callable[[Event], None]) -> None:
+    """Run the backend to its end. Raises the typed error that its exit code stands for."""
+    child = BackendProcess(command, online_access())
+    try:
+        outcome = child.wait(on_event)
+    except BaseException:
+        child.cancel()
+        raise
+    if outcome.ok:
+        return
+    errors = {process.BAD_INPUT: InputError, process.CANCELLED: CancelledError}
+    kind: type[FacestageError] = errors.get(outcome.code, BackendUnavailableError)
+    raise kind(outcome.message)
+
+
+def save_blend(path: Path) -> None:
+    """Save the scene as a .blend that carries its textures and the photo."""
+    for image in bpy.data.images:
+        if image.source == "FILE" and not image.packed_file and image.size[0]:
+            image.pack()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with quiet():
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
+    except (OSError, RuntimeError) as error:
+        raise InputError(
+            f"Cannot write '{path}'; choose an output folder that you may write to."
+        ) from error
+
+
+def progress_printer() -> Callable[[Event], None]:
+    """A function that shows events on stderr: one changing line on a terminal, a line for each
+    stage elsewhere.
+    """
+    terminal = sys.stderr.isatty()
+    last = ""
+
+    def show(event: Event) -> None:
+        nonlocal last
+        text = f"{event.fraction:4.0%}  {event.stage or event.kind}"
+        if event.error is not None:
+            text += f"  photo error {event.error:.4f}"
+        if event.seconds_left is not None:
+            text += f"  about {event.seconds_left:.0f} s left"
+        if terminal:
+            print(
+                f"\r{text:<78}",
+                end="\n" if event.kind == "done" else "",
+                file=sys.stderr,
+                flush=True,
+            )
+        elif event.stage != last:
+            print(text, file=sys.stderr, flush=True)
+        last = event.stage
+
+    return show
+
+
+def _known_camera(order: Order, width: int, height: int) -> Camera | None:
+    if order.camera is not None:
+        camera = Camera.read(order.camera)
+        if (camera.width, camera.height) != (width, height):
+            raise InputError(
+                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} "
+                "pixels, the photo has "
+                f"{width} x {height}; give the camera of this photo."
+            )
+        return camera
+    return None if order.focal_px is None else Camera.default(width, height, order.focal_px)

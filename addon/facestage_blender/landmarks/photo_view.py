@@ -1,0 +1,57 @@
+"""Turns the 3D View to the photo, close to the face."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
+
+from facestage.contract.landmarks import Landmarks
+
+from .plane import on_plane, photo_size, plane_matrix
+
+FACE_SHARE = 0.62  # of the view that the face fills
+ZOOM_LIMIT = 600.0  # Blender's own
+
+
+def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks: Landmarks) -> None:
+    """Show the photo in the 3D View in use, else in all of the window's, the landmarks' face large
+    in its middle.
+    """
+    areas = context.window.screen.areas if context.window is not None else []
+    views = [area for area in areas if area.type == "VIEW_3D"]
+    for area in [context.area] if context.area in views else views:
+        rv3d = area.spaces.active.region_3d
+        rv3d.view_perspective = "CAMERA"
+        rv3d.view_camera_zoom, rv3d.view_camera_offset = 0.0, (0.0, 0.0)
+        region = next((item for item in area.regions if item.type == "WINDOW"), None)
+        if bpy.app.background or region is None:
+            continue
+        rv3d.update()
+        points = on_plane(landmarks.points[landmarks.counted], *photo_size(plane))
+        to_world = plane_matrix(plane)
+        low, high = (
+            location_3d_to_region_2d(region, rv3d, Vector((to_world @ [*corner, 0.0, 1.0])[:3]))
+            for corner in (points.min(axis=0), points.max(axis=0))
+        )
+        if low is None or high is None:
+            continue
+        _zoom(region, rv3d, np.array(low), np.array(high))
+
+
+def _zoom(
+    region: bpy.types.Region, rv3d: bpy.types.RegionView3D, low: np.ndarray, high: np.ndarray
+) -> None:
+    """Bring the box from ``low`` to ``high`` (2,), in the region's pixels at zoom and offset 0, to
+    the view's middle.
+
+    Blender's camera view is magnified by (zoom / 50 + sqrt 2)^2 / 2 from there; its offset is in
+    regions.
+    """
+    size = np.array([region.width, region.height], float)
+    factor = max(1.0, FACE_SHARE * float((size / np.maximum(high - low, 1.0)).min()))
+    rv3d.view_camera_zoom = min(50.0 * (math.sqrt(2.0 * factor) - math.sqrt(2.0)), ZOOM_LIMIT)
+    rv3d.view_camera_offset = 0.5 * (low + high) / size - 0.5

@@ -1,0 +1,1 @@
+"""Pixels: renders of Cycles, picture files, and textures painted from values at vertices."""

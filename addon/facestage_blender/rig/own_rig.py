@@ -1,0 +1,131 @@
+"""Makes a mesh of the user's the scene's face rig, and writes what no slider of theirs can say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import OTHER, PARTS, FaceModel
+from facestage.contract.result import Result
+from facestage.contract.rig_file import RigFile
+
+from ..pictures.texture import paint_vertices
+from .material import GROUP, part_materials, set_textures, texture_image
+from .own_mesh import OwnMesh, model_frame, read_mesh, read_shapes, slot_parts
+
+TEXTURE_SIZE = 512
+SPECULAR_SIZE = 32
+OFFSET_MAX = 1e12  # units of the mesh; beyond, single floats end
+
+
+def export_mesh(
+    item: bpy.types.Object | None, folder: Path
+) -> tuple[Path, RigFile, OwnMesh, list[str]]:
+    """Write the object's mesh into ``folder`` for the backend: the file of ``rig:FILE``, and what
+    :func:`adopt` needs.
+
+    Must run in object mode. Raises InputError when the object cannot be a face.
+    """
+    if (
+        item is not None
+        and item.type == "MESH"
+        and item.facestage_face.is_rig
+        and not item.facestage_face.own_mesh
+    ):
+        raise InputError(
+            f"'{item.name}' was built by Facestage and is a face rig already; choose a mesh of "
+            "your own."
+        )
+    rig, own, notes = read_mesh(item)
+    path = folder / f"{bpy.path.clean_name(rig.name)}.rig.npz"
+    rig.save(path)
+    return path, rig, own, notes
+
+
+def adopt(
+    scene: bpy.types.Scene,
+    item: bpy.types.Object,
+    spec: str,
+    model: FaceModel,
+    rig: RigFile,
+    own: OwnMesh,
+) -> None:
+    """Make the object the scene's rig for the model that the backend made of it; nothing is moved
+    yet.
+
+    With the object's "Facestage skin" the materials of face, eyes and mouth give way to
+    Facestage's; the user's stay in the file.
+    """
+    own.to_model = model_frame(rig, model).tolist()
+    own.borrowed = {} if own.identity else dict.fromkeys(model.identity_names, 0.0)
+    own.store(item)
+    face = item.facestage_face
+    face.is_rig, face.model = True, spec
+    scene.facestage.rig, scene.facestage.model = item, spec
+    if not face.own_materials:
+        return
+    _replace_materials(item, own.uv_layer)
+    albedo = paint_vertices(
+        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
+    )
+    specular = np.ones((SPECULAR_SIZE, SPECULAR_SIZE), np.float32)
+    images = (
+        texture_image("Facestage Albedo", albedo),
+        texture_image("Facestage Specular", specular),
+    )
+    set_textures(item, *images, roughness=face.roughness)
+
+
+def check_vertices(rig: bpy.types.Object, result: Result) -> None:
+    """Raise InputError when the mesh was edited since the result was made."""
+    if len(rig.data.vertices) != len(result.vertices):
+        raise InputError(
+            f"The mesh '{rig.name}' has {len(rig.data.vertices)} vertices, the result "
+            f"{len(result.vertices)}; press "
+            "Use My Mesh and fit again."
+        )
+
+
+def borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> np.ndarray | None:
+    """(n, 3) the part of the fitted shape that the mesh has no sliders for, in its own coordinates;
+    None without any.
+
+    Raises InputError when the mesh's shape keys cannot carry it.
+    """
+    if own.identity or not result.identity_names:
+        return None
+    model = (result.vertices - result.model_to_camera[:3, 3]) @ result.model_to_camera[:3, :3]
+    back = np.linalg.inv(own.matrix)
+    fitted = model @ back[:3, :3].T + back[:3, 3]
+    base, _, offsets, shapes, _ = read_shapes(rig)
+    weights = dict(zip(result.expression_names, result.expression.tolist(), strict=True))
+    shown = np.array([weights.get(name, 0.0) for name in shapes.expression])
+    rest: np.ndarray = fitted - base - np.tensordot(shown, offsets, 1)
+    if not np.isfinite(rest).all() or np.abs(rest).max() > OFFSET_MAX:
+        raise InputError(
+            f"The result's face is too far from the mesh '{rig.name}'; press Use My Mesh and "
+            "fit again."
+        )
+    return rest
+
+
+def _replace_materials(item: bpy.types.Object, uv_layer: str) -> None:
+    """Give every slot that the fit colors Facestage's material of its part; the user's are kept in
+    the file.
+    """
+    if not item.material_slots:
+        item.data.materials.append(None)
+    for slot, part in zip(item.material_slots, slot_parts(item), strict=True):
+        old = slot.material
+        if part == OTHER or (
+            old is not None and old.node_tree is not None and GROUP in old.node_tree.nodes
+        ):
+            continue
+        fresh = part_materials(np.array([part if part < len(PARTS) else 0]), uv_layer)[0]
+        fresh.facestage_part = PARTS[part].upper() if part < len(PARTS) else "AUTO"
+        if old is not None:
+            old.use_fake_user = True
+        slot.material = fresh

@@ -1,0 +1,180 @@
+"""The virtual light stage as area lights under one empty.
+
+A Cycles area light of power P (W) over A square metres emits radiance P / (pi A) times its color.
+"""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from facestage.contract.errors import InputError
+from facestage.contract.light_stage import LightStage, fibonacci_stage
+
+from ..properties import LIGHT_STATES
+from . import frames
+
+COLLECTION = "Facestage"
+EMPTY = "Facestage Stage"
+# Sum of the new lights' radiances: a white card that faces the camera then reflects about 1.2.
+TOTAL_RADIANCE = 100.0
+
+
+def default_stage(count: int, radius: float, side: float) -> LightStage:
+    """A new stage whose lights together expose a face well at any count, radius and size."""
+    stage = fibonacci_stage(count, radius, side)
+    return stage.with_radiance(
+        np.full((count, 3), TOTAL_RADIANCE / count * (0.2 * radius / side) ** 2)
+    )
+
+
+def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
+    """Make the scene's light stage equal to ``stage`` (stage frame) and return its empty.
+
+    Existing lights and the empty's place in the world are kept; surplus lights are removed.
+    """
+    collection = facestage_collection(scene)
+    empty = scene.facestage.stage
+    if empty is None or empty.name not in scene.objects:
+        empty = bpy.data.objects.new(EMPTY, None)
+        empty.empty_display_type, empty.empty_display_size = "PLAIN_AXES", 0.03
+        collection.objects.link(empty)
+        scene.facestage.stage = empty
+    lights = stage_lights(empty)
+    for surplus in lights[len(stage) :]:
+        data = surplus.data
+        bpy.data.objects.remove(surplus)
+        if not data.users:
+            bpy.data.lights.remove(data)
+    lights = lights[: len(stage)]
+    while len(lights) < len(stage):
+        lights.append(_new_light(collection, empty, len(lights)))
+    for index, light in enumerate(lights):
+        _set_light(light, stage, index)
+    return empty
+
+
+def facestage_collection(scene: bpy.types.Scene) -> bpy.types.Collection:
+    """The collection of everything that Facestage builds, made when missing."""
+    for collection in scene.collection.children_recursive:
+        if collection.name.split(".")[0] == COLLECTION:
+            return collection
+    collection = bpy.data.collections.new(COLLECTION)
+    scene.collection.children.link(collection)
+    return collection
+
+
+def stage_lights(empty: bpy.types.Object) -> list[bpy.types.Object]:
+    """The stage's lights in lattice order."""
+    lights = [
+        child
+        for child in empty.children
+        if child.type == "LIGHT" and child.facestage_light.index >= 0
+    ]
+    return sorted(lights, key=lambda light: (light.facestage_light.index, light.name))
+
+
+def require_stage(scene: bpy.types.Scene) -> bpy.types.Object:
+    """The scene's stage. Raises InputError when there is none or it is scaled."""
+    empty = scene.facestage.stage
+    if empty is None or empty.name not in scene.objects:
+        raise InputError("The scene has no light stage; press Build Light Stage first.")
+    for layer in scene.view_layers:
+        layer.update()  # matrix_world of what a script has just moved is out of date
+    if not np.allclose(empty.matrix_world.to_scale(), 1, atol=1e-4):
+        raise InputError(f"The light stage '{empty.name}' is scaled; reset its scale to 1 (Alt S).")
+    return empty
+
+
+def read_stage(empty: bpy.types.Object) -> LightStage:
+    """The lights under ``empty`` as the contract's stage, in the stage frame."""
+    lights = stage_lights(empty)
+    if not lights:
+        raise InputError("The light stage has no light; press Build Light Stage again.")
+    for light in lights:
+        if light.data.type != "AREA" or light.data.shape != "SQUARE":
+            raise InputError(
+                f"The light '{light.name}' is not a square area light; set its type and shape back."
+            )
+    local = np.array([relative_matrix(empty, light) for light in lights])
+    axes = local[:, :3, :3] / np.linalg.norm(local[:, :3, :3], axis=1, keepdims=True)
+    states = np.array([LIGHT_STATES[light.facestage_light.state] for light in lights])
+    return LightStage(
+        position=frames.points_to_stage(local[:, :3, 3]),
+        direction=-frames.points_to_stage(axes[:, :, 2]),
+        axis_x=frames.points_to_stage(axes[:, :, 0]),
+        side=np.array([light_side(light) for light in lights]),
+        radiance=np.array([light_radiance(light) for light in lights]),
+        state=states,
+    )
+
+
+def relative_matrix(empty: bpy.types.Object, child: bpy.types.Object) -> np.ndarray:
+    """(4, 4) matrix of ``child`` relative to ``empty``, whether or not it is its parent."""
+    if child.parent == empty and child.parent_type == "OBJECT" and not child.constraints:
+        # Blender does not update matrix_world of hidden objects.
+        return np.array(child.matrix_parent_inverse @ child.matrix_basis)
+    return np.array(empty.matrix_world.inverted_safe() @ child.matrix_world)
+
+
+def light_side(light: bpy.types.Object) -> float:
+    """Side of a square light in metres, including the object's own scale."""
+    return float(light.data.size) * 0.5 * (abs(light.scale.x) + abs(light.scale.y))
+
+
+def light_radiance(light: bpy.types.Object) -> np.ndarray:
+    """(3,) linear RGB radiance that the light emits; 0 when it is off."""
+    if light.facestage_light.state == "OFF":
+        return np.zeros(3)
+    power = light.data.energy * 2.0 ** getattr(light.data, "exposure", 0.0)
+    return power / (math.pi * light_side(light) ** 2) * np.array(light.data.color, np.float64)
+
+
+def set_light_radiance(light: bpy.types.Object, radiance: np.ndarray, side: float) -> None:
+    """Give a light of ``side`` metres the color and power of an RGB radiance (3,); black keeps the
+    color.
+    """
+    peak = float(np.max(radiance))
+    if peak > 0:
+        light.data.color = np.asarray(radiance, np.float64) / peak
+    light.data.energy = peak * math.pi * side**2
+
+
+def _new_light(
+    collection: bpy.types.Collection, empty: bpy.types.Object, index: int
+) -> bpy.types.Object:
+    light = bpy.data.objects.new(
+        f"Facestage Light {index + 1:02d}",
+        bpy.data.lights.new(f"Facestage Light {index + 1:02d}", "AREA"),
+    )
+    collection.objects.link(light)
+    light.parent = empty
+    light.facestage_light.index = index
+    return light
+
+
+def _set_light(light: bpy.types.Object, stage: LightStage, index: int) -> None:
+    """Place one light and give it its size, state and radiance."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = frames.light_rotation(stage.direction[index], stage.axis_x[index])
+    matrix[:3, 3] = frames.points_to_blender(stage.position[index])
+    light.matrix_parent_inverse = Matrix()
+    light.matrix_basis = Matrix(matrix.tolist())
+    light.facestage_light.index = index
+    data = light.data
+    data.type, data.shape, data.size = "AREA", "SQUARE", float(stage.side[index])
+    data.spread = math.pi
+    # only how long the 3D View draws the light's axis
+    data.cutoff_distance = float(stage.side[index])
+    for name, value in (("exposure", 0.0), ("normalize", True), ("use_temperature", False)):
+        if hasattr(data, name):  # which of these exist depends on the version of Blender
+            setattr(data, name, value)
+    light.visible_camera = False
+    state = next(name for name, value in LIGHT_STATES.items() if value == stage.state[index])
+    if state != "OFF":  # an off light keeps its power for the day it is turned on again
+        set_light_radiance(light, stage.radiance[index], float(stage.side[index]))
+    light.facestage_light.state = state
+    light.facestage_light.fitted_radiance = stage.radiance[index]

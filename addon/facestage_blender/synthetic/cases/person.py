@@ -1,0 +1,167 @@
+"""People drawn from a seed: shape, expression, skin, pose, light and what they wear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from facestage.contract.face_model import FaceModel
+from facestage.contract.light_stage import fibonacci_stage
+
+from ...pictures.texture import paint_vertices
+from ..photograph import DISTANCE, FOCAL_PX, Person
+from . import skin, worn
+from .lamps import light_stage
+from .recipe import Recipe
+from .surroundings import walls
+
+ALBEDO_SIZE, SPECULAR_SIZE = 1024, 32
+TEXTURE_MISMATCH = 0.05  # relative standard deviation of the albedo that the model cannot explain
+SMILE = {"mouthSmileLeft": 0.55, "mouthSmileRight": 0.5, "jawOpen": 0.12, "browInnerUp": 0.35}
+POSE_SPREAD = (4.0, 3.0, 3.0)  # degrees, one standard deviation of yaw, pitch and roll
+PLACE_SPREAD = 0.008  # metres
+TONE_SPREAD = 0.15
+
+
+def random_person(model: FaceModel, seed: int, albedo_size: int = ALBEDO_SIZE) -> Person:
+    """A smiling person under five lights of the default stage: shape, skin and tints drawn from
+    ``seed``.
+    """
+    rng = np.random.default_rng(seed)
+    identity, delta = _identity(model, rng), _skin_tone(model, rng)
+    albedo = skin.mottled(_painted(model, delta, albedo_size), TEXTURE_MISMATCH, rng)
+    specular = _specular(rng)
+    pose = _pose((14.0, 4.0, -3.0), (0.012, -0.006, -DISTANCE))
+    stage = fibonacci_stage()
+    radiance = np.zeros((len(stage), 3))
+    for light, power in zip((3, 6, 11, 14, 1), (10.0, 5.0, 3.0, 2.0, 1.5), strict=True):
+        radiance[light] = power * (1 + 0.15 * rng.uniform(-1, 1, 3))
+    return Person(
+        identity,
+        expression_weights(model, SMILE),
+        np.clip(albedo, 0.005, 0.95),
+        specular,
+        0.42,
+        pose,
+        stage.with_radiance(radiance),
+    )
+
+
+def person_of(
+    model: FaceModel,
+    recipe: Recipe,
+    seed: int,
+    same: int | None = None,
+    albedo_size: int = ALBEDO_SIZE,
+) -> Person:
+    """The person and the light of a recipe; whatever the recipe leaves open is drawn from ``seed``.
+
+    ``same``: the seed of who it is, so that photos of other seeds show one person: shape and skin
+    are drawn from it.
+    """
+    rng = np.random.default_rng(seed)
+    own = rng if same is None else np.random.default_rng(same)
+    identity, delta = _identity(model, own), _skin_tone(model, own)
+    if recipe.melanin is not None and len(delta):
+        delta[0] = recipe.melanin + TONE_SPREAD * own.uniform(-1, 1)
+    expression = expression_weights(model, _everyday_expression(rng) | dict(recipe.expression))
+    albedo = skin.mottled(recipe.shade * _painted(model, delta, albedo_size), recipe.mottle, own)
+    if recipe.freckles:
+        albedo = skin.freckled(albedo, model, own)
+    if recipe.beard:
+        albedo = skin.bearded(albedo, model, own)
+    roughness = own.uniform(0.35, 0.5) if recipe.roughness is None else recipe.roughness
+    angles = np.array(recipe.pose) + np.array(POSE_SPREAD) * np.clip(rng.normal(size=3), -1.5, 1.5)
+    place = np.array(
+        [0, 0, -recipe.distance]
+    ) + PLACE_SPREAD * recipe.distance / DISTANCE * rng.uniform(-1, 1, 3)
+    vertices = model.shape(identity, expression)
+    things = [worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn]
+    tone = tuple(np.median(albedo.reshape(-1, 3), axis=0))
+    return Person(
+        identity,
+        expression,
+        np.clip(albedo, 0.005, 0.95),
+        _specular(own),
+        float(roughness),
+        _pose(angles, place),
+        light_stage(recipe.lamps, rng),
+        tuple(replace(each, color=tone) if each.of_skin else each for each in things),
+        recipe.interreflection,
+        FOCAL_PX * recipe.distance / DISTANCE,
+        () if recipe.walls is None else walls(recipe.walls, recipe.lamps),
+        recipe.optics,
+    )
+
+
+def expression_weights(model: FaceModel, wanted: Mapping[str, float]) -> np.ndarray:
+    """(e,) weights of the model's expressions for weights by ARKit's names, where the model has
+    them.
+
+    ICT-FaceKit writes mouthSmile_L for mouthSmileLeft, and has a left and a right browInnerUp.
+    """
+    by_name = dict(wanted)
+    for name, weight in wanted.items():
+        if name.endswith("Left"):
+            by_name[f"{name.removesuffix('Left')}_L"] = weight
+        elif name.endswith("Right"):
+            by_name[f"{name.removesuffix('Right')}_R"] = weight
+        else:
+            by_name[f"{name}_L"] = by_name[f"{name}_R"] = weight
+    return np.array([by_name.get(name, 0.0) for name in model.expression_names])
+
+
+def _everyday_expression(rng: np.random.Generator) -> dict[str, float]:
+    """Weights of a face that is being talked to."""
+    smile, brow, squint = rng.uniform(0, 0.5), rng.uniform(-0.3, 0.4), rng.uniform(0, 0.3)
+    uneven = 1 + 0.2 * rng.uniform(-1, 1, 3)
+    return {
+        "mouthSmileLeft": smile,
+        "mouthSmileRight": smile * uneven[0],
+        "browInnerUp": max(brow, 0.0),
+        "browDownLeft": max(-brow, 0.0),
+        "browDownRight": max(-brow, 0.0) * uneven[1],
+        "eyeSquintLeft": squint,
+        "eyeSquintRight": squint * uneven[2],
+        "jawOpen": rng.uniform(0, 0.15),
+    }
+
+
+def _identity(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
+    return np.clip(0.8 * rng.normal(size=len(model.identity_names)), -2, 2)
+
+
+def _skin_tone(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
+    return np.clip(0.6 * rng.normal(size=len(model.albedo_basis)), -1.5, 1.5)
+
+
+def _painted(model: FaceModel, delta: np.ndarray, size: int) -> np.ndarray:
+    return paint_vertices(model.albedo(delta), model.triangles, model.uvs, model.triangle_uvs, size)
+
+
+def _specular(rng: np.random.Generator) -> np.ndarray:
+    return np.clip(0.75 + 0.25 * skin.noise(rng, SPECULAR_SIZE, 6), 0.2, 1.4)
+
+
+def _pose(
+    angles: np.ndarray | tuple[float, ...], place: np.ndarray | tuple[float, ...]
+) -> np.ndarray:
+    """(4, 4) model to camera: yaw, then pitch, then roll, in degrees, and the face's place in
+    metres.
+    """
+    yaw, pitch, roll = np.radians(angles)
+    pose = np.eye(4)
+    pose[:3, :3] = _turn(2, roll) @ _turn(0, pitch) @ _turn(1, yaw)
+    pose[:3, 3] = place
+    return pose
+
+
+def _turn(axis: int, angle: float) -> np.ndarray:
+    """(3, 3) right-handed rotation about a coordinate axis."""
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[a, a] = matrix[b, b] = np.cos(angle)
+    matrix[a, b], matrix[b, a] = -np.sin(angle), np.sin(angle)
+    return matrix

@@ -1,0 +1,244 @@
+"""A photo whose truth is known: a person of the face model, rendered by Cycles.
+
+The skin has texture that no albedo coefficient can explain, and the landmarks have noise, as in
+life.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from facestage.contract.camera import Camera
+from facestage.contract.face_model import FaceModel
+from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.storage import write_arrays, write_json
+from facestage.contract.light_stage import LightStage
+
+from ..exchange.write_back import place
+from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
+from ..rig.face_rig import build_rig, set_weights
+from ..rig.material import plain_material, set_textures, texture_image
+from ..scene import frames
+from ..scene.camera import ensure_camera, write_camera
+from ..scene.stage import build_stage, facestage_collection
+from .sightlines import BACKGROUND as NOTHING
+from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
+
+SIZE, FOCAL_PX, DISTANCE = 256, 600.0, 0.78  # pixels, pixels, metres
+LANDMARK_NOISE_PX = 1.0  # in a picture of SIZE pixels
+BRIGHTEST = 0.85  # linear value of the photo's brightest skin but for 1 %
+BACKGROUND = 0.03
+READ_NOISE = 3.0  # electrons
+
+
+@dataclass(frozen=True)
+class Worn:
+    """Something before the skin that the face model knows nothing of."""
+
+    name: str
+    vertices: np.ndarray  # (n, 3) m, model frame
+    triangles: np.ndarray  # (t, 3)
+    color: tuple[float, float, float]  # linear RGB
+    roughness: float
+    of_skin: bool = False  # part of the person, to be colored like the face
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What a real camera adds to a picture; by default nothing."""
+
+    # of a lens of the camera's angle of view on a sensor 36 mm wide; None: all is sharp
+    f_number: float | None = None
+    # that a pixel holds at white: their count is what makes noise; None: no noise
+    electrons: float | None = None
+    jpeg_quality: int | None = None  # 1..100; None: the picture is not compressed
+
+
+PERFECT = Optics()
+
+
+@dataclass(frozen=True)
+class Person:
+    """The truth behind a synthetic photo, as plain arrays of the contract."""
+
+    identity: np.ndarray
+    expression: np.ndarray
+    albedo: np.ndarray  # (S, S, 3) texture
+    specular: np.ndarray  # (s, s) c_spec
+    roughness: float
+    model_to_camera: np.ndarray
+    stage: LightStage  # stage frame: centred on the face, parallel to the camera
+    worn: tuple[Worn, ...] = ()
+    interreflection: bool = False  # whether light is followed beyond its first reflection
+    focal_px: float = FOCAL_PX  # for a picture of SIZE pixels
+    around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
+    optics: Optics = PERFECT
+
+
+def render_person(
+    scene: bpy.types.Scene,
+    model: FaceModel,
+    person: Person,
+    folder: Path,
+    samples: int = 128,
+    seed: int = 0,
+    size: int = SIZE,
+) -> None:
+    """Photograph a person into ``folder``: photo.png/.exr, landmarks.json, camera.json, truth.npz
+    and skin.png.
+
+    skin.png is white where the camera sees bare skin of the head. A compressed photo is there as
+    photo.jpg too; then photo.png holds its pixels.
+    """
+    camera = Camera.default(size, size, person.focal_px * size / SIZE)
+    camera_to_stage = np.eye(4)
+    camera_to_stage[:3, 3] = -person.model_to_camera[:3, 3]
+    _build(scene, model, person, camera, camera_to_stage)
+
+    pixels = render_linear(scene, samples, direct_only=not person.interreflection, seed=seed)
+    vertices = _moved(model.shape(person.identity, person.expression), person.model_to_camera)
+    others = [
+        (_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn
+    ]
+    sightlines = Sightlines(model, vertices, others)
+    labels = sightlines.picture(camera)
+    mask = (pixels[..., 3] > 0.99) & (labels != WORN) & (labels != NOTHING)
+    exposure = BRIGHTEST / float(np.percentile(pixels[..., :3][mask], 99))
+    stage = person.stage.with_radiance(person.stage.radiance * exposure)
+    build_stage(scene, stage)
+    picture = exposure * pixels[..., :3] + BACKGROUND * (1 - pixels[..., 3:])
+    picture = noisy(picture, person.optics.electrons, np.random.default_rng(seed + 2))
+
+    corners, weights = model.landmark_vertices("ibug68")
+    points = np.einsum("mi,mix->mx", weights, vertices[corners])
+    noise = (
+        LANDMARK_NOISE_PX
+        * size
+        / SIZE
+        * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
+    )
+    landmarks = {
+        "scheme": "ibug68",
+        "points": camera.project(points) + noise,
+        "visible": sightlines.visible(points),
+    }
+    lights = stage.transformed(np.linalg.inv(camera_to_stage))
+    with atomic_folder(folder) as unfinished:
+        encoded = srgb(picture)
+        if person.optics.jpeg_quality is not None:
+            save_jpeg(unfinished / "photo.jpg", encoded, person.optics.jpeg_quality)
+            encoded = read_pixels(unfinished / "photo.jpg")[..., :3]
+        save_png(unfinished / "photo.png", encoded)
+        save_png(
+            unfinished / "skin.png",
+            np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3),
+        )
+        save_exr(unfinished / "photo.exr", picture)
+        write_json(unfinished / "camera.json", camera.to_json())
+        write_json(unfinished / "landmarks.json", landmarks)
+        write_arrays(
+            unfinished / "truth.npz",
+            {
+                "vertices": vertices.astype(np.float32),
+                "identity": person.identity,
+                "expression": person.expression,
+                "light_position": lights.position,
+                "light_direction": lights.direction,
+                "light_corners": lights.corners,
+                "light_radiance": lights.radiance,
+                "albedo": face_tile(person.albedo, model).astype(np.float32),
+                "specular": person.specular,
+                "roughness": np.array(person.roughness),
+                "model_to_camera": person.model_to_camera,
+                "labels": labels,
+                "mask": mask,
+            },
+        )
+
+
+def noisy(picture: np.ndarray, electrons: float | None, rng: np.random.Generator) -> np.ndarray:
+    """``picture`` (h, w, 3) as a sensor counts it that holds ``electrons`` at 1: shot noise, and
+    READ_NOISE of reading.
+
+    Values beyond 1 are kept, for the EXR; what is written as a display image clips.
+    """
+    if electrons is None:
+        return picture
+    counted = rng.poisson(np.maximum(picture, 0) * electrons) + READ_NOISE * rng.normal(
+        size=picture.shape
+    )
+    return np.maximum(counted / electrons, 0.0).astype(picture.dtype)
+
+
+def face_tile(texture: np.ndarray, model: FaceModel) -> np.ndarray:
+    """The part of an atlas texture (s, s, c) that the model's published UV tile of the face
+    covers.
+    """
+    u, v, scale = model.face_tile
+    size = len(texture)
+    left, top, side = round(u * size), round((1 - v - scale) * size), round(scale * size)
+    return texture[top : top + side, left : left + side]
+
+
+def _build(
+    scene: bpy.types.Scene,
+    model: FaceModel,
+    person: Person,
+    camera: Camera,
+    camera_to_stage: np.ndarray,
+) -> None:
+    """Make the scene show the person to the camera."""
+    empty = build_stage(scene, person.stage)
+    rig = build_rig(scene, model, "default", empty)
+    set_weights(
+        rig,
+        dict(zip(model.identity_names, person.identity, strict=True)),
+        dict(zip(model.expression_names, person.expression, strict=True)),
+    )
+    images = (
+        texture_image("True Albedo", person.albedo),
+        texture_image("True Specular", person.specular),
+    )
+    set_textures(rig, *images, roughness=person.roughness)
+    view = ensure_camera(scene, facestage_collection(scene))
+    write_camera(scene, view.data, camera)
+    pose = camera_to_stage @ person.model_to_camera
+    place(empty, rig, pose, frames.STAGE)
+    place(empty, view, camera_to_stage, frames.CAMERA)
+    if person.optics.f_number is not None:
+        view.data.dof.use_dof, view.data.dof.aperture_fstop = True, person.optics.f_number
+        view.data.dof.focus_distance = float(_eyes_distance(model, person))
+    else:
+        view.data.dof.use_dof = False
+    for item in person.worn:
+        _add(scene, empty, item, pose)
+    for item in person.around:
+        _add(scene, empty, item, np.eye(4))
+
+
+def _add(scene: bpy.types.Scene, empty: bpy.types.Object, item: Worn, pose: np.ndarray) -> None:
+    """Put a thing into the stage; ``pose`` (4, 4) brings its points into the stage frame."""
+    mesh = bpy.data.meshes.new(item.name)
+    mesh.from_pydata(frames.points_to_blender(item.vertices).tolist(), [], item.triangles.tolist())
+    mesh.shade_smooth()
+    mesh.materials.append(plain_material(item.name, item.color, item.roughness))
+    thing = bpy.data.objects.new(item.name, mesh)
+    facestage_collection(scene).objects.link(thing)
+    thing.parent, thing.matrix_parent_inverse = empty, Matrix()
+    place(empty, thing, pose, frames.STAGE)
+
+
+def _eyes_distance(model: FaceModel, person: Person) -> float:
+    """How far the eyes are from the camera along its axis, in m: what a photographer focuses on."""
+    eyes = np.concatenate([model.regions["eye_left"], model.regions["eye_right"]])
+    shape = model.shape(person.identity, person.expression)[eyes]
+    return float(-_moved(shape, person.model_to_camera)[:, 2].max())
+
+
+def _moved(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    return points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,0 +1,1 @@
+"""Operators and panels: each gathers plain values, calls one function elsewhere, and reports."""

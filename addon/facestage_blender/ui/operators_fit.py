@@ -1,0 +1,295 @@
+"""What runs the backend: build the rig (which asks it for the face model), fit, check.
+
+Modal, never blocking.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+from bpy.props import BoolProperty
+
+from facestage.contract.errors import FacestageError
+from facestage.contract.events import Event
+from facestage.contract.face_model import FaceModel
+from facestage.contract.result import CONVERGED, Result
+
+from ..backend.commands import doctor_command, fit_command, model_command
+from ..backend.process import CANCELLED, BackendProcess, Outcome
+from ..exchange.scene_read import read_job
+from ..exchange.write_back import apply_result
+from ..landmarks.empties import remember_landmarks
+from ..online import online_access
+from ..preferences import addon_preferences, backend_command, work_folder
+from ..rig.face_rig import build_rig
+from ..scene.stage import build_stage, default_stage
+from ..scene.user_state import preserved
+
+POLL_SECONDS = 0.1
+
+
+class Running:
+    """The one backend process of this Blender, so that it can be stopped when the add-on goes
+    away.
+    """
+
+    process: ClassVar[BackendProcess | None] = None
+
+
+def stop_running() -> None:
+    """Stop the backend if it runs."""
+    if Running.process is not None:
+        Running.process.cancel()
+        Running.process = None
+
+
+class BackendTask:
+    """Mixin of operators that start the backend, watch it from a timer, and act when it is done.
+
+    Called from a script (``execute``) the operator waits; from the interface (``invoke``) it does
+    not.
+    """
+
+    task = ""
+    resumable = False  # whether a run that was stopped can go on
+    report: Callable[[set[str], str], None]  # Blender's operators have it
+    _timer: bpy.types.Timer | None = None
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """The command line to run. Raises FacestageError when something is missing."""
+        raise NotImplementedError
+
+    def finish(self, context: bpy.types.Context, process: BackendProcess) -> None:
+        """Use what the backend wrote. Raises FacestageError when that is not usable."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """One backend at a time."""
+        return not context.window_manager.facestage.task
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run the backend and wait for it."""
+        if not self._start(context):
+            return {"CANCELLED"}
+        process = Running.process
+        assert process is not None  # _start has just made it
+        outcome = process.wait(lambda event: show_event(context.window_manager, event))
+        return self._end(context, process, outcome)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Run the backend in the background of the user interface."""
+        if not self._start(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Take over the backend's events; Escape cancels."""
+        manager, process = context.window_manager, Running.process
+        if process is None:  # the add-on is being disabled
+            return self._stop(context, {"CANCELLED"})
+        if event.type == "ESC" and event.value == "PRESS":
+            manager.facestage.cancel = True
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if manager.facestage.cancel:
+            process.cancel()
+        outcome = process.outcome()
+        for message in process.poll():
+            show_event(manager, message)
+        redraw(manager)
+        if outcome is None:
+            return {"PASS_THROUGH"}
+        return self._stop(context, self._end(context, process, outcome))
+
+    def _start(self, context: bpy.types.Context) -> bool:
+        state = context.window_manager.facestage
+        state.failure = ""
+        try:
+            Running.process = BackendProcess(self.command(context), online_access())
+        except FacestageError as error:
+            self._fail(context, str(error))
+            return False
+        state.task, state.stage, state.message, state.cancel = self.task, "Starting", "", False
+        state.doubtful = False
+        state.fraction, state.photo_error, state.seconds_left = 0.0, -1.0, -1.0
+        return True
+
+    def _end(
+        self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
+    ) -> set[str]:
+        Running.process = None
+        context.window_manager.facestage.task = ""
+        if not outcome.ok:
+            self._fail(
+                context,
+                outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.",
+            )
+            return {"CANCELLED"}
+        try:
+            with preserved(context.view_layer):
+                self.finish(context, process)
+        except FacestageError as error:
+            self._fail(context, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def _stop(self, context: bpy.types.Context, verdict: set[str]) -> set[str]:
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        redraw(context.window_manager, everything=True)
+        return verdict
+
+    def _fail(self, context: bpy.types.Context, sentence: str) -> None:
+        context.window_manager.facestage.failure = sentence
+        self.report({"ERROR"}, sentence)
+
+
+class FACESTAGE_OT_build_rig(BackendTask, bpy.types.Operator):
+    """Build the face rig: a mesh with identity and expression sliders and a skin material.
+
+    Replaces the present one
+    """
+
+    bl_idname = "facestage.build_rig"
+    bl_label = "Build Face Rig"
+    bl_options = {"REGISTER", "UNDO"}
+
+    task = "Loading the face model"
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Ask the backend for the model as one file."""
+        return model_command(
+            backend_command(context), context.scene.facestage.model, self._file(context)
+        )
+
+    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+        """Build the rig, and the stage when there is none."""
+        scene = context.scene
+        settings = scene.facestage
+        model = FaceModel.load(self._file(context))
+        self._file(context).unlink()
+        stage = settings.stage
+        if stage is None or stage.name not in scene.objects:
+            stage = build_stage(
+                scene,
+                default_stage(settings.light_count, settings.light_radius, settings.light_side),
+            )
+        build_rig(scene, model, settings.model, stage)
+
+    def _file(self, context: bpy.types.Context) -> Path:
+        return Path(bpy.app.tempdir) / "facestage_model.npz"
+
+
+class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
+    """Fit the face and the lights to the photo. Blender stays usable; Escape or Cancel stops"""
+
+    bl_idname = "facestage.fit"
+    bl_label = "Fit to Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    task = "Fitting"
+    resumable = True
+
+    resume: BoolProperty(
+        name="Resume",
+        description="Go on from the last checkpoint of a fit that was stopped",
+        options={"SKIP_SAVE"},
+    )
+    apply: BoolProperty(
+        name="Apply",
+        description="Put the result into the scene when the fit is done",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Write the job and say how to fit it."""
+        folder = work_folder(context.scene)
+        backend = backend_command(context)
+        if not self.resume:
+            read_job(context.scene).save(folder / "job")
+        return fit_command(backend, folder / "job", folder / "result", self.resume)
+
+    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+        """Remember the result and apply it."""
+        result = Result.load(work_folder(context.scene) / "result")
+        context.scene.facestage.result = str(result.folder)
+        remember_landmarks(context.scene, result)
+        state = context.window_manager.facestage
+        state.message, state.doubtful = result.advice, result.status != CONVERGED
+        self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
+        if self.apply:
+            apply_result(context.scene, result)
+
+
+class FACESTAGE_OT_cancel(bpy.types.Operator):
+    """Stop the backend; its last checkpoint is kept"""
+
+    bl_idname = "facestage.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only while something runs."""
+        return bool(context.window_manager.facestage.task)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Ask the running task to stop."""
+        context.window_manager.facestage.cancel = True
+        return {"FINISHED"}
+
+
+class FACESTAGE_OT_check_backend(BackendTask, bpy.types.Operator):
+    """Ask the backend what works on this machine"""
+
+    bl_idname = "facestage.check_backend"
+    bl_label = "Check Backend"
+
+    task = "Checking the backend"
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Run the backend's own check."""
+        return doctor_command(backend_command(context))
+
+    def _end(
+        self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
+    ) -> set[str]:
+        preferences = addon_preferences(context)
+        if preferences is not None:
+            preferences.report = process.output or outcome.message
+        return super()._end(context, process, outcome)
+
+
+def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
+    """Copy an event of the backend to where the panel looks."""
+    state = manager.facestage
+    state.stage, state.fraction = event.stage or state.stage, event.fraction or state.fraction
+    state.message = event.message or state.message
+    state.photo_error = -1.0 if event.error is None else event.error
+    state.seconds_left = -1.0 if event.seconds_left is None else event.seconds_left
+
+
+def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
+    """Have the sidebars and the preferences drawn again, which show the progress; the views only
+    with ``everything``.
+
+    Drawing a view ten times a second takes from the backend what it computes with.
+    """
+    for window in manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions if area.type in {"VIEW_3D", "PREFERENCES"} else ():
+                if everything or area.type == "PREFERENCES" or region.type == "UI":
+                    region.tag_redraw()
+
+
+CLASSES = (
+    FACESTAGE_OT_build_rig,
+    FACESTAGE_OT_fit,
+    FACESTAGE_OT_cancel,
+    FACESTAGE_OT_check_backend,
+)

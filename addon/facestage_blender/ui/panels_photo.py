@@ -1,0 +1,111 @@
+"""Step 1 in the sidebar: the photo, and the landmarks of its face."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.errors import InputError
+from facestage.contract.landmarks import Landmarks
+
+from ..exchange.scene_read import absolute
+from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
+from .operators_landmarks import FACESTAGE_OT_detect_landmarks
+from .panels import SidebarPanel, draw_progress
+
+FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
+MARKS = ((VISIBLE, "HIDE_OFF"), (HIDDEN, "HIDE_ON"), (IGNORED, "X"))
+
+
+class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
+    """Step 1: the photo and what is known of it."""
+
+    bl_label = "1  Photo"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="IMAGE_DATA")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choice of photo, its landmarks and its lens."""
+        layout, settings, state = (
+            self.layout,
+            context.scene.facestage,
+            context.window_manager.facestage,
+        )
+        photo = bpy.path.basename(settings.photo)
+        layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=photo or "Choose Photo")
+        if state.task == FACESTAGE_OT_detect_landmarks.task:
+            draw_progress(layout, state)
+        else:
+            row = layout.row(align=True)
+            row.enabled = bool(settings.photo) and not state.task
+            row.operator("facestage.detect_landmarks", icon="VIEWZOOM")
+            face = row.row(align=True)
+            face.ui_units_x = 4.5
+            face.prop(settings, "face_number")
+        row = layout.row(align=True)
+        file = bpy.path.basename(settings.landmarks)
+        row.operator(
+            "facestage.choose_landmarks", icon="EMPTY_AXIS", text=file or "Choose Landmarks"
+        )
+        if file:
+            row.operator("facestage.forget_landmarks", icon="X", text="")
+        if shown_plane(context.scene) is not None:
+            draw_editing(layout.box().column(align=True), context)
+        else:
+            if settings.landmarks:
+                layout.operator("facestage.edit_landmarks", icon="GREASEPENCIL")
+            column = layout.column(align=True)
+            for line in landmark_lines(settings):
+                column.label(text=line)
+        column = layout.column(align=True)
+        column.prop(settings, "known_lens")
+        column.prop(settings, "keep_camera")
+
+
+def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What can be done with the points while they are on the photo."""
+    empties = landmark_empties(context.scene)
+    states = [empty.facestage_landmark.state for empty in empties]
+    counts = [
+        f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states
+    ]
+    layout.label(text=f"{len(empties)} points to drag (G)", icon="EMPTY_AXIS")
+    if counts:
+        layout.label(text=", ".join(counts), icon="BLANK1")
+    row = layout.row(align=True)
+    for state, icon in MARKS:
+        row.operator("facestage.landmark_state", text=state.capitalize(), icon=icon).state = state
+    layout.separator()
+    row = layout.row(align=True)
+    row.operator("facestage.done_landmarks", icon="CHECKMARK")
+    row.operator("facestage.revert_landmarks", icon="LOOP_BACK")
+
+
+def landmark_lines(settings: bpy.types.PropertyGroup) -> list[str]:
+    """How many landmarks there are, where they come from, and how many the fit trusts less."""
+    if not settings.landmarks:
+        return ["Landmarks: found automatically"]
+    try:
+        path = absolute(settings.landmarks)
+        count, left = _count(path, path.stat().st_mtime_ns)
+    except (OSError, InputError):
+        return ["The landmark file cannot be read"]
+    return [
+        f"{count} points, {FROM[settings.landmarks_from]}",
+        *([f"{left} hidden or ignored"] if left else []),
+    ]
+
+
+@lru_cache(maxsize=4)
+def _count(path: Path, _changed: int) -> tuple[int, int]:
+    """How many landmarks a file holds, and how many of them are hidden or ignored.
+
+    Read once for each change of the file, since panels are drawn all the time. Raises InputError.
+    """
+    landmarks = Landmarks.read(path)
+    return len(landmarks.points), len(landmarks.points) - int(landmarks.counted.sum())
+
+
+CLASSES = (FACESTAGE_PT_photo,)
