@@ -75,13 +75,13 @@ def prior_rows(stage: Stage, state: State, blocks: Sequence[str]) -> Rows:
     """The priors of ``blocks``."""
     layout, rows = stage.energy.layout, []
     values = layout.values(state)
-    terms = stage.energy.priors._residual_operators(stage.energy.light_parameters).values()
-    for where, operator, offset in terms:
+    for where, gaussian in stage.energy.priors.residuals.values():
         if not any(layout.slices[name] == where for name in blocks):
             continue
-        jacobian = np.zeros((operator.shape[0], layout.size))
-        jacobian[:, where] = operator.toarray()
-        rows.append(Rows(jacobian, operator @ values[where] - offset, np.ones(operator.shape[0])))
+        residual = gaussian.operator @ values[where] - gaussian.offset
+        jacobian = np.zeros((len(residual), layout.size))
+        jacobian[:, where] = gaussian.operator.toarray()
+        rows.append(Rows(jacobian, residual, np.ones(len(residual))))
     return stacked(rows)
 
 

@@ -4,7 +4,8 @@ model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 from facestage.fit.stages.stage import Iteration, Stage
@@ -68,6 +70,13 @@ class Scene:
         points = points + noise_px * np.random.default_rng(seed).normal(size=points.shape)
         return Landmarks("ibug68", points, np.ones(68, bool))
 
+    def known(self, **changes: Any) -> Known:
+        """What bounds and priors of the scene's state depend on."""
+        box = self.model.expression_box
+        return replace(
+            Known(self.lights, self.state.camera.focal_px, expression_box=box), **changes
+        )
+
     def solver(
         self,
         photo: np.ndarray,
@@ -80,18 +89,18 @@ class Scene:
     ) -> Stage:
         """A stage of the schedule over ``blocks`` against ``photo``."""
         layout = Layout(self.state)
-        box = self.model.expression_box
+        known = self.known(light_scale=float(RADIANCE.mean()))
         term = PhotoTerm(self.forward, plain_photo(photo, clipped), samples)
         energy = Energy(
             layout,
-            Priors(layout, self.state, box, weights, float(RADIANCE.mean())),
+            Priors(layout, known, weights),
             LandmarkTerm(self.geometry, landmarks or self.landmarks(), 0.6),
             weights,
             self.lights,
             term,
             self.stage,
         )
-        low, high = layout.bounds(box)
+        low, high = layout.bounds(known)
         return Stage(
             "test", blocks, energy, steps, np.zeros(layout.size, bool), low, high, tolerance=1e-5
         )

@@ -31,8 +31,9 @@ from facestage.fit.energy.landmark_term import PlacedLandmarks
 from facestage.fit.energy.silhouette import Silhouette
 from facestage.fit.energy.terms import Energy
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.forward.shading import ForwardModel, bilinear_weights
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
 from facestage.fit.given.truth import Truth
@@ -198,7 +199,7 @@ def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
     """Priors, and the robust energies of landmarks and outline; exact derivatives while the anchors
     are held.
     """
-    prior = energy.priors.quadratic(state, energy.light_parameters)
+    prior = energy.priors.quadratic(state)
     found, gradient = dict(prior.energy), prior.gradient
     landmarks = anchors.landmarks
     residual = landmarks.residuals(state)

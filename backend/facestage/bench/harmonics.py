@@ -22,10 +22,11 @@ from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, SKIN
 from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.runs.driver import FitRun
-from facestage.fit.stages.phases import SHAPE, SKIN, Schedule
+from facestage.fit.stages.phases import Schedule
 from facestage.fit.stages.stage import Stage
 from facestage.render.tracer import PLAIN, Asked, LightTerms
 

@@ -15,10 +15,10 @@ from facestage.contract.files.storage import write_arrays
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.energy.priors import SPECULAR_MEAN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SPECULAR_MEAN
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.images.image_io import linear_to_srgb

@@ -11,8 +11,9 @@ from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_ad
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
 from facestage.fit.energy.photo_term import common_energy
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import BLOCKS, Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
@@ -110,7 +111,7 @@ def test_adam_lowers_the_energy(start: Start):
     # the dark.
     state = replace(state, lights=0.5 * state.lights)
     layout = adam.energy.layout
-    descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.light_scale))
+    descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.known.light_scale))
     before = mean_loss(adam, state)
     for number in range(40):
         state = layout.apply(state, descent.step(adam.loss(state, seed=2 * number)[1]))
@@ -127,6 +128,7 @@ def test_a_run_leaves_snapshots_in_time_order(opened: tuple[Problem, Truth, Judg
     assert {item.stage for item in track.snapshots} >= {"pose", "landmarks"}
     rows = judge.rows("tiny", "adam", "Adam", track)
     assert rows[0].psnr is None and rows[-1].psnr is not None and np.isfinite(rows[-1].psnr)
-    bounds = Layout(track.snapshots[-1].state).bounds(expression_box=True)
-    values = Layout(track.snapshots[-1].state).values(track.snapshots[-1].state)
+    last = track.snapshots[-1].state
+    bounds = Layout(last).bounds(Known(problem.lights, last.camera.focal_px))
+    values = Layout(last).values(last)
     assert (values >= bounds[0]).all() and (values <= bounds[1]).all()

@@ -25,6 +25,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
@@ -63,11 +64,12 @@ def problem() -> tuple[Energy, State]:
     vertices, corner = truth.model.landmark_vertices("ibug68")
     placed = np.einsum("mi,mix->mx", corner, forward.pose(state)[1][geometry.new_index[vertices]])
     points = state.camera.project(placed) + np.random.default_rng(1).normal(size=(68, 2))
-    layout, box = Layout(state), truth.model.expression_box
+    layout = Layout(state)
+    known = Known(lights, state.camera.focal_px, expression_box=truth.model.expression_box)
     landmarks = LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0)
     outline = SilhouetteTerm(forward, photo, 100.0)
     energy = Energy(
-        layout, Priors(layout, state, box, WEIGHTS), landmarks, WEIGHTS, lights, silhouette=outline
+        layout, Priors(layout, known, WEIGHTS), landmarks, WEIGHTS, lights, silhouette=outline
     )
     uneven = np.random.default_rng(3).uniform(-0.1, 0.1, state.specular.shape)
     shift = np.array([0.01, -0.02, 0.01, 0.002, 0.001, 0.004])

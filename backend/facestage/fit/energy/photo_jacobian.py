@@ -22,12 +22,11 @@ from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
-# What moves points and normals.
-SHAPE = ("pose", "focal", "identity", "expression")
 
 
 @dataclass(frozen=True)

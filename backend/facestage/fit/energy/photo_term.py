@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.noise import NoiseModel, estimate_noise
 from facestage.fit.energy.normal_equations import NormalEquations
-from facestage.fit.energy.photo_jacobian import SHAPE, Jacobian
+from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.plan import Plan
 from facestage.fit.energy.shadow_edges import (
     LINES,
@@ -24,8 +24,9 @@ from facestage.fit.energy.shadow_edges import (
     shadow_edges,
 )
 from facestage.fit.face.lamps import turned
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import BLOCKS, SHAPE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.render.tracer import Asked, LightTerms

@@ -16,8 +16,7 @@ class System:
         self, energy: Energy, state: State, evaluation: Evaluation | None, active: np.ndarray
     ) -> None:
         self.energy, self.state, self.evaluation = energy, state, evaluation
-        lights = energy.light_parameters
-        prior = energy.priors.quadratic(state, lights)
+        prior = energy.priors.quadratic(state)
         self.prior_hessian = prior.hessian
         self.hessian, self.gradient = prior.hessian.copy(), prior.gradient
         self.terms = dict(prior.energy)
@@ -57,7 +56,7 @@ class System:
 
     def decrease(self, state: State, evaluation: Evaluation | None) -> float:
         """How much lower the energy is at ``state``, the weights unchanged."""
-        prior = sum(self.energy.priors.energies(state, self.energy.light_parameters).values())
+        prior = sum(self.energy.priors.energies(state).values())
         residual = self._landmarks.residuals(state)
         if not np.isfinite(residual).all():
             return -np.inf

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from facestage.contract.camera import Camera
 
 @dataclass(frozen=True)
 class State:
-    """One guess of everything that is fitted. Camera frame; lights at unit order of radiance."""
+    """Camera frame; lights at unit order of radiance. A field that came later has a default, which
+    files without it mean. What is done with each is its row in unknowns.py.
+    """
 
     rotation: np.ndarray  # (3, 3) model to camera
     translation: np.ndarray  # (3,) m
@@ -31,15 +33,3 @@ class State:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
-
-
-def with_shape(state: State, shape: State) -> State:
-    """``state`` with pose, lens, identity and expression of another."""
-    return replace(
-        state,
-        rotation=shape.rotation,
-        translation=shape.translation,
-        camera=shape.camera,
-        identity=shape.identity,
-        expression=shape.expression,
-    )

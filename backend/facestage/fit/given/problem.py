@@ -27,8 +27,8 @@ from facestage.contract.light_stage import (
     fibonacci_stage,
 )
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.face.layout import FOCAL_SIGMA
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.metrics import white_level
@@ -206,14 +206,7 @@ def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: F
     """Raise InputError for a starting value of a wrong name, shape or kind."""
     specular = initial.get("specular")
     side = fineness.specular_size if specular is None or specular.ndim != 2 else len(specular)
-    shapes = {
-        "identity": (len(model.identity_names),),
-        "expression": (len(model.expression_names),),
-        "albedo": (len(model.albedo_basis),),
-        "specular": (side, side),
-        "roughness": (),
-        "model_to_camera": (4, 4),
-    }
+    shapes = kept_shapes(model, side) | {"model_to_camera": (4, 4)}
     for name, value in initial.items():
         if name not in shapes:
             raise InputError(

@@ -10,13 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from facestage.fit.face.state import State, with_shape
+from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, with_unknowns
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.checkpoint import Checkpoint, Within
 from facestage.fit.runs.trace import trace_row
-from facestage.fit.stages.phases import SHAPE, Phase, Schedule, default_schedule
+from facestage.fit.stages.phases import Phase, Schedule, default_schedule
 from facestage.fit.stages.stage import Iteration, Stage
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
@@ -120,7 +121,7 @@ class FitRun:
         """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the
         checkpoint.
         """
-        state = with_shape(end, start)
+        state = with_unknowns(end, start, SHAPE)
         for number, phase in enumerate(self.phases):
             blocks = tuple(name for name in phase.blocks if name not in SHAPE)
             if phase.face_px is None or not blocks or time.monotonic() > deadline:

@@ -13,7 +13,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.fit.face.layout import Layout
-from facestage.fit.face.state import with_shape
+from facestage.fit.face.unknowns import SHAPE, SHARED, with_unknowns
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
@@ -21,8 +21,8 @@ from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.runs.joint_progress import JointProgress, Teller
 from facestage.fit.runs.member import Member, MissingStepError
 from facestage.fit.solve.bounded_step import Damping
-from facestage.fit.stages.joint import SHARED, JointIteration, JointStage, with_shared
-from facestage.fit.stages.phases import SHAPE, Phase, Schedule, default_schedule
+from facestage.fit.stages.joint import JointIteration, JointStage
+from facestage.fit.stages.phases import Phase, Schedule, default_schedule
 from facestage.fit.stages.stage import Iteration, Stage
 from facestage.fit.stages.view import View
 from facestage.fit.trust.fitted import Fitted
@@ -134,7 +134,7 @@ class JointRun:
             joined = [one for one, member in zip(known, self.members, strict=True) if member.joined]
             shared = replace(shared, identity=combined(joined)[0])
         for member in self.members:
-            member.state = with_shared(member.state, shared)
+            member.state = with_unknowns(member.state, shared, SHARED)
         for number, phase in enumerate(self.phases):
             if phase.face_px is None and not set(SHARED).isdisjoint(phase.blocks):
                 self._descend(number, None)
@@ -168,7 +168,7 @@ class JointRun:
                     if not member.stranger:
                         member.joined, member.state = (
                             True,
-                            with_shape(member.state, member.together),
+                            with_unknowns(member.state, member.together, SHAPE),
                         )
             checkpoint = None
 

@@ -12,11 +12,11 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, SHARED, with_unknowns
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.trace import trace_row
-from facestage.fit.stages.joint import SHARED, with_shared
-from facestage.fit.stages.phases import SHAPE, Phase
+from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Iteration, Stage
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
@@ -117,7 +117,7 @@ class Member:
         """Take the others' shape and skin; pose and expression by landmarks, and light by the
         photo, are its own.
         """
-        state = with_shared(self.together, shared)
+        state = with_unknowns(self.together, shared, SHARED)
         self.state = replace(state, lights=np.zeros_like(state.lights))
         for number, phase in enumerate(self.phases):
             if phase.face_px is not None and time.monotonic() > deadline:

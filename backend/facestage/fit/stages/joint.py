@@ -18,13 +18,11 @@ from facestage.fit.energy.photo_term import Evaluation
 from facestage.fit.energy.system import System
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
 from facestage.fit.stages.stage import Iteration, Stage
-
-# One person has one shape and one skin; pose, expression, lens and light are the photo's.
-SHARED = ("identity", "albedo", "roughness", "specular")
 
 States = tuple[State, ...]
 Evaluations = tuple[Evaluation | None, ...]
@@ -136,7 +134,8 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
         self.stages = tuple(stages)
         self.layout = JointLayout([stage.energy.layout for stage in stages])
         for stage in stages[1:]:
-            stage.energy.priors.omitted = frozenset(SHARED)
+            priors = stage.energy.priors.without(SHARED)
+            stage.energy = replace(stage.energy, priors=priors)
         low = self.layout.gathered([stage.low for stage in stages])
         high = self.layout.gathered([stage.high for stage in stages])
         super().__init__(
@@ -199,14 +198,3 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
             )
         )
         return JointIteration(number, parts, self.damping, finished, system.hessian)
-
-
-def with_shared(state: State, shared: State) -> State:
-    """``state`` with the shared parameters of another."""
-    return replace(
-        state,
-        identity=shared.identity,
-        albedo=shared.albedo,
-        roughness=shared.roughness,
-        specular=shared.specular,
-    )

@@ -10,6 +10,7 @@ from typing import Any
 from facestage.contract.job import Job
 from facestage.contract.quality import BEST, DRAFT
 from facestage.fit.energy.shadow_edges import lamps_known
+from facestage.fit.face.unknowns import GLOSS, LAMPS, SHAPE, SKIN
 from facestage.fit.given.problem import COARSE_FACE_PX, FINE_FACE_PX
 
 
@@ -28,10 +29,6 @@ class Phase:
     shadow_edges: bool = False  # whether the derivatives know how cast shadows move
 
 
-SHAPE = ("pose", "focal", "identity", "expression")
-SKIN = ("lights", "albedo")
-LAMPS = ("light_position",)
-GLOSS = ("specular", "roughness")
 PHASES = (
     Phase("pose", ("pose", "focal"), None, 20, share=0.01),
     Phase("landmarks", SHAPE, None, 30, share=0.04),

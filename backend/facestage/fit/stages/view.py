@@ -13,18 +13,19 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Plan, Rules
-from facestage.fit.energy.priors import ROUGHNESS_MEAN, SPECULAR_MEAN, Priors
+from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.shadow_edges import PENUMBRA_MIN, lamps_known
 from facestage.fit.energy.silhouette import SilhouetteTerm
 from facestage.fit.energy.terms import Energy
 from facestage.fit.face.lamps import strong_lights, turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, Known, kept_shapes, start_values
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights, initial_pose
-from facestage.fit.stages.phases import SHAPE, Phase
+from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Stage
 from facestage.fit.stages.visible import VisiblePhoto
 
@@ -91,27 +92,32 @@ class View:
         everything.
         """
         problem, initial = self.problem, self.problem.job.initial
-        model = problem.geometry.model
         rotation, translation = initial_pose(problem.geometry, problem.landmarks, problem.camera)
         if "model_to_camera" in initial:
             rotation, translation = (
                 initial["model_to_camera"][:3, :3],
                 initial["model_to_camera"][:3, 3],
             )
-        size = problem.fineness.specular_size
+        shapes = kept_shapes(problem.geometry.model, problem.fineness.specular_size)
         return State(
             rotation=rotation,
             translation=translation,
             camera=problem.camera,
-            identity=initial.get("identity", np.zeros(len(model.identity_names))).astype(float),
-            expression=initial.get("expression", np.zeros(len(model.expression_names))).astype(
-                float
-            ),
             lights=np.zeros(problem.lights.size),
             light_position=np.zeros((len(problem.lit_stage), AXES)),
-            albedo=initial.get("albedo", np.zeros(len(model.albedo_basis))).astype(float),
-            roughness=float(initial.get("roughness", ROUGHNESS_MEAN)),
-            specular=initial.get("specular", np.full((size, size), SPECULAR_MEAN)).astype(float),
+            **start_values(initial, shapes),
+        )
+
+    def known(self, phase: Phase) -> Known:
+        """What bounds and priors depend on in ``phase``."""
+        problem = self.problem
+        return Known(
+            problem.lights,
+            problem.camera.scaled(self.factor(phase)).focal_px,
+            problem.focal_sigma,
+            problem.geometry.model.expression_box,
+            self.light_scale,
+            len(problem.stage),
         )
 
     def frozen(self) -> set[str]:
@@ -178,20 +184,11 @@ class View:
             return None
         factor = self.factor(phase)
         scaled = self.scaled(phase, state)
-        box = problem.geometry.model.expression_box
         sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
-        priors = Priors(
-            layout,
-            replace(state, camera=problem.camera.scaled(factor)),
-            box,
-            job.weights,
-            self.light_scale,
-            len(problem.stage),
-            problem.focal_sigma,
-        )
+        known = self.known(phase)
         energy = Energy(
             layout,
-            priors,
+            Priors(layout, known, job.weights),
             LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
             job.weights,
             problem.lights,
@@ -201,7 +198,7 @@ class View:
             stage=None if phase.face_px is None else self._stage_in_camera(scaled),
             silhouette=self._silhouette_term(phase, layout, freeze),
         )
-        low, high = layout.bounds(box, len(problem.stage))
+        low, high = layout.bounds(known)
         return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
@@ -224,7 +221,7 @@ class View:
         radiance = initial_lights(evaluation, photo, problem.lights)
         radiance = self.visible.lights_without_occluders(self.forward, energy, evaluation, radiance)
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
-        energy.priors.light_scale = self.light_scale
+        stage.energy = replace(energy, priors=energy.priors.relative_to(self.light_scale))
         return replace(state, lights=problem.lights.from_radiance(radiance))
 
     def _samples_factor(self) -> int:
@@ -271,7 +268,7 @@ class View:
         """The photo's residuals, with derivatives by what the phase may move."""
         wanted = layout.mask(phase.blocks)
         free = wanted & ~freeze if self.plan.rules.columns else wanted
-        held = int((wanted & freeze)[: layout.slices["specular"].start].sum())
+        held = int((wanted & freeze & ~layout.mask(["specular"])).sum())
         photo = self.visible.at(self.factor(phase))
         samples = phase.samples * self.samples_factor
         term = PhotoTerm(

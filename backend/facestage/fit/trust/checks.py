@@ -13,9 +13,10 @@ import numpy as np
 
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.given.problem import Problem
 from facestage.fit.solve.covariance import covariance
-from facestage.fit.stages.phases import SHAPE, Phase
+from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.certainty import Certainty, describe, deviations

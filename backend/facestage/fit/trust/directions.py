@@ -22,6 +22,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import UNKNOWNS
 from facestage.fit.solve.covariance import covariance
 from facestage.fit.trust.vertex_certainty import similarity_motions
 
@@ -32,7 +33,7 @@ NAMED_SHARE = 0.8
 # Correlation of two quantities' errors from which they are traded off.
 TRADED_OFF = 0.9
 DEPTH = 5  # translation along the view axis, within the pose
-BLOCKS = ("identity", "expression", "lights", "albedo", "roughness")
+COUNTED = tuple(unknown.name for unknown in UNKNOWNS if unknown.counted)
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Unseen:
     ) -> None:
         """Hessians (size, size) of all terms and of the priors, ``active`` (size,) bool."""
         self.layout, self.covariance = layout, covariance(hessian, active)
-        self.index = np.flatnonzero(active & layout.mask(BLOCKS) & (np.diag(prior) > 0))
+        self.index = np.flatnonzero(active & layout.mask(COUNTED) & (np.diag(prior) > 0))
         chosen = np.ix_(self.index, self.index)
         self.before, self.after = covariance(prior, active)[chosen], self.covariance[chosen]
         root = np.linalg.cholesky(self.before)
@@ -98,7 +99,7 @@ class Unseen:
         """Effective number of unseen directions by block: they sum up to all."""
         energy = (self.span**2).sum(axis=1)
         result = {}
-        for name in BLOCKS:
+        for name in COUNTED:
             where = self.layout.slices[name]
             result[name] = float(
                 energy[(self.index >= where.start) & (self.index < where.stop)].sum()
@@ -119,7 +120,7 @@ def find_null_directions(
     by block.
     """
     layout = Layout(state)
-    if not (active & layout.mask(BLOCKS) & (np.diag(prior) > 0)).any():
+    if not (active & layout.mask(COUNTED) & (np.diag(prior) > 0)).any():
         return NullDirections()
     unseen = Unseen(hessian, prior, active, layout)
     brightness, size = _brightness(layout, geometry), _size(state, layout, geometry)

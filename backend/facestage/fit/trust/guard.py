@@ -33,9 +33,7 @@ def landmark_statistic(energy: Energy, start: State, end: State) -> float:
 
     ``energy``: the landmark stage's, at the photo's own size.
     """
-    focal = [
-        energy.priors.energies(state, energy.light_parameters)["focal"] for state in (start, end)
-    ]
+    focal = [energy.priors.energies(state)["focal"] for state in (start, end)]
     return 2.0 * (
         landmark_energy(energy, end) - landmark_energy(energy, start) + focal[1] - focal[0]
     )
@@ -44,7 +42,7 @@ def landmark_statistic(energy: Energy, start: State, end: State) -> float:
 def landmark_energy(energy: Energy, state: State) -> float:
     """Energy of landmarks and shape priors; robust, so that a wrong landmark weighs little."""
     landmarks = energy.weights.landmarks * energy.landmarks.at(state).robust_energy(state)
-    priors = energy.priors.energies(state, energy.light_parameters)
+    priors = energy.priors.energies(state)
     return landmarks + priors["identity"] + priors["expression"]
 
 

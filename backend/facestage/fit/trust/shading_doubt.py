@@ -13,10 +13,10 @@ from facestage.fit.energy.noise import HIGHLIGHT_SHARE
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.photo_term import Evaluation
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.shading import ForwardModel
 
 # With an unknown lens, distance and focal length are uncertain together and cancel in the picture.
-SHAPE_BLOCKS = ("pose", "focal", "identity", "expression")
 # Beyond this there is nothing left to tell.
 DOUBT_MAX = 2.0
 
@@ -32,7 +32,7 @@ def shading_doubt(
     is added.
     """
     image = evaluation.image
-    free = layout.mask(SHAPE_BLOCKS) & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance))
+    free = layout.mask(SHAPE) & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance))
     if not len(image.terms.diffuse_by_depth):
         free[:] = False  # the last phase moved no shape and asked for no derivative by it
     jacobian = Jacobian(forward, evaluation.state, image, layout, free)

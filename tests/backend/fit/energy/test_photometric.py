@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.face.lamps import turned
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.forward.lamp_derivatives import position_derivatives
 from facestage.fit.forward.shading import Image
 from facestage.render.tracer import Asked, LightTerms

@@ -18,8 +18,9 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.energy.plan import Ledger, Plan, Rules, Work
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import read_problem
 from facestage.fit.result.left_out import amount, left_out, saved_sentence

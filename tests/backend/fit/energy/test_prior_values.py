@@ -26,8 +26,8 @@ def energies(
     scene: Scene, parameters: LightParameters | None = None, **changes: Any
 ) -> dict[str, float]:
     state = replace(scene.state, **changes)
-    priors = Priors(Layout(state), scene.state, True, Weights(prior=PRIOR, light=LIGHT), MEAN)
-    return priors.energies(state, parameters or scene.lights)
+    known = scene.known(lights=parameters or scene.lights, expression_box=True, light_scale=MEAN)
+    return Priors(Layout(state), known, Weights(prior=PRIOR, light=LIGHT)).energies(state)
 
 
 def test_roughness_lens_and_expression(given: Scene):
@@ -74,7 +74,5 @@ def test_lamps_stand_within_two_fifths_of_the_lattice_s_spacing(given: Scene):
     )
     state = replace(given.state, light_position=turned)
     # Of a stage of which most lights are off, the spacing is the whole stage's.
-    priors = Priors(Layout(state), state, True, Weights(prior=PRIOR), MEAN, 24)
-    assert priors.energies(state, given.lights)["light_position"] == pytest.approx(
-        4 * 0.5 * PRIOR * 5
-    )
+    priors = Priors(Layout(state), given.known(stage_lights=24), Weights(prior=PRIOR))
+    assert priors.energies(state)["light_position"] == pytest.approx(4 * 0.5 * PRIOR * 5)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from facestage.contract.job import Weights
-from facestage.fit.energy.priors import EXPRESSION_SIGMA, Priors
+from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from reference.synthetic_scene import Scene, moved
 
 WEIGHTS = Weights(prior=1.7, light=0.6)
@@ -20,8 +21,8 @@ WEIGHTS = Weights(prior=1.7, light=0.6)
 
 def priors_of(scene: Scene, weights: Weights = WEIGHTS) -> Priors:
     # Around another focal length, so that its term has a slope.
-    state = replace(scene.state, camera=replace(scene.state.camera, focal_px=180.0))
-    return Priors(Layout(scene.state), state, True, weights, light_scale=3.0)
+    known = scene.known(expression_box=True, light_scale=3.0, focal_px=180.0)
+    return Priors(Layout(scene.state), known, weights)
 
 
 @pytest.fixture(params=["multi", "uniform"])
@@ -30,8 +31,8 @@ def each_scene(request: pytest.FixtureRequest, scene: Scene, uniform_scene: Scen
 
 
 def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
-    priors, layout, lights = priors_of(each_scene), Layout(each_scene.state), each_scene.lights
-    quadratic = priors.quadratic(each_scene.state, lights)
+    priors, layout = priors_of(each_scene), Layout(each_scene.state)
+    quadratic = priors.quadratic(each_scene.state)
     np.testing.assert_allclose(quadratic.hessian, quadratic.hessian.T)
     assert np.linalg.eigvalsh(quadratic.hessian).min() > -1e-9
     step = 1e-4
@@ -40,9 +41,9 @@ def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
         increment = np.zeros(layout.size)
         increment[column] = step
         sides = [layout.apply(each_scene.state, sign * increment) for sign in (1, -1)]
-        energy = [sum(priors.energies(side, lights).values()) for side in sides]
+        energy = [sum(priors.energies(side).values()) for side in sides]
         slope = (energy[0] - energy[1]) / (2 * step)
-        gradients = [priors.quadratic(side, lights).gradient for side in sides]
+        gradients = [priors.quadratic(side).gradient for side in sides]
         row = (gradients[0] - gradients[1]) / (2 * step)
         worst[0] = max(
             worst[0], abs(slope - quadratic.gradient[column]) / np.abs(quadratic.gradient).max()
@@ -56,27 +57,27 @@ def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
 
 
 def test_the_pose_has_no_prior(scene: Scene):
-    quadratic = priors_of(scene).quadratic(scene.state, scene.lights)
+    quadratic = priors_of(scene).quadratic(scene.state)
     pose = Layout(scene.state).slices["pose"]
     assert not quadratic.hessian[pose].any() and not quadratic.gradient[pose].any()
 
 
 def test_energies_agree_with_the_quadratic(each_scene: Scene):
     priors = priors_of(each_scene)
-    quadratic = priors.quadratic(each_scene.state, each_scene.lights)
-    assert priors.energies(each_scene.state, each_scene.lights) == pytest.approx(quadratic.energy)
+    quadratic = priors.quadratic(each_scene.state)
+    assert priors.energies(each_scene.state) == pytest.approx(quadratic.energy)
 
 
 def test_known_values(scene: Scene):
-    energy = priors_of(scene).energies(scene.state, scene.lights)
+    energy = priors_of(scene).energies(scene.state)
     assert energy["identity"] == pytest.approx(1.7 * 0.5 * (scene.state.identity**2).sum())
     assert energy["albedo"] == pytest.approx(1.7 * 0.5 * (scene.state.albedo**2).sum())
 
 
 def test_weights_scale_their_terms_only(scene: Scene):
-    base = priors_of(scene, Weights()).energies(scene.state, scene.lights)
-    prior = priors_of(scene, Weights(prior=3)).energies(scene.state, scene.lights)
-    light = priors_of(scene, Weights(light=3)).energies(scene.state, scene.lights)
+    base = priors_of(scene, Weights()).energies(scene.state)
+    prior = priors_of(scene, Weights(prior=3)).energies(scene.state)
+    light = priors_of(scene, Weights(light=3)).energies(scene.state)
     for name, value in base.items():
         about_light = name == "light"
         assert prior[name] == pytest.approx(value * (1 if about_light else 3)), name
@@ -90,9 +91,9 @@ def test_white_lights_cost_less_than_colored_ones(scene: Scene):
     priors = priors_of(scene)
 
     def cost(values: np.ndarray) -> float:
-        return priors.energies(
-            replace(scene.state, lights=scene.lights.from_radiance(values)), scene.lights
-        )["light"]
+        return priors.energies(replace(scene.state, lights=scene.lights.from_radiance(values)))[
+            "light"
+        ]
 
     assert (
         cost(white)
@@ -106,19 +107,19 @@ def test_a_smooth_specular_map_costs_less(scene: Scene):
     flat = replace(
         scene.state, specular=np.full_like(scene.state.specular, scene.state.specular.mean())
     )
-    assert priors.energies(flat, scene.lights)["specular_smooth"] == pytest.approx(0, abs=1e-12)
-    assert priors.energies(scene.state, scene.lights)["specular_smooth"] > 0.1
+    assert priors.energies(flat)["specular_smooth"] == pytest.approx(0, abs=1e-12)
+    assert priors.energies(scene.state)["specular_smooth"] > 0.1
     # One texel has no neighbour.
     single = replace(scene.state, specular=np.full((1, 1), 0.8))
-    one = Priors(Layout(single), single, True, WEIGHTS)
-    assert np.isfinite(one.quadratic(single, scene.lights).hessian).all()
+    one = Priors(Layout(single), scene.known(), WEIGHTS)
+    assert np.isfinite(one.quadratic(single).hessian).all()
 
 
 def test_the_expression_prior_follows_the_model(scene: Scene):
     layout = Layout(scene.state)
     state = moved(scene.state, expression=[0.1, 0.1, 0.1])
     energies = [
-        Priors(layout, state, box, Weights()).energies(state, scene.lights)["expression"]
+        Priors(layout, scene.known(expression_box=box), Weights()).energies(state)["expression"]
         for box in (True, False)
     ]
     assert energies[1] == pytest.approx(0.5 * (state.expression**2).sum())
@@ -129,7 +130,9 @@ def test_each_expression_may_have_its_own_prior(scene: Scene):
     layout = Layout(scene.state)
     state = moved(scene.state, expression=[0.1, 0.2, 0.3])
     box = np.array([False, True, False])
-    energy = Priors(layout, state, box, Weights()).energies(state, scene.lights)["expression"]
+    energy = Priors(layout, scene.known(expression_box=box), Weights()).energies(state)[
+        "expression"
+    ]
     sigma = np.array([1.0, EXPRESSION_SIGMA, 1.0])
     assert energy == pytest.approx(0.5 * ((state.expression / sigma) ** 2).sum())
 
@@ -138,7 +141,6 @@ def test_each_expression_may_have_its_own_prior(scene: Scene):
 def test_frozen_lights_have_no_prior(scene: Scene, uniform: bool):
     lights = LightParameters(np.zeros(6, bool), np.ones((6, 3)), uniform)
     state = replace(scene.state, lights=lights.from_radiance(np.ones((6, 3))))
-    priors = Priors(Layout(state), state, True, WEIGHTS, 1.0)
-    quadratic = priors.quadratic(state, lights)
+    quadratic = Priors(Layout(state), scene.known(lights=lights), WEIGHTS).quadratic(state)
     assert quadratic.energy["light"] == pytest.approx(0, abs=1e-9)
     assert np.isfinite(quadratic.hessian).all()

@@ -16,7 +16,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
-from facestage.fit.energy.photo_jacobian import SHAPE, Jacobian
+from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.shadow_edges import (
     LINES,
@@ -32,6 +32,7 @@ from facestage.fit.energy.shadow_edges import (
 )
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.fineness import Fineness
 from facestage.fit.given.problem import read_problem

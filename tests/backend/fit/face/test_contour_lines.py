@@ -21,8 +21,8 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.metrics import aligned_distance
-from facestage.fit.stages.phases import SHAPE
 from facestage.fit.stages.stage import Stage
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
@@ -217,8 +217,9 @@ def recovered_mm(
     if not slides:
         term._candidates = replace(term._candidates, lines=None)
     lights = LightParameters(np.zeros(0, bool), np.zeros((0, 3)), False)
-    energy = Energy(layout, Priors(layout, start, True, weights, 1.0), term, weights, lights)
-    low, high = layout.bounds(True, 1)
+    known = Known(lights, start.camera.focal_px, stage_lights=1)
+    energy = Energy(layout, Priors(layout, known, weights), term, weights, lights)
+    low, high = layout.bounds(known)
     freeze = layout.mask(["focal"])
     for item in Stage("landmarks", SHAPE, energy, 15, freeze, low, high).run(start, 0, np.inf):
         start = item.state

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facestage.fit.face.layout import BLOCKS, Layout
+from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.unknowns import BLOCKS
 from reference.synthetic_scene import Scene, moved
 
 
@@ -57,7 +58,7 @@ def test_rotations_stay_rotations(scene: Scene, omega: list[float]):
 @pytest.mark.parametrize("box", [True, False])
 def test_bounds(scene: Scene, box: bool):
     layout = Layout(scene.state)
-    low, high = layout.bounds(box)
+    low, high = layout.bounds(scene.known(expression_box=box))
     assert (low <= high).all()
     np.testing.assert_array_equal(low[layout.slices["lights"]], 0)
     np.testing.assert_array_equal(np.isinf(low[layout.slices["expression"]]), not box)
@@ -67,7 +68,7 @@ def test_bounds(scene: Scene, box: bool):
 
 def test_expressions_have_their_own_bounds(scene: Scene):
     layout = Layout(scene.state)
-    low, high = layout.bounds(np.array([True, False, True]))
+    low, high = layout.bounds(scene.known(expression_box=np.array([True, False, True])))
     np.testing.assert_array_equal(low[layout.slices["expression"]], [0, -np.inf, 0])
     np.testing.assert_array_equal(high[layout.slices["expression"]], [1, np.inf, 1])
 

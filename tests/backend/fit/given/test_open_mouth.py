@@ -20,8 +20,8 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.skin_mask import face_size_px
-from facestage.fit.stages.phases import SHAPE
 from facestage.fit.stages.stage import Stage
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
 from facestage.models.anatomy.landmark_schemes import scheme_of
@@ -75,10 +75,11 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
     )
     landmarks = replace(blank, points=found)
     layout = Layout(mean)
-    low, high = layout.bounds(model.expression_box)
+    known = Known(lights, mean.camera.focal_px, expression_box=model.expression_box)
+    low, high = layout.bounds(known)
     state = mean
     for blocks in (("pose",), SHAPE):
-        priors = Priors(layout, state, model.expression_box, Weights())
+        priors = Priors(layout, known, Weights())
         term = LandmarkTerm(geometry, landmarks, LANDMARK_SIGMA_SHARE * size)
         held = ~layout.mask(blocks) | layout.mask(("focal",))
         stage = Stage(

@@ -68,7 +68,7 @@ def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
 def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
     state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0), albedo=np.zeros(0))
     layout = Layout(state)
-    quadratic = Priors(layout, state, True, Weights()).quadratic(state, scene.lights)
+    quadratic = Priors(layout, scene.known(expression_box=True), Weights()).quadratic(state)
     assert np.isfinite(quadratic.hessian).all()
     assert quadratic.energy["identity"] == quadratic.energy["albedo"] == 0.0
 

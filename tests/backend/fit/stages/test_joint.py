@@ -10,8 +10,9 @@ import pytest
 from facestage.contract.job import Weights
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.covariance import marginal_hessian
-from facestage.fit.stages.joint import SHARED, JointLayout, JointStage
+from facestage.fit.stages.joint import JointLayout, JointStage
 from facestage.fit.stages.stage import Stage
 from reference.dense_system import data_rows, prior_rows, side_by_side, stacked
 from reference.synthetic_scene import Scene, moved

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.job import Weights
 from facestage.fit.energy.system import System
-from facestage.fit.face.layout import BLOCKS
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.given.metrics import aligned_distance, psnr
 from reference.known import known
 from reference.synthetic_scene import Scene, moved

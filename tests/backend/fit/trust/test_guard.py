@@ -18,8 +18,8 @@ from facestage.contract.partial import partial_folder
 from facestage.contract.result import CONVERGED, STOPPED
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.result.run import fit_job
-from facestage.fit.stages.phases import SHAPE
 from facestage.fit.stages.stage import Stage
 from facestage.fit.trust.guard import doubt, landmark_statistic, statistic_limit
 from facestage.fit.trust.lens_check import DOUBTFUL, check_lens
