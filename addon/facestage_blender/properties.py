@@ -14,7 +14,7 @@ from bpy.props import (
 )
 
 from facestage.contract.face_model import PARTS
-from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.job import DEVICES, LIGHT_COLORS
 from facestage.contract.light_stage import (
     DEFAULT_COUNT,
     DEFAULT_RADIUS,
@@ -23,20 +23,10 @@ from facestage.contract.light_stage import (
     OFF,
     ON,
 )
+from facestage.contract.parameters import TABLE
 from facestage.contract.quality import GOOD, QUALITIES, describe
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
-PARAMETER_HELP = {
-    "identity": "Keep the head shape that the identity sliders show",
-    "expression": "Keep the expression that the sliders show",
-    "pose": "Keep the head where it is in the stage",
-    "albedo": "Keep the model's mean skin color",
-    "specular": "Keep the specular map of a plain dielectric",
-    "roughness": "Keep the material's roughness",
-    "lights": "Keep every light at its present color and power",
-    "light_position": "Where strong lights stand on the hemisphere",
-    "focal": "Keep the focal length",
-}
 LANDMARK_SOURCES = {
     "FILE": ("From a file", "The landmarks come from a file that was chosen"),
     "DETECTED": ("Detected", "The landmarks were found by Detect Landmarks"),
@@ -240,8 +230,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Keep as is",
         description="What the fit must not change",
         items=[
-            (name, name.replace("_", " ").capitalize(), PARAMETER_HELP[name], "NONE", 1 << bit)
-            for bit, name in enumerate(PARAMETERS)
+            (name, name.replace("_", " ").capitalize(), parameter.keep, "NONE", 1 << bit)
+            for bit, (name, parameter) in enumerate(TABLE.items())
         ],
         options={"ENUM_FLAG"},
     )

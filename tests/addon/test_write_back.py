@@ -11,7 +11,8 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.job import PARAMETERS, Job
+from facestage.contract.job import Job
+from facestage.contract.parameters import PARAMETERS
 from facestage.contract.result import Result
 from facestage_blender.backend.commands import fit_command
 from reference.known import known

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
-from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS, Job, Weights
+from facestage.contract.job import DEVICES, LIGHT_COLORS, Job, Weights
+from facestage.contract.parameters import PARAMETERS
 
 
 def assert_same(first: Any, second: Any, what: str = "") -> None:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     import bpy
 
 from facestage.contract.errors import FacestageError, InputError
-from facestage.contract.job import DEVICES, LIGHT_COLORS, PARAMETERS
+from facestage.contract.job import DEVICES, LIGHT_COLORS
 from facestage.contract.machine import machine_trouble
+from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend

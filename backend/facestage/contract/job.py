@@ -18,6 +18,7 @@ from facestage.contract.files.reading import MIB
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import GOOD, QUALITIES
 from facestage.contract.schemas.array_field import Array, rigid
 from facestage.contract.schemas.fields import (
@@ -40,17 +41,6 @@ from facestage.contract.schemas.schema import (
 )
 
 SCHEMA_VERSION = 1
-PARAMETERS = (
-    "identity",
-    "expression",
-    "pose",
-    "albedo",
-    "specular",
-    "roughness",
-    "lights",
-    "light_position",
-    "focal",
-)
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9

@@ -11,7 +11,9 @@ from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Checked, Number
 
 WEIGHT_MAX = 1e6  # of identity, expression and albedo: nothing that a fit can reach
-SPECULAR_SIDE_MAX, SPECULAR_MAX = 4096, 100.0
+SPECULAR_MAX = 100.0
+# The least and the largest of the sizes that shapes have names for.
+SIZES: Mapping[str, tuple[int, int]] = MappingProxyType({"texels": (1, 4096)})
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Parameter:
 
 # Jobs freeze a parameter by its name. A .blend file knows it by the number of its row: new rows go
 # last, and none is taken out.
-PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
+TABLE: Mapping[str, Parameter] = MappingProxyType(
     {
         "identity": Parameter(
             "Keep the head shape that the identity sliders show",
@@ -73,14 +75,31 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "focal": Parameter("Keep the focal length"),
     }
 )
-# What a result, and of the shared ones a person, keeps as numbers of that name.
+PARAMETERS = tuple(TABLE)
+# What a result, and of the shared ones a person, keeps as numbers under their own names.
 KEPT: Mapping[str, Values] = MappingProxyType(
-    {name: row.values for name, row in PARAMETERS.items() if row.values is not None}
+    {name: row.values for name, row in TABLE.items() if row.values is not None}
 )
 
 
+def result_arrays() -> dict[str, Checked]:
+    """The fields of the arrays of a result, by name."""
+    return {name: values.array(required=TABLE[name].required) for name, values in KEPT.items()}
+
+
+def shared_values() -> dict[str, Checked]:
+    """The fields of what JSON says of a person, by name."""
+    return {
+        name: values.json(required=TABLE[name].required)
+        for name, values in KEPT.items()
+        if TABLE[name].shared
+    }
+
+
 def as_fields(owner: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` as arguments of the dataclass ``owner``; what is no field of it is ``further``."""
+    """``values`` by name as arguments of the dataclass ``owner``, whose field ``further`` takes
+    those that are no field of it.
+    """
     own = {field.name for field in fields(owner)}
     further = {name: value for name, value in values.items() if name not in own}
     return {name: value for name, value in values.items() if name in own} | {"further": further}

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from facestage.contract.files.storage import read_json, write_json
-from facestage.contract.result import SPECULAR_FILE_MAX, SPECULAR_SIDE_MAX, STATUSES, WEIGHT_MAX
-from facestage.contract.schemas.array_field import Array
+from facestage.contract.parameters import SIZES, as_fields, shared_values
+from facestage.contract.result import STATUSES
 from facestage.contract.schemas.fields import (
     Choice,
     Figures,
     Flag,
     Items,
     Name,
-    Number,
     Part,
     PathText,
     Text,
@@ -60,11 +59,15 @@ class Person:
     roughness: float
     timings: dict[str, float]
     folder: Path | None = None
+    # Shared parameters without a field of their own, by name.
+    further: dict[str, Any] = field(default_factory=dict)
 
     def write_into(self, folder: Path) -> None:
         """Write person.json into an existing folder."""
         data: dict[str, Any] = {"schema": SCHEMA_VERSION} | {
-            name: value for name, value in vars(self).items() if name not in ("photos", "folder")
+            name: value
+            for name, value in (vars(self) | self.further).items()
+            if name not in ("photos", "folder", "further")
         }
         data["photos"] = [asdict(photo) for photo in self.photos]
         write_json(folder / FILE, data)
@@ -78,7 +81,7 @@ class Person:
         found = checked(PersonSchema(), data, f"The person file '{path}'", again)
         del found["schema"]
         photos = tuple(PersonPhoto(**photo) for photo in found.pop("photos"))
-        return cls(photos=photos, folder=Path(folder), **found)
+        return cls(photos=photos, folder=Path(folder), **as_fields(cls, found))
 
 
 class PersonPhotoSchema(FileSchema):
@@ -96,15 +99,16 @@ class PersonPhotoSchema(FileSchema):
 class PersonSchema(FileSchema):
     """A person.json."""
 
-    dimensions: ClassVar = {"texels": (1, SPECULAR_SIDE_MAX)}
+    class Meta(FileSchema.Meta):
+        """Of marshmallow."""
+
+        include: ClassVar = shared_values()
+
+    dimensions: ClassVar = SIZES
 
     schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
     status = Choice(STATUSES)
     advice = Text()
     model = Name()
     photos = Items(Part(PersonPhotoSchema, "a photo"), 1, PHOTOS_MAX)
-    identity = Array(("identity",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
-    albedo = Array(("albedo",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
-    specular = Array(("texels", "texels"), minimum=0, maximum=SPECULAR_FILE_MAX)
-    roughness = Number(0, 1)
     timings = Figures()

@@ -17,6 +17,7 @@ from facestage.contract.files.reading import MIB
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
 from facestage.contract.job import SEED_MAX
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.parameters import KEPT, SIZES, WEIGHT_MAX, as_fields, result_arrays
 from facestage.contract.schemas.array_field import WHOLE, Array, rigid
 from facestage.contract.schemas.fields import (
     Choice,
@@ -38,9 +39,7 @@ CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 STATUSES = (CONVERGED, BUDGET_SPENT, STOPPED)
 RESULT_ARRAYS_MAX = 512 * MIB
 TEXTURE_MAX = 512 * MIB  # of a picture's file
-VERTICES_MAX, NAMES_MAX, SPECULAR_SIDE_MAX = 5_000_000, 10_000, 4096
-WEIGHT_MAX = 1e6  # of identity, expression and albedo: nothing that a fit can reach
-SPECULAR_FILE_MAX = 100.0
+VERTICES_MAX, NAMES_MAX = 5_000_000, 10_000
 PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
 # Maps that older results lack: they have one roughness, and say nothing of where their texels are
 # from.
@@ -91,6 +90,14 @@ class Result:
     seed: int = 0
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     folder: Path | None = None
+    # Parameters without a field of their own, by name.
+    further: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """All that is kept as numbers of its own; what an older version did not know is missing."""
+        values = vars(self) | self.further
+        return {name: np.asarray(values[name]) for name in KEPT if name in values}
 
     @property
     def model_to_stage(self) -> np.ndarray:
@@ -138,14 +145,10 @@ class Result:
         arrays: dict[str, np.ndarray] = {
             "vertices": self.vertices.astype(np.float32),
             "triangles": self.triangles.astype(np.int32),
-            "identity": self.identity,
-            "expression": self.expression,
-            "albedo": self.albedo,
-            "specular": self.specular,
-            "roughness": np.array(self.roughness),
             "model_to_camera": self.model_to_camera,
             "camera_to_stage": self.camera_to_stage,
         }
+        arrays |= self.parameters
         arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
         arrays |= {f"extra/{name}": value for name, value in self.arrays.items()}
         write_arrays(folder / "result.npz", arrays)
@@ -191,14 +194,16 @@ class Result:
         del found["schema"]
         found["left_out"] = list(found["left_out"])
         found["unobserved"] = {block: list(names) for block, names in found["unobserved"].items()}
+        parameters = {name: given.pop(name) for name in KEPT if name in given}
+        parameters["roughness"] = float(parameters["roughness"])
         return cls(
             camera=Camera(**found.pop("camera")),
             stage=LightStage(**given.pop("stage")),
-            roughness=float(given.pop("roughness")),
             arrays=given.pop("extra"),
             identity_names=identity_names,
             expression_names=expression_names,
             folder=folder,
+            **as_fields(cls, parameters),
             **given,
             **found,
         )
@@ -229,13 +234,13 @@ class ResultSchema(FileSchema):
 class ResultArrays(FileSchema):
     """A result.npz. Deviations may be infinite, and are only shown."""
 
-    dimensions: ClassVar = {"texels": (1, SPECULAR_SIDE_MAX), "vertices": (3, VERTICES_MAX)}
+    class Meta(FileSchema.Meta):
+        """Of marshmallow."""
 
-    identity = Array(("identity",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
-    expression = Array(("expression",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
-    albedo = Array(("albedo",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
-    specular = Array(("texels", "texels"), minimum=0, maximum=SPECULAR_FILE_MAX)
-    roughness = Array((), minimum=0, maximum=1)
+        include: ClassVar = result_arrays()
+
+    dimensions: ClassVar = {**SIZES, "vertices": (3, VERTICES_MAX)}
+
     model_to_camera = Array((4, 4), minimum=-FAR, maximum=FAR, validate=rigid)
     camera_to_stage = Array((4, 4), minimum=-FAR, maximum=FAR, validate=rigid)
     stage = Part(StageSchema, "a light stage")

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.face_model import FaceModel
-from facestage.contract.job import PARAMETERS, Job, Weights
+from facestage.contract.job import Job, Weights
+from facestage.contract.parameters import PARAMETERS
 from facestage.models.registry import load_model
 from facestage.stress.case import REFUSAL, Suite
 from facestage.stress.scene import SPECULAR_SIZE, exposed, plain_scene, render, write_job

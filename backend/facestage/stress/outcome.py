@@ -156,19 +156,11 @@ def not_finite(folder: Path, trace: list[dict[str, Any]]) -> tuple[str, ...]:
 
 def _arrays(result: Result) -> dict[str, np.ndarray]:
     named = {
-        name: getattr(result, name)
-        for name in (
-            "vertices",
-            "identity",
-            "expression",
-            "albedo",
-            "specular",
-            "model_to_camera",
-            "camera_to_stage",
-        )
+        name: getattr(result, name) for name in ("vertices", "model_to_camera", "camera_to_stage")
     }
+    named |= result.parameters
     named |= {"lights": result.stage.radiance, "light positions": result.stage.position}
-    named |= {"roughness": np.array(result.roughness), "focal": np.array(result.camera.focal_px)}
+    named |= {"focal": np.array(result.camera.focal_px)}
     # A standard deviation may be infinite, where nothing is known.
     return named | {
         name: np.where(np.isposinf(value), 0.0, value) if name.startswith("deviation") else value

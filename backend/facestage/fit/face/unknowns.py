@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from facestage.contract import brdf
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import FAR
-from facestage.contract.parameters import KEPT, PARAMETERS, Values
+from facestage.contract.parameters import KEPT, TABLE, Values
 from facestage.fit.face.gaussians import Gaussian, independent, level, light_color, smooth
 from facestage.fit.face.lamps import spacing
 from facestage.fit.face.light_parameters import LightParameters
@@ -207,7 +207,7 @@ UNKNOWNS = (
 )
 BLOCKS = tuple(unknown.name for unknown in UNKNOWNS)
 # One person has one shape and one skin; pose, expression, lens and light are the photo's.
-SHARED = tuple(name for name in BLOCKS if PARAMETERS[name].shared)
+SHARED = tuple(name for name in BLOCKS if TABLE[name].shared)
 
 
 def _group(name: str) -> tuple[str, ...]:

@@ -16,10 +16,12 @@ from facestage import __version__
 from facestage.contract.face_model import OTHER
 from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
+from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import COVERAGE, ROUGHNESS, Result
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import kept
 from facestage.fit.forward.one_light import relight_scale
 from facestage.fit.forward.rendering import Picture, face_pixels, light_probe, render_picture
 from facestage.fit.forward.shading import ForwardModel
@@ -169,11 +171,7 @@ def write_result(
         camera=problem.window.full_camera(state.camera),
         camera_to_stage=fitted.camera_to_stage,
         model_to_camera=state.model_to_camera,
-        identity=state.identity,
-        expression=state.expression,
-        albedo=state.albedo,
-        specular=state.specular,
-        roughness=state.roughness,
+        **as_fields(Result, kept(state)),
         stage=stage,
         vertices=vertices.astype(np.float32),
         triangles=model.triangles,

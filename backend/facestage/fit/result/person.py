@@ -15,10 +15,12 @@ from facestage.contract import person as contract
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.job import Job
+from facestage.contract.parameters import as_fields
 from facestage.contract.partial import PREVIEW, forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
 from facestage.contract.result_files import is_result_file
+from facestage.fit.face.unknowns import SHARED, kept
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem
@@ -177,16 +179,14 @@ def _person(
     )
     state = next(member.state for member in run.members if member.joined)
     status, advice = person_verdict(photos, fitted)
+    shared = {name: value for name, value in kept(state).items() if name in SHARED}
     return Person(
-        status,
-        advice,
-        run.members[0].problem.job.model,
-        photos,
-        state.identity,
-        state.albedo,
-        state.specular,
-        state.roughness,
-        timings,
+        status=status,
+        advice=advice,
+        model=run.members[0].problem.job.model,
+        photos=photos,
+        timings=timings,
+        **as_fields(Person, shared),
     )
 
 

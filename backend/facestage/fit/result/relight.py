@@ -15,14 +15,16 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.paths import is_file
 from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
+from facestage.contract.parameters import WEIGHT_MAX
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import NAMES_MAX, ROUGHNESS, WEIGHT_MAX, Result
+from facestage.contract.result import NAMES_MAX, ROUGHNESS, Result
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Number, Table
 from facestage.contract.schemas.schema import HandWritten, checked
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import from_kept
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.forward.rendering import Textures, face_pixels, render_picture
@@ -180,16 +182,12 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     )
     matrix = result.model_to_camera
     state = State(
-        matrix[:3, :3],
-        matrix[:3, 3],
-        result.camera,
-        result.identity,
-        result.expression,
-        np.zeros(0),
-        np.zeros((len(stage), AXES)),
-        result.albedo,
-        result.roughness,
-        result.specular,
+        rotation=matrix[:3, :3],
+        translation=matrix[:3, 3],
+        camera=result.camera,
+        lights=np.zeros(0),
+        light_position=np.zeros((len(stage), AXES)),
+        **from_kept(result.parameters),
     )
     return forward, state, stage, textures
 

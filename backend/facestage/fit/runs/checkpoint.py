@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import finite as finite_json
 from facestage.contract.files.storage import read_arrays, write_arrays
@@ -25,7 +24,13 @@ from facestage.contract.partial import CHECKPOINT
 from facestage.contract.schemas.schema import checked, decoded_meta, sections
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.state import State
-from facestage.fit.runs.checkpoint_schema import CheckpointArrays, finite
+from facestage.fit.runs.checkpoint_schema import (
+    CheckpointArrays,
+    finite,
+    state_of,
+    state_to_arrays,
+    state_to_meta,
+)
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.stages.stage import Stage
 from facestage.fit.stages.view import Memory, View
@@ -132,15 +137,14 @@ class Checkpoint:
             "penumbra": self.memory.penumbra,
             "within": None if within is None else {"step": within.step, "damping": within.damping},
             "states": {
-                name: {"camera": state.camera.to_json(), "roughness": state.roughness}
-                for name, state in states.items()
-                if state is not None
+                name: state_to_meta(state) for name, state in states.items() if state is not None
             },
         }
         arrays = {"meta": np.array(json.dumps(finite_json(meta))), "strong": self.memory.strong}
         for name, state in states.items():
             if state is not None:
-                arrays |= {f"{name}/{own}": getattr(state, own) for own in _STATE_ARRAYS}
+                own = state_to_arrays(state)
+                arrays |= {f"{name}/{field}": array for field, array in own.items()}
         optional = {
             "camera_to_stage": self.memory.camera_to_stage,
             "hidden": self.memory.hidden,
@@ -159,14 +163,7 @@ class Checkpoint:
             CheckpointArrays(), sections(arrays, "began", "start", "within"), subject, AGAIN
         )
         try:
-            states = {
-                name: State(
-                    camera=Camera.from_json(own["camera"]),
-                    roughness=finite(own["roughness"]),
-                    **given[name],
-                )
-                for name, own in meta["states"].items()
-            }
+            states = {name: state_of(own, given[name]) for name, own in meta["states"].items()}
             memory = Memory(
                 finite(meta["light_scale"]),
                 None if meta["penumbra"] is None else finite(meta["penumbra"]),
@@ -250,15 +247,3 @@ def other_version(folder: Path) -> InputError:
         f"The checkpoint in '{folder}' was written by another version of Facestage; start "
         "again without --resume."
     )
-
-
-_STATE_ARRAYS = (
-    "rotation",
-    "translation",
-    "identity",
-    "expression",
-    "lights",
-    "light_position",
-    "albedo",
-    "specular",
-)
