@@ -41,6 +41,39 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"contract.{name}": (CONTRACT + "test_constants.py", f"{CONTRACT}test_{name}.py")
         for name in ("camera", "events", "landmarks", "light_stage", "quality")
     },
+    "contract.files.array_archive": (
+        CONTRACT + "files/test_storage.py",
+        CONTRACT + "files/test_array_archive.py",
+    ),
+    "contract.files.atomic": (
+        CONTRACT + "files/test_storage.py",
+        CONTRACT + "files/test_atomic.py",
+    ),
+    "contract.files.json_text": (CONTRACT + "files/test_json_text.py",),
+    "contract.files.paths": (CONTRACT + "files/test_paths.py",),
+    "contract.files.reading": (
+        CONTRACT + "files/test_reading.py",
+        CONTRACT + "files/test_json_text.py",
+        CONTRACT + "files/test_storage.py",
+    ),
+    "contract.files.storage": (CONTRACT + "files/test_storage.py",),
+    "contract.partial": (CONTRACT + "test_partial.py", "tests/backend/cli/test_endings.py"),
+    "contract.result": (CONTRACT + "test_result.py", CONTRACT + "test_tampered_result.py"),
+    "contract.result_files": (CONTRACT + "test_result_files.py", CONTRACT + "files/test_atomic.py"),
+    "contract.schemas.array_field": (
+        CONTRACT + "schemas/test_array_field.py",
+        CONTRACT + "schemas/test_schema.py",
+    ),
+    "contract.schemas.fields": (
+        CONTRACT + "schemas/test_fields.py",
+        CONTRACT + "schemas/test_schema.py",
+    ),
+    "contract.schemas.schema": (CONTRACT + "schemas/test_schema.py",),
+    "contract.wording": (CONTRACT + "test_wording.py", CONTRACT + "schemas/test_schema.py"),
+    **{
+        f"contract.{name}": (f"{CONTRACT}test_{name}.py",)
+        for name in ("face_model", "job", "person", "relight_cache", "rig_file")
+    },
     "fit.trust.checks": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.solve.descent": (FIT + "solve/test_descent.py",),
     "fit.energy.photo_term": (

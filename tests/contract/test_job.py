@@ -223,3 +223,75 @@ def test_the_plan_round_trips_and_older_jobs_are_lean(tmp_path: Path, photo: Pat
     assert data.pop("plan") == plan
     (tmp_path / "job" / "job.json").write_text(json.dumps(data))
     assert Job.load(tmp_path / "job").plan == "lean"
+
+
+def rewritten(folder: Path, **changes: Any) -> None:
+    """The job file with other values; one that is ... is left out."""
+    path = folder / "job.json"
+    data = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({name: value for name, value in data.items() if value is not ...}))
+
+
+def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
+    folder = tmp_path / "job"
+    Job(photo).save(folder)
+    assert json.loads((folder / "job.json").read_text()) == {
+        "schema": 1,
+        "image": "photo.png",
+        "model": "default",
+        "landmarks": None,
+        "camera": None,
+        "light_color": "multi",
+        "freeze": [],
+        "weights": {"photo": 1.0, "landmarks": 1.0, "prior": 1.0, "light": 1.0},
+        "budget_seconds": None,
+        "seed": 0,
+        "device": "auto",
+        "truth": None,
+        "plan": "lean",
+        "quality": "good",
+        "face": None,
+    }
+    (folder / "job.json").write_text(json.dumps({"schema": 1, "image": "photo.png"}))
+    assert_same(replace(Job.load(folder), image=photo), Job(photo))
+    rewritten(folder, weights={})
+    assert Job.load(folder).weights == Weights(1.0, 1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("seed", [0, 10**9], [-1, 10**9 + 1]),
+        ("face", [1, 10**6], [0, 10**6 + 1]),
+        ("budget_seconds", [1e-9, 1e9], [0, 1.001e9]),
+        ("weights", [{"photo": 0}, {"light": 1e9}], [{"photo": -1e-9}, {"light": 1.001e9}]),
+    ],
+)
+def test_limits_of_numbers(tmp_path: Path, photo: Path, name: str, right: list, wrong: list):
+    Job(photo).save(tmp_path / "job")
+    for value in right:
+        rewritten(tmp_path / "job", **{name: value})
+        found = getattr(Job.load(tmp_path / "job"), name)
+        assert found == (replace(Weights(), **value) if name == "weights" else value)
+    for value in wrong:
+        rewritten(tmp_path / "job", **{name: value})
+        with pytest.raises(InputError, match="budget" if name == "budget_seconds" else name):
+            Job.load(tmp_path / "job")
+
+
+def test_a_job_for_light_that_counts_for_nothing_and_the_largest_seed_is_one(photo: Path):
+    job = Job(
+        photo, weights=Weights(0, 0, 0, 0), seed=10**9, face=1, budget_seconds=1e-9, quality="good"
+    )
+    assert vars(job.weights) == {"photo": 0, "landmarks": 0, "prior": 0, "light": 0}
+    with pytest.raises(InputError, match="The quality is 'superb'; expected one of"):
+        Job(photo, quality="superb")
+
+
+def test_the_photo_is_copied_under_a_plain_name(tmp_path: Path, job: Job):
+    job.save(tmp_path / "job")
+    assert sorted(path.name for path in (tmp_path / "job").iterdir()) == [
+        "job.json",
+        "job.npz",
+        "photo.png",
+    ]

@@ -75,3 +75,45 @@ def test_what_is_wrong_is_named(person: Person, tmp_path: Path, change: dict, wo
         InputError, match=rf"The person file '.*person\.json'.*{words}.*; fit the photos again"
     ):
         Person.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "right", "wrong"),
+    [
+        ("roughness", [0, 1], [-0.01, 1.01]),
+        ("specular", [[[0]], [[100]]], [[[-0.01]], [[100.1]]]),
+        ("identity", [[], [1e6], [-1e6]], [[1.1e6], [-1.1e6]]),
+        ("albedo", [[], [1e6], [-1e6]], [[1.1e6], [-1.1e6]]),
+        ("photos", [1, 8], [0, 9]),
+    ],
+)
+def test_limits(person: Person, tmp_path: Path, change: str, right: list, wrong: list):
+    """Of what a fit can reach, and of how many photos are fitted together."""
+    person.write_into(tmp_path)
+    path = tmp_path / "person.json"
+    data = json.loads(path.read_text())
+    for values, refused in ((right, False), (wrong, True)):
+        for value in values:
+            given = data["photos"][:1] * value if change == "photos" else value
+            path.write_text(json.dumps(data | {change: given}))
+            if not refused:
+                Person.load(tmp_path)
+                continue
+            with pytest.raises(InputError, match=f"person.json': {change} (has|holds|is) "):
+                Person.load(tmp_path)
+
+
+def test_photos_are_numbered_from_1_to_8(person: Person, tmp_path: Path):
+    person.write_into(tmp_path)
+    path = tmp_path / "person.json"
+    data = json.loads(path.read_text())
+    for number in (1, 8, 0, 9):
+        data["photos"][0]["number"] = number
+        path.write_text(json.dumps(data))
+        if 1 <= number <= 8:
+            assert Person.load(tmp_path).photos[0].number == number
+            continue
+        with pytest.raises(
+            InputError, match=rf"photos\[0\]\.number is {number}, expected .* 1 to 8"
+        ):
+            Person.load(tmp_path)

@@ -172,3 +172,67 @@ def test_arrays_that_do_not_belong_together_are_refused(
     write_arrays(path, {**read_arrays(path, "cache"), name: value}, compress=False)
     with pytest.raises(InputError, match="damaged"):
         RelightCache.load(saved)
+
+
+def test_the_scale_of_a_light_is_its_brightest_value_and_rounding_is_that_of_half_floats():
+    images = np.zeros((3, 2, 2))
+    images[:, 0] = [[0.5, 4.0], [1.0, 2.0], [0.125, 4.0 / 3]]
+    made = RelightCache.of_images(2, 1, np.array([0, 1]), np.ones(2), images, 4, "x")
+    np.testing.assert_array_equal(made.scale, np.array([4, 1], np.float32))
+    # 1/3 keeps 11 bits: 1365 / 4096.
+    np.testing.assert_array_equal(
+        made.images[:, 0], [[0.125, 1], [0.25, 0.5], [0.03125, 1365 / 4096]]
+    )
+    assert made.images.dtype == np.float32 and not made.images[:, 1].any() and len(made) == 2
+    np.testing.assert_allclose(made.colors(np.array([[1.0, 2, 3], [9, 9, 9]]))[0], [0.5, 2, 0.375])
+
+
+def test_a_pixel_is_row_times_width_plus_column():
+    made = RelightCache.of_images(3, 2, np.array([1, 5]), np.ones(2), np.ones((3, 1, 2)), 4, "x")
+    picture = made.relight(np.array([[1.0, 2.0, 4.0]]))
+    assert picture.shape == (2, 3, 3)
+    np.testing.assert_array_equal(picture[..., 1], [[0, 2, 0], [0, 0, 2]])
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("pixels", [[0, 1, 2, 3, 7679]], [[0, 1, 2, 3, 7680], [0, 1, 2, 2, 3], [0, 2, 1, 3, 4]]),
+        ("size", [[96, 80]], [[97, 80], [96, 81], [0, 80], [16385, 80]]),
+        ("coverage", [[0, 1.01, 0, 1, 1]], [[0, -0.01, 0, 1, 1], [0, 1.02, 0, 1, 1]]),
+        ("scale", [[0, 1e15, 1]], [[0, -1.0, 1], [0, 1.1e15, 1]]),
+        ("samples", [1, 10**6], [0, 10**6 + 1]),
+        ("extra", [], [0]),
+    ],
+)
+def test_limits(saved: Result, cache: RelightCache, name: str, right: list, wrong: list):
+    """Of a photo of 96 x 80 pixels, five of which see the head, and three lights."""
+    path = known(saved.folder) / RELIGHT_CACHE
+    arrays = read_arrays(path, "cache")
+    for value in (*right, *wrong):
+        write_arrays(path, arrays | {name: np.array(value)}, compress=False)
+        if value in right:
+            np.testing.assert_allclose(
+                RelightCache.load(saved).samples, value if name == "samples" else 4
+            )
+            continue
+        with pytest.raises(InputError, match=r"damaged|another state"):
+            RelightCache.load(saved)
+
+
+def test_a_cache_of_a_smaller_picture_serves(saved: Result, cache: RelightCache):
+    path = known(saved.folder) / RELIGHT_CACHE
+    write_arrays(
+        path,
+        read_arrays(path, "cache")
+        | {"size": np.array([48, 40]), "pixels": np.array([0, 1, 2, 3, 1919])},
+        compress=False,
+    )
+    assert RelightCache.load(saved).relight(np.ones((3, 3))).shape == (40, 48, 3)
+
+
+def test_a_map_of_roughness_counts_where_there_is_one(saved: Result, cache: RelightCache):
+    before = relight_fingerprint(saved)
+    assert before == cache.fingerprint == relight_fingerprint(saved)
+    (known(saved.folder) / "roughness.exr").write_bytes(b"a map")
+    assert relight_fingerprint(saved) != before

@@ -102,3 +102,96 @@ def test_another_schema_is_refused(tmp_path: Path, result: Result):
     (tmp_path / "result.json").write_text(json.dumps(data | {"schema": 2}))
     with pytest.raises(InputError, match="schema 2, expected 1"):
         Result.load(tmp_path)
+
+
+def tampered(folder: Path, **arrays: np.ndarray) -> None:
+    path = folder / "result.npz"
+    write_arrays(
+        path,
+        read_arrays(path, "arrays")
+        | {name.replace("__", "/"): array for name, array in arrays.items()},
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("albedo", [[1e6], [-1e6], []], [[1.1e6], [-1.1e6]]),
+        ("specular", [[[0.0]], [[100.0]]], [[[-0.01]], [[100.1]], np.zeros((0, 0))]),
+        ("roughness", [0.0, 1.0], [-0.01, 1.01]),
+        ("triangles", [[[0, 1, 8]], np.zeros((0, 3), int)], [[[0, 1, 9]], [[-1, 1, 8]]]),
+        (
+            "extra__vertex_deviation_mm",
+            [np.full((9, 3), np.inf)],
+            [np.zeros((9, 2)), np.zeros((8, 3))],
+        ),
+    ],
+)
+def test_limits_of_the_arrays(tmp_path: Path, result: Result, name: str, right: list, wrong: list):
+    """Of what a fit can reach; of a mesh of nine vertices."""
+    result.write_into(tmp_path)
+    for value in right:
+        tampered(tmp_path, **{name: np.array(value)})
+        loaded = Result.load(tmp_path)
+        found = (
+            loaded.arrays["vertex_deviation_mm"]
+            if name.startswith("extra")
+            else getattr(loaded, name)
+        )
+        np.testing.assert_array_equal(found, value)
+    for value in wrong:
+        tampered(tmp_path, **{name: np.array(value)})
+        with pytest.raises(InputError, match=f"damaged.*{name.split('__')[-1]}"):
+            Result.load(tmp_path)
+
+
+def test_a_face_has_a_triangle_at_least(tmp_path: Path, result: Result):
+    for count in (3, 2):
+        few = replace(
+            result,
+            vertices=result.vertices[:count],
+            triangles=np.array([[0, 1, count - 1]], np.int32),
+        )
+        few.write_into(tmp_path)
+        if count == 3:
+            assert len(Result.load(tmp_path).vertices) == 3
+            continue
+        with pytest.raises(InputError, match="vertices from 3 to 5000000"):
+            Result.load(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["identity", "expression"])
+def test_both_files_have_the_same_weights_to_what_text_keeps(
+    tmp_path: Path, result: Result, name: str
+):
+    weights = np.array([1000.0, *getattr(result, name)[1:]])
+    replace(result, **{name: weights}).write_into(tmp_path)
+    for factor, same in ((1 + 0.9e-5, True), (1 - 0.9e-5, True), (1 + 1.1e-5, False)):
+        tampered(tmp_path, **{name: weights * factor})
+        if same:
+            Result.load(tmp_path)
+            continue
+        with pytest.raises(InputError, match=f"have another {name}; run the fit again"):
+            Result.load(tmp_path)
+    # Where a weight is 0, a ten-millionth.
+    replace(result, **{name: 0 * weights}).write_into(tmp_path)
+    tampered(tmp_path, **{name: np.full(len(weights), 0.9e-7)})
+    Result.load(tmp_path)
+    tampered(tmp_path, **{name: np.full(len(weights), 1.1e-7)})
+    with pytest.raises(InputError, match=f"have another {name}"):
+        Result.load(tmp_path)
+
+
+def test_what_older_results_lack_is_empty_and_what_they_have_is_a_list(
+    tmp_path: Path, result: Result
+):
+    replace(result, unobserved={"lights": ["light 0 red"]}).write_into(tmp_path)
+    loaded = Result.load(tmp_path)
+    assert loaded.unobserved == {"lights": ["light 0 red"]} and type(loaded.left_out) is list
+    path = tmp_path / "result.json"
+    data = json.loads(path.read_text())
+    for name in ("unobserved", "null_directions", "photo", "model_origin"):
+        del data[name]
+    path.write_text(json.dumps(data))
+    loaded = Result.load(tmp_path)
+    assert loaded.unobserved == loaded.null_directions == loaded.photo == loaded.model_origin == {}

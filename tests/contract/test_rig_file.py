@@ -126,3 +126,147 @@ def test_every_array_is_checked(tmp_path: Path, rig: RigFile, name: str, change:
     with pytest.raises(InputError) as caught:
         RigFile.load(path)
     assert str(caught.value).isprintable() and len(str(caught.value)) < 500
+
+
+def test_marks_stand_at_the_places_of_the_published_scheme():
+    """ibug68: 0-16 jaw, 27-35 nose, 36-47 eyes, 48-67 lips, from the picture's left."""
+    assert {name: index for name, (_, index) in MARKS.items()} == {
+        "chin": 8,
+        "nose_bridge": 27,
+        "nose_tip": 30,
+        "nose_base": 33,
+        "eye_right_outer": 36,
+        "eye_right_inner": 39,
+        "eye_left_inner": 42,
+        "eye_left_outer": 45,
+        "mouth_right": 48,
+        "lip_upper": 51,
+        "mouth_left": 54,
+        "lip_lower": 57,
+    }
+
+
+def small(rig: RigFile, vertices: int, polygons: int) -> RigFile:
+    """With the first of its vertices, and of the polygons among them, again and again."""
+    within = (rig.polygons < vertices).all(axis=1)
+    rows = np.resize(np.flatnonzero(within), polygons)
+    return replace(
+        rig,
+        vertices=rig.vertices[:vertices],
+        polygons=rig.polygons[rows],
+        polygon_uvs=rig.polygon_uvs[rows],
+        polygon_part=rig.polygon_part[rows],
+        expression_offsets=rig.expression_offsets[:, :vertices],
+        identity_offsets=rig.identity_offsets[:, :vertices],
+    )
+
+
+def test_a_face_has_a_hundred_vertices_and_polygons(tmp_path: Path, rig: RigFile):
+    small(rig, 100, 100).save(tmp_path / "a.npz")
+    assert len(RigFile.load(tmp_path / "a.npz").vertices) == 100
+    for vertices, polygons in ((99, 100), (100, 99)):
+        with pytest.raises(
+            InputError, match=f"has {vertices} vertices and {polygons} polygons; .* 100 of each"
+        ):
+            small(rig, vertices, polygons)
+
+
+def corner(array: np.ndarray, row: int, column: int, value: int) -> np.ndarray:
+    """The array with one other entry."""
+    changed = array.copy()
+    changed[row, column] = value
+    return changed
+
+
+@pytest.mark.parametrize("name", ["polygons", "polygon_uvs"])
+def test_a_corner_is_a_point_of_the_mesh_and_only_the_fourth_may_be_none(rig: RigFile, name: str):
+    array, count = getattr(rig, name), len(rig.vertices)
+    for column, value, right in (
+        (0, count - 1, True),
+        (0, count, False),
+        (2, 0, True),
+        (2, -1, False),
+        (3, -1, True),
+        (3, -2, False),
+    ):
+        changed = {name: corner(array, 5, column, value)}
+        if right:
+            replace(rig, **changed)
+            continue
+        with pytest.raises(InputError, match=f"{name} refers to a point outside 0..{count - 1};"):
+            replace(rig, **changed)
+
+
+def test_parts_are_those_of_faces_or_unknown(rig: RigFile):
+    for value in (0, 4, 255):
+        replace(rig, polygon_part=np.full(len(rig.polygons), value, np.uint8))
+    for value in (5, 254, -1):
+        with pytest.raises(InputError, match=r"values other than 0\.\.4 and 255"):
+            replace(rig, polygon_part=np.full(len(rig.polygons), value))
+
+
+def test_shapes_have_names_of_their_own(rig: RigFile):
+    # An expression and an identity shape may share one.
+    replace(rig, identity_names=(rig.expression_names[0], *rig.identity_names[1:]))
+    for names in ((*rig.identity_names[:3], ""), (*rig.identity_names[:3], rig.identity_names[0])):
+        with pytest.raises(
+            InputError, match="two of its shapes have the same name, or one has none"
+        ):
+            replace(rig, identity_names=names)
+
+
+@pytest.mark.parametrize(
+    ("scale", "right"),
+    [
+        ((1.0, 1.0, 1.0), True),
+        ((-1.0, 2e-12, 1e9), True),
+        ((1.0, 1.0, 1e-13), False),
+        ((1.0, float("inf"), 1.0), False),
+        ((1.0, 1.0), False),
+    ],
+)
+def test_a_scale_is_three_numbers_that_are_not_zero(rig: RigFile, scale: tuple, right: bool):
+    if right:
+        assert replace(rig, scale=scale).scale == scale
+        return
+    with pytest.raises(InputError, match="expected three numbers that are not 0"):
+        replace(rig, scale=scale)
+
+
+def test_a_mesh_is_in_metres_and_borrows_shapes_unless_it_says_otherwise(rig: RigFile):
+    given = {item.name: getattr(rig, item.name) for item in fields(rig)}
+    for name in ("scale", "borrow_identity", "marks"):
+        del given[name]
+    plain = RigFile(**given)
+    assert plain.scale == (1.0, 1.0, 1.0) and plain.borrow_identity is True and plain.marks == {}
+
+
+def test_a_mark_lies_on_vertices_of_the_mesh(rig: RigFile):
+    count = len(rig.vertices)
+    replace(rig, marks={"chin": np.array([0, count - 1])})
+    for indices in ([], [-1, 0], [count]):
+        with pytest.raises(InputError, match=f"'chin' refers to a vertex outside 0..{count - 1}"):
+            replace(rig, marks={"chin": np.array(indices, int)})
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("vertices", [-1e9, 1e9], [-1.1e9, 1.1e9]),
+        ("uvs", [-1.0, 2.0], [-1.01, 2.01]),
+        ("expression_offsets", [-1e9, 1e9], [-1.1e9, 1.1e9]),
+        ("identity_offsets", [-1e9, 1e9], [-1.1e9, 1.1e9]),
+    ],
+)
+def test_limits_of_places(
+    tmp_path: Path, rig: RigFile, name: str, right: list[float], wrong: list[float]
+):
+    for value in (*right, *wrong):
+        array = getattr(rig, name).copy()
+        array.flat[7] = value
+        replace(rig, **{name: array}).save(tmp_path / "a.npz")
+        if value in right:
+            RigFile.load(tmp_path / "a.npz")
+            continue
+        with pytest.raises(InputError, match=f"{name} holds "):
+            RigFile.load(tmp_path / "a.npz")

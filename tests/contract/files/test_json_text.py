@@ -63,3 +63,16 @@ def test_pipes_and_devices_are_refused_unread(tmp_path: Path):
     for path in (tmp_path / "pipe.json", Path("/dev/zero")):
         with pytest.raises(InputError, match="a pipe or a device, expected a file"):
             read_json(path, "camera file")
+
+
+def test_text_of_the_largest_size_and_values_without_depth_are_read():
+    assert decode_json(b'"' + b"x" * (16 * 2**20 - 2) + b'"') == "x" * (16 * 2**20 - 2)
+    assert depth(b"") == depth(b"5") == depth(b'"[{"') == 0 and decode_json(b"5") == 5
+    assert depth(b"[{}, [], {}]") == depth(b"{}") + 1 == 2
+    assert depth(b'[[1, "]]"], {"[": [[]]}]') == 4, "the deepest comes last"
+
+
+def test_only_a_key_that_is_there_twice_is_refused():
+    assert decode_json(b'{"a": {"a": 1}, "b": {"a": 2}}') == {"a": {"a": 1}, "b": {"a": 2}}
+    with pytest.raises(ValueError, match="'b' is there twice"):
+        decode_json(b'{"a": 1, "b": 2, "b": 2, "c": 3}')

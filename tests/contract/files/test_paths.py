@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -52,3 +53,26 @@ def test_a_job_with_such_a_path_is_refused(tmp_path: Path, job: Job, key: str, t
     with pytest.raises(InputError) as caught:
         Job.load(tmp_path / "job")
     assert str(caught.value).isprintable() and len(str(caught.value)) < 1000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems take other lengths")
+def test_a_path_as_long_as_linux_takes_is_nobodys_concern_and_one_longer_is():
+    longest = "/".join([*["x" * 255] * 15, "x" * 255])
+    assert len(longest) == 4095 and user_path(longest, "photo") == Path(longest)
+    # Of 4096 the system takes none: it counts the null character at the end.
+    for text, words in (
+        (f"{longest[:-1]}/x", "has a longer name than this system takes"),
+        (f"{longest[:-1]}/xx", "is 4097 characters long, a path has at most 4096"),
+    ):
+        with pytest.raises(InputError, match=words):
+            user_path(text, "photo")
+
+
+def test_what_lies_at_a_path_is_told_apart(tmp_path: Path):
+    (tmp_path / "a").touch()
+    asked = [
+        (is_file(path), is_folder(path)) for path in (tmp_path / "a", tmp_path, tmp_path / "b")
+    ]
+    assert asked == [(True, False), (False, True), (False, False)]
+    for path in (Path("a\0b"), tmp_path / "a" / "b", tmp_path / ("y" * 300)):
+        assert is_file(path) is is_folder(path) is False

@@ -122,3 +122,34 @@ def test_missing_files_are_named(tmp_path: Path):
         read_arrays(tmp_path / "none.npz", "truth file")
     with pytest.raises(InputError, match="is a folder, expected a file"):
         read_json(tmp_path, "camera file")
+
+
+def test_arrays_are_packed_unless_they_are_read_often(tmp_path: Path):
+    for name, options in (("packed", {}), ("plain", {"compress": False})):
+        write_arrays(tmp_path / f"{name}.npz", {"a": np.zeros(10_000)}, **options)
+    sizes = [(tmp_path / f"{name}.npz").stat().st_size for name in ("packed", "plain")]
+    assert sizes[0] < 1000 and 80_000 < sizes[1] < 81_000
+
+
+def test_a_file_is_no_larger_than_its_arrays_and_what_packs_them(tmp_path: Path):
+    path = tmp_path / "x.npz"
+    # With their headers of 128 bytes.
+    small, large = 928, 400_128
+    write_arrays(path, {"a": np.zeros(100), "b": np.zeros(50_000)}, compress=False)
+    assert set(read_arrays(path, "file", small + large)) == {"a", "b"}
+    assert set(read_arrays(path, "file", small, names=["a"])) == {"a"}
+    for limit, names in ((small + large - 1, None), (small - 1, ["a"])):
+        with pytest.raises(InputError, match="unpacked, expected at most"):
+            read_arrays(path, "file", limit, names)
+    with pytest.raises(InputError, match=r"expected at most 390\.6 KiB; is it the right file"):
+        read_arrays(path, "file", small, names=["a"], file_limit=400_000)
+    # Of a file of which nobody says how large it may be: the arrays, and 16 MiB.
+    with path.open("ab") as stream:
+        stream.truncate(16 * 2**20 + small + 1)
+    with pytest.raises(InputError, match="expected at most 16 MiB; is it the right file"):
+        read_arrays(path, "file", small)
+
+
+def test_what_is_written_ends_with_a_line_and_is_made_for_reading(tmp_path: Path):
+    write_json(tmp_path / "a.json", {"a": [np.bool_(True), np.float64(np.nan)], "b": np.int8(3)})
+    assert (tmp_path / "a.json").read_text() == '{\n "a": [\n  true,\n  null\n ],\n "b": 3\n}\n'

@@ -28,6 +28,7 @@ from facestage.contract.schemas.fields import (
 from facestage.contract.schemas.schema import (
     FileSchema,
     HandWritten,
+    check_version,
     checked,
     decoded_meta,
     sections,
@@ -186,3 +187,40 @@ def test_every_error_is_one_line_of_bounded_length(text: str):
     sentence = str(InputError(f"The file '{text}' is not there; check the path."))
     assert sentence.isprintable() and len(sentence) < 1000
     assert sentence.startswith("The file '") and sentence.endswith("check the path.")
+
+
+@pytest.mark.parametrize(
+    ("found", "words"), [(2, "2"), (1.0, "1.0"), (True, "true"), ("1", "'1'"), (None, "null")]
+)
+def test_only_the_number_of_the_version_is_the_version(found: Any, words: str):
+    check_version({"schema": 1}, 1, "The file", "write it again")
+    with pytest.raises(InputError) as caught:
+        check_version({"schema": found}, 1, "The file", "write it again")
+    assert str(caught.value) == f"The file has schema {words}, expected 1; write it again."
+
+
+@pytest.mark.parametrize(
+    ("name", "step"),
+    [
+        ("jaw_open/left-2", "jaw_open/left-2"),
+        ("a" * 60, "a" * 60),
+        ("a" * 61, f"'{'a' * 60}...' (61 characters)"),
+        ("two words", "'two words'"),
+        ("", "''"),
+        ("a\nb", r"'a\nb'"),
+        ("[a", "[a"),
+    ],
+)
+def test_a_value_is_named_by_its_path(name: str, step: str):
+    schema: Any = FileSchema.from_dict({"lights": Table(Items(Table(Flag())))})
+    with pytest.raises(InputError) as caught:
+        checked(schema(), {"lights": {"key": [{}, {name: 1}]}}, "The file")
+    dot = "" if step.startswith("[") else "."
+    assert str(caught.value) == f"The file: lights.key[1]{dot}{step} is 1, expected true or false."
+
+
+def test_an_array_of_a_sections_name_is_left_for_the_schema_to_refuse():
+    found = sections(
+        {"stage/x": np.zeros(2), "stage": np.ones(1), "/": np.zeros(3)}, "stage", "none"
+    )
+    assert set(found) == {"stage", "/"} and isinstance(found["stage"], np.ndarray)
