@@ -264,7 +264,10 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         ("seed", [0, 10**9], [-1, 10**9 + 1]),
         ("face", [1, 10**6], [0, 10**6 + 1]),
         ("budget_seconds", [1e-9, 1e9], [0, 1.001e9]),
-        ("weights", [{"photo": 0}, {"light": 1e9}], [{"photo": -1e-9}, {"light": 1.001e9}]),
+        *(
+            ("weights", [{term: 0}, {term: 1e9}], [{term: -1e-9}, {term: 1.001e9}])
+            for term in ("photo", "landmarks", "prior", "light")
+        ),
     ],
 )
 def test_limits_of_numbers(tmp_path: Path, photo: Path, name: str, right: list, wrong: list):

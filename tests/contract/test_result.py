@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -164,7 +165,7 @@ def test_a_face_has_a_triangle_at_least(tmp_path: Path, result: Result):
 def test_both_files_have_the_same_weights_to_what_text_keeps(
     tmp_path: Path, result: Result, name: str
 ):
-    weights = np.array([1000.0, *getattr(result, name)[1:]])
+    weights: Any = np.array([1000.0, *getattr(result, name)[1:]])
     replace(result, **{name: weights}).write_into(tmp_path)
     for factor, same in ((1 + 0.9e-5, True), (1 - 0.9e-5, True), (1 + 1.1e-5, False)):
         tampered(tmp_path, **{name: weights * factor})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,7 +172,7 @@ def test_a_face_has_a_hundred_vertices_and_polygons(tmp_path: Path, rig: RigFile
             small(rig, vertices, polygons)
 
 
-def corner(array: np.ndarray, row: int, column: int, value: int) -> np.ndarray:
+def corner(array: np.ndarray, row: int, column: int, value: int) -> Any:
     """The array with one other entry."""
     changed = array.copy()
     changed[row, column] = value

@@ -23,6 +23,7 @@ from facestage.contract.schemas.fields import (
     Text,
     Whole,
     range_words,
+    within,
     writable,
 )
 from facestage.contract.schemas.schema import FileSchema, checked
@@ -170,6 +171,11 @@ def test_a_field_with_a_default_or_that_is_not_required_may_be_missing():
 )
 def test_ranges_in_words(minimum: float | None, maximum: float | None, words: str):
     assert range_words(minimum, maximum) == words
+
+
+def test_a_whole_number_beyond_all_floats_is_within_no_range():
+    assert within(10**400, Number()) is within(-(10**400), Number()) is False
+    assert within(10**300, Number()) is True
 
 
 def test_text_that_cannot_be_written_anywhere():
