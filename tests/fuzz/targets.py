@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fuzz import readers, seeds_contract, seeds_fit, seeds_images, seeds_models
-from fuzz import readers_command as command
-from fuzz import readers_models as models
 from fuzz.case import Case
 from fuzz.choice import choices_of
-from fuzz.mutate_case import damaged
+from fuzz.damage.case import damaged
+from fuzz.readers import command, files, models
+from fuzz.seeds import contract as seeds_contract
+from fuzz.seeds import fit as seeds_fit
+from fuzz.seeds import images as seeds_images
+from fuzz.seeds import models as seeds_models
 
 CONTRACT, MODELS = "facestage.contract", "facestage.models"
 
@@ -59,38 +61,36 @@ TARGETS = {
             "json",
             f"{CONTRACT}.files.storage {CONTRACT}.files.reading {CONTRACT}.files.json_text",
             seeds_contract.any_json,
-            readers.read_any_json,
+            files.read_any_json,
             60,
         ),
         _target(
             "arrays",
             f"{CONTRACT}.files.storage {CONTRACT}.files.array_archive",
             seeds_contract.any_arrays,
-            readers.read_any_arrays,
+            files.read_any_arrays,
             120,
         ),
-        _target("job", f"{CONTRACT}.job", seeds_contract.job_folders, readers.read_job, 90),
+        _target("job", f"{CONTRACT}.job", seeds_contract.job_folders, files.read_job, 90),
         _target(
-            "result", f"{CONTRACT}.result", seeds_contract.result_folders, readers.read_result, 90
+            "result", f"{CONTRACT}.result", seeds_contract.result_folders, files.read_result, 90
         ),
         _target(
-            "person", f"{CONTRACT}.person", seeds_contract.person_folders, readers.read_person, 60
+            "person", f"{CONTRACT}.person", seeds_contract.person_folders, files.read_person, 60
         ),
         _target(
             "landmarks",
             f"{CONTRACT}.landmarks",
             seeds_contract.landmark_files,
-            readers.read_landmarks,
+            files.read_landmarks,
             50,
         ),
-        _target(
-            "camera", f"{CONTRACT}.camera", seeds_contract.camera_files, readers.read_camera, 40
-        ),
+        _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, files.read_camera, 40),
         _target(
             "event",
             f"{CONTRACT}.events",
             seeds_contract.event_lines,
-            readers.read_event,
+            files.read_event,
             40,
             plain=True,
         ),
@@ -98,7 +98,7 @@ TARGETS = {
             "relight",
             f"{CONTRACT}.relight_cache",
             seeds_contract.relit_folders,
-            readers.read_relight,
+            files.read_relight,
             40,
             fixed=_RESULT_FILES,
         ),
@@ -110,7 +110,7 @@ TARGETS = {
             30,
         ),
         _target(
-            "rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, readers.read_rig_file, 50
+            "rig-file", f"{CONTRACT}.rig_file", seeds_contract.rig_files, files.read_rig_file, 50
         ),
         _target("rig", f"{MODELS}.loaders.rig", seeds_contract.rig_files, models.read_rig, 1),
         _target(
@@ -121,23 +121,23 @@ TARGETS = {
             40,
         ),
         _target(
-            "truth", "facestage.fit.given.truth", seeds_contract.truth_files, readers.read_truth, 40
+            "truth", "facestage.fit.given.truth", seeds_contract.truth_files, files.read_truth, 40
         ),
         _target(
-            "memory", "facestage.system.native", seeds_contract.memories, readers.read_memory, 30
+            "memory", "facestage.system.native", seeds_contract.memories, files.read_memory, 30
         ),
         _target(
             "checkpoint",
             "facestage.fit.runs.checkpoint",
             seeds_fit.checkpoints,
-            readers.read_checkpoint,
+            files.read_checkpoint,
             30,
         ),
         _target(
             "joint-checkpoint",
             "facestage.fit.runs.joint_checkpoint",
             seeds_fit.joint_checkpoints,
-            readers.read_joint_checkpoint,
+            files.read_joint_checkpoint,
             20,
         ),
         _target(

@@ -137,7 +137,7 @@ class Worker:
 def _judged(target: Any, folder: Path) -> dict[str, Any]:
     from facestage.contract.errors import FacestageError
     from fuzz.consistent import InconsistentError
-    from fuzz.readers_command import RefusedError
+    from fuzz.readers.command import RefusedError
 
     try:
         target.read(folder)
@@ -211,7 +211,7 @@ def _reset_peak() -> int:
 
 
 def main() -> None:
-    from fuzz.readers import install_small_default_model
+    from fuzz.readers.files import install_small_default_model
 
     install_small_default_model()
     home, seeds, table = sys.argv[1:]

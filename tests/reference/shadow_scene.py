@@ -14,7 +14,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
-from reference.meshes import stage_at
+from reference.rendering.meshes import stage_at
 from reference.synthetic_scene import Scene
 
 IDENTITY = ("card across", "card up", "card away", "card turned", "card tilted", "wall bulge")

@@ -12,7 +12,7 @@ from facestage.landmarks.face_mesh import COUNT
 from facestage.landmarks.ibug68 import FIRST, SECOND, SHARE, to_ibug68
 from facestage.landmarks.model_file import Bundle
 from facestage.landmarks.visibility import GRAZING, visible_points
-from reference.intersect import intersections
+from reference.rendering.intersect import intersections
 
 NOSE_TIP, CHIN, RIGHT_EYE, LEFT_EYE, RIGHT_EAR, LEFT_EAR = 1, 152, 33, 263, 234, 454
 

@@ -20,7 +20,7 @@ from facestage.models.files.restricted_pickle import read_pickle
 from facestage.models.loaders.flame import load_flame
 from facestage.models.loaders.gnm import load_gnm
 from facestage.models.registry import load_model
-from reference.published_flame import embedding, flame_arrays, write_embedding, write_flame
+from reference.published.flame import embedding, flame_arrays, write_embedding, write_flame
 from reference.synthetic_face import synthetic_face
 
 KINDS = ("ict", "flame", "bfm", "gnm", "rig", "npz")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from reference.meshes import Mesh
+from reference.rendering.meshes import Mesh
 
 
 @pytest.fixture(scope="session")

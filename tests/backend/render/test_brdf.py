@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR, ROUGHNESS_MAX, ROUGHNESS_MIN
-from reference.cook_torrance import cook_torrance, ggx, normalize, schlick, skin, smith
+from reference.rendering.cook_torrance import cook_torrance, ggx, normalize, schlick, skin, smith
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 ROUGHNESSES = [ROUGHNESS_MIN, 0.1, 0.2, 0.4, 0.7, ROUGHNESS_MAX]

@@ -7,8 +7,8 @@ import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.render.tracer import Asked
-from reference.cook_torrance import normalize
-from reference.meshes import plane, seen_points, sphere
+from reference.rendering.cook_torrance import normalize
+from reference.rendering.meshes import plane, seen_points, sphere
 
 SAMPLES, SEED = 4, 9
 # Every light has a color of its own, so that no channel can stand for another.

@@ -11,8 +11,8 @@ import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.render.tracer import Asked
-from reference.area_light import direct_light, grid, lattice
-from reference.meshes import Mesh, Points, plane, seen_points, sphere, stage_at
+from reference.rendering.area_light import direct_light, grid, lattice
+from reference.rendering.meshes import Mesh, Points, plane, seen_points, sphere, stage_at
 
 ROUGHNESS = 0.35
 OFFSET = 2e-4

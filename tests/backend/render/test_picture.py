@@ -13,9 +13,9 @@ from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import sample_bilinear
-from reference.area_light import direct_light, keyed_lattice
-from reference.cook_torrance import normalize
-from reference.intersect import first_hits
+from reference.rendering.area_light import direct_light, keyed_lattice
+from reference.rendering.cook_torrance import normalize
+from reference.rendering.intersect import first_hits
 from reference.synthetic_scene import Scene, synthetic_scene
 
 SIDE, SAMPLES, SEED = 20, 2, 9

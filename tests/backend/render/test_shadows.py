@@ -9,10 +9,10 @@ import pytest
 
 from facestage.contract.light_stage import LightStage
 from facestage.render.tracer import Asked
-from reference.area_light import direct_light, lattice
-from reference.cook_torrance import normalize
-from reference.intersect import first_hits, intersections
-from reference.meshes import (
+from reference.rendering.area_light import direct_light, lattice
+from reference.rendering.cook_torrance import normalize
+from reference.rendering.intersect import first_hits, intersections
+from reference.rendering.meshes import (
     Mesh,
     Points,
     box,

@@ -14,7 +14,7 @@ from facestage.contract.result import Result
 from facestage.report import ReportData, write_report
 from facestage.report.certainty import CERTAINTY, DEVIATION, MARGIN, PANEL, draw_certainty
 from facestage.report.tables import certainty_rows
-from reference.meshes import sphere
+from reference.rendering.meshes import sphere
 
 
 def ball(deviation: np.ndarray) -> ReportData:

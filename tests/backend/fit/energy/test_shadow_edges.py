@@ -42,7 +42,7 @@ from facestage.fit.stages.phases import Schedule, default_schedule
 from facestage.fit.stages.view import View
 from facestage.render.tracer import PLAIN, Asked
 from reference.known import known
-from reference.meshes import stage_at
+from reference.rendering.meshes import stage_at
 from reference.shadow_scene import shadow_scene
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene, moved, plain_photo

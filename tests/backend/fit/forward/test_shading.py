@@ -11,9 +11,9 @@ from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import bilinear_weights, pixel_rays, sample_bilinear
 from facestage.render.tracer import Asked
-from reference.area_light import direct_light, tea
-from reference.cook_torrance import normalize
-from reference.intersect import first_hits
+from reference.rendering.area_light import direct_light, tea
+from reference.rendering.cook_torrance import normalize
+from reference.rendering.intersect import first_hits
 from reference.synthetic_scene import Scene
 
 PIXELS = np.array([[48, 46], [40, 55], [55, 40], [60, 60], [35, 38], [48, 70]]) + 0.5

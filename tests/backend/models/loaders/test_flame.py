@@ -16,8 +16,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.models.loaders.flame import LICENSE, OPEN_LICENSE, load_flame
 from facestage.models.mesh.unwrap import flipped
-from reference.model_scene import fewer_modes, fit_error, model_scene
-from reference.published_flame import (
+from reference.published.flame import (
     EYE,
     EYE_RADIUS,
     HEAD,
@@ -26,6 +25,7 @@ from reference.published_flame import (
     write_embedding,
     write_flame,
 )
+from reference.published.scene import fewer_modes, fit_error, model_scene
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.models.anatomy.regions import IRIS, PUPIL
 from facestage.models.loaders.gnm import load_gnm
-from reference.model_scene import fewer_modes, fit_error, model_scene
-from reference.published_gnm import gnm_arrays, write_landmarks
+from reference.published.gnm import gnm_arrays, write_landmarks
+from reference.published.scene import fewer_modes, fit_error, model_scene
 
 
 @pytest.fixture(scope="module")

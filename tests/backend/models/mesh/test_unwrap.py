@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facestage.models.mesh.unwrap import SKIN_TILE, flipped, unwrap, unwrap_disc
-from reference.published_heads import ball, head
+from reference.published.heads import ball, head
 
 
 def grid(

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 
 from fuzz.choice import Choose
-from fuzz.mutate_arrays import mangle_array
-from fuzz.mutate_bytes import mangle_bytes
+from fuzz.damage.arrays import mangle_array
+from fuzz.damage.bytes import mangle_bytes
 
 TEXTS = (
     b"",

@@ -22,7 +22,7 @@ def install_small_default_model() -> None:
     milliseconds.
     """
     from facestage.models import registry
-    from fuzz.seeds_contract import small_default
+    from fuzz.seeds.contract import small_default
 
     real = registry.load_model
 
@@ -132,7 +132,7 @@ def _truth_scene() -> tuple[Any, Any]:
     from facestage.contract.camera import Camera
     from facestage.fit.face.geometry import FaceGeometry
     from facestage.fit.face.state import State
-    from fuzz.seeds_contract import tiny_model
+    from fuzz.seeds.contract import tiny_model
 
     model = tiny_model()
     state = State(

@@ -8,7 +8,7 @@ import struct
 import zlib
 
 from fuzz.choice import Choose
-from fuzz.mutate_bytes import BOUNDARY, mangle_bytes
+from fuzz.damage.bytes import BOUNDARY, mangle_bytes
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

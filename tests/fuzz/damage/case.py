@@ -8,14 +8,14 @@ from collections.abc import Sequence
 
 from fuzz.case import SPECIAL, Case
 from fuzz.choice import Choose
-from fuzz.mutate_archives import Mutator, mangle_tar, mangle_zip
-from fuzz.mutate_arguments import mangle_arguments
-from fuzz.mutate_bytes import mangle_bytes
-from fuzz.mutate_hdf5 import mangle_hdf5
-from fuzz.mutate_images import mangle_image, mangle_profile
-from fuzz.mutate_json import mangle_json
-from fuzz.mutate_pickle import mangle_pickle
-from fuzz.mutate_text import mangle_mat, mangle_text
+from fuzz.damage.archives import Mutator, mangle_tar, mangle_zip
+from fuzz.damage.arguments import mangle_arguments
+from fuzz.damage.bytes import mangle_bytes
+from fuzz.damage.hdf5 import mangle_hdf5
+from fuzz.damage.images import mangle_image, mangle_profile
+from fuzz.damage.json import mangle_json
+from fuzz.damage.pickle import mangle_pickle
+from fuzz.damage.text import mangle_mat, mangle_text
 
 BY_SUFFIX: dict[str, Mutator] = {
     "argv": mangle_arguments,

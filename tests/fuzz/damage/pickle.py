@@ -8,7 +8,7 @@ import pickletools
 import struct
 
 from fuzz.choice import Choose
-from fuzz.mutate_bytes import mangle_bytes
+from fuzz.damage.bytes import mangle_bytes
 
 _HARMFUL = (
     b"cos\nsystem\n(S'true'\ntR",

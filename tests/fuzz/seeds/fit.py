@@ -12,7 +12,7 @@ from facestage.fit.runs.checkpoint import Checkpoint, Within
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.stages.view import Memory
 from fuzz.case import Case
-from fuzz.seeds_contract import (
+from fuzz.seeds.contract import (
     LIGHTS,
     camera,
     face_models,
@@ -23,7 +23,7 @@ from fuzz.seeds_contract import (
     rigid,
     written,
 )
-from fuzz.seeds_images import encoded, picture
+from fuzz.seeds.images import encoded, picture
 
 GIVEN, FROZEN = "--landmarks landmarks.json", "--focal-px 60 --freeze pose roughness"
 COMMANDS = (

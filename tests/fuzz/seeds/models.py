@@ -18,13 +18,13 @@ import scipy.io
 from scipy import sparse
 
 from fuzz.case import Case
-from fuzz.mutate_archives import BOMB, bomb_zip, deflated_zeros, tar_bytes, zip_bytes
-from fuzz.mutate_images import PNG, png_chunk
-from fuzz.seeds_contract import numbers, written
-from reference.published_bfm import write_statismo
-from reference.published_flame import embedding, flame_arrays, write_embedding, write_flame
-from reference.published_gnm import gnm_arrays, write_landmarks
-from reference.published_heads import head
+from fuzz.damage.archives import BOMB, bomb_zip, deflated_zeros, tar_bytes, zip_bytes
+from fuzz.damage.images import PNG, png_chunk
+from fuzz.seeds.contract import numbers, written
+from reference.published.bfm import write_statismo
+from reference.published.flame import embedding, flame_arrays, write_embedding, write_flame
+from reference.published.gnm import gnm_arrays, write_landmarks
+from reference.published.heads import head
 
 ICT_VERTICES, ICT_POLYGONS = 26719, 26384
 HEAD_VERTICES = 200

@@ -14,9 +14,9 @@ import zlib
 from collections.abc import Callable
 
 from fuzz.choice import Choose
-from fuzz.mutate_arrays import mangle_npy
-from fuzz.mutate_bytes import BOUNDARY, mangle_bytes
-from fuzz.mutate_json import mangle_json
+from fuzz.damage.arrays import mangle_npy
+from fuzz.damage.bytes import BOUNDARY, mangle_bytes
+from fuzz.damage.json import mangle_json
 
 Mutator = Callable[[Choose, bytes], bytes]
 Members = list[tuple[str, bytes]]

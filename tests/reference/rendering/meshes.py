@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from facestage.contract.light_stage import ON, LightStage
-from reference.cook_torrance import normalize
-from reference.intersect import first_hits
+from reference.rendering.cook_torrance import normalize
+from reference.rendering.intersect import first_hits
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.rig_file import RigFile
 from fuzz.case import Case
-from fuzz.mutate_archives import zip_bytes, zip_members
-from fuzz.seeds_images import exr
+from fuzz.damage.archives import zip_bytes, zip_members
+from fuzz.seeds.images import exr
 from reference.synthetic_face import synthetic_face
 
 LIGHTS, SIDE = 3, 24

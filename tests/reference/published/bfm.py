@@ -10,7 +10,7 @@ import numpy as np
 import scipy.io
 
 from facestage.models.loaders.bfm import _LANDMARKS_2009, _NAMED
-from reference.published_heads import Head, head, smooth_modes
+from reference.published.heads import Head, head, smooth_modes
 
 
 def unit_columns(modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

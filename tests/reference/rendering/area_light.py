@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from facestage.contract.light_stage import LightStage
-from reference.cook_torrance import cook_torrance, dot, normalize
-from reference.intersect import occluded
+from reference.rendering.cook_torrance import cook_torrance, dot, normalize
+from reference.rendering.intersect import occluded
 
 MIN_VIEW_COSINE = 1e-3  # the model ends at grazing view
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reference.published_heads import ball, head, smooth_modes
+from reference.published.heads import ball, head, smooth_modes
 
 IDENTITY = ("head", "eyes", "teeth")
 EXPRESSIONS = ("left_eye_region", "right_eye_region", "lower_face_region", "tongue", "pupils")

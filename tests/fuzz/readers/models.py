@@ -14,7 +14,7 @@ from unittest import mock
 import numpy as np
 
 from fuzz.consistent import check_array, check_dataclass, require
-from fuzz.readers import read_any_arrays
+from fuzz.readers.files import read_any_arrays
 
 
 def check_loaded(specification: str, folder: Path) -> None:
@@ -134,7 +134,7 @@ def read_profile(folder: Path) -> None:
     from PIL import Image
 
     from facestage.images.color_profile import decoder_of, through_littlecms
-    from fuzz.seeds_images import picture
+    from fuzz.seeds.images import picture
 
     data = (folder / "a.icc").read_bytes()
     decoder = decoder_of(data)

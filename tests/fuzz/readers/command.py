@@ -18,7 +18,7 @@ from unittest import mock
 import numpy as np
 
 from fuzz.consistent import check_array, require
-from fuzz.readers import check_result
+from fuzz.readers.files import check_result
 
 
 class RefusedError(Exception):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
-from reference.published_heads import ball, head, smooth_modes
+from reference.published.heads import ball, head, smooth_modes
 
 HEAD, EYE = 3931, 546
 EYE_RADIUS = 0.012  # m

@@ -9,7 +9,7 @@ import json
 from typing import Any
 
 from fuzz.choice import Choose
-from fuzz.mutate_bytes import mangle_bytes
+from fuzz.damage.bytes import mangle_bytes
 
 # Texts that no Python value is written as: put in place of a marker.
 _RAW = (

@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 
 from fuzz.choice import Choose
-from fuzz.mutate_bytes import mangle_bytes
-from fuzz.mutate_json import mangle_json
+from fuzz.damage.bytes import mangle_bytes
+from fuzz.damage.json import mangle_json
 
 VALUES = (
     float("nan"),

@@ -1,0 +1,1 @@
+"""What is done with each input: one function per reader, which reads, looks and uses a little."""

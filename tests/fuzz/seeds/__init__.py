@@ -1,0 +1,1 @@
+"""Valid inputs, written by the project's own writers and by ``tests/reference``."""

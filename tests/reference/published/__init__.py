@@ -1,0 +1,1 @@
+"""Face model files of the published structures, on heads made for tests."""

@@ -1,0 +1,1 @@
+"""What the renderer computes, slowly and obviously right."""
