@@ -52,6 +52,11 @@ def load_model(specification: str) -> FaceModel:
     raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
 
 
+def default_model() -> FaceModel:
+    """The default head."""
+    return load_model("default")
+
+
 def _path(text: str) -> Path:
     """The absolute path that a user gave. Raises InputError for one that cannot be."""
     path = user_path(text, "face model's path")
@@ -97,25 +102,25 @@ def _load_ict(path: Path) -> FaceModel:
 def _load_rig(path: Path) -> FaceModel:
     from facestage.models.loaders.rig import load_rig
 
-    return load_rig(path)
+    return load_rig(path, default_model)
 
 
 def _load_flame(path: Path) -> FaceModel:
     from facestage.models.loaders.flame import load_flame
 
-    return load_flame(path)
+    return load_flame(path, default_model)
 
 
 def _load_bfm(path: Path) -> FaceModel:
     from facestage.models.loaders.bfm import load_bfm
 
-    return load_bfm(path)
+    return load_bfm(path, default_model)
 
 
 def _load_gnm(path: Path) -> FaceModel:
     from facestage.models.loaders.gnm import load_gnm
 
-    return load_gnm(path)
+    return load_gnm(path, default_model)
 
 
 def _fingerprint(path: Path) -> str:

@@ -17,10 +17,9 @@ from facestage.landmarks import model_file
 from facestage.models import registry
 from facestage.models.files.published_file import MODEL_LIMIT, PICKLE_LIMIT
 from facestage.models.files.restricted_pickle import read_pickle
-from facestage.models.loaders.flame import load_flame
-from facestage.models.loaders.gnm import load_gnm
 from facestage.models.registry import load_model
 from reference.published.flame import embedding, flame_arrays, write_embedding, write_flame
+from reference.published.loaded import load_flame, load_gnm
 from reference.synthetic_face import synthetic_face
 
 KINDS = ("ict", "flame", "bfm", "gnm", "rig", "npz")

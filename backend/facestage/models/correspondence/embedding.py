@@ -4,13 +4,16 @@ landmark.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
 from facestage.models.anatomy.regions import landmark_points
+from facestage.models.correspondence.registration import register
+from facestage.models.correspondence.transfer import landmark_tables
 
 SCHEME = "ibug68"
 _IBUG = 68
@@ -58,24 +61,23 @@ def landmark_schemes(
     table: np.ndarray,
     vertices: np.ndarray,
     triangles: np.ndarray,
+    default_head: Callable[[], FaceModel],
     points: Mapping[int, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
     """Landmark tables for every scheme of the default model, from what a face model itself says of
     its landmarks.
 
     table: (68, 6) of the ibug scheme, or (51, 6) of its last, or (0, 6). vertices (n, 3) m,
-    triangles (t, 3): the skin.
+    triangles (t, 3): the skin. default_head: gives the default model.
     points: index of an ibug landmark -> its place (3,), where only that is known. What the model
     does not say is carried over from the default head by registration. Raises InputError when no
     face is found.
     """
-    from facestage.models.correspondence.transfer import transfer_landmarks
-    from facestage.models.registry import load_model
-
-    if len(table) == _IBUG and set(load_model("default").landmarks) == {SCHEME}:
+    head = default_head()
+    if len(table) == _IBUG and set(head.landmarks) == {SCHEME}:
         return {SCHEME: table}
     rows = range(_IBUG - len(table), _IBUG)
     known = dict(points or {}) | dict(zip(rows, landmark_points(vertices, table), strict=True))
-    tables = transfer_landmarks(vertices, triangles, known)
+    tables = landmark_tables(register(head, vertices, triangles, known), vertices, triangles, known)
     tables[SCHEME][list(rows)] = table
     return tables

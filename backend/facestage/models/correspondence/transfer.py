@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from facestage.contract.face_model import EYES, OTHER, SKIN
-from facestage.models.correspondence.registration import SCHEME, Registration, register
+from facestage.models.correspondence.registration import SCHEME, Registration
 from facestage.models.mesh.surface import Surface, normals_and_areas, vertex_normals
-from facestage.models.registry import load_model
 
 _COSINE = 0.2
 _REGIONS = ("narrow_face", "face")
@@ -20,23 +19,6 @@ _REGION_REACH = 8e-3  # metres on the default face
 _PIECE_REACH = 15e-3
 # of the main piece's area: a smaller loose piece over the skin is a lash, a brow or a tear line
 _SKIN_SHARE = 0.05
-
-
-def transfer_landmarks(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    known_points: Mapping[int, np.ndarray] | None = None,
-    focus: np.ndarray | None = None,
-) -> dict[str, np.ndarray]:
-    """Landmark tables of a face mesh (see FaceModel.landmarks) for every scheme that the default
-    model has.
-
-    vertices (n, 3) and triangles (t, 3): the mesh, any unit and axes. known_points, focus: see
-    :func:`facestage.models.correspondence.registration.register`. Returns scheme -> (m, 6) float64:
-    three vertex indices and their barycentric weights. Raises InputError when no face is found.
-    """
-    fit = register(load_model("default"), vertices, triangles, known_points, focus)
-    return landmark_tables(fit, vertices, triangles, known_points)
 
 
 def landmark_tables(

@@ -26,6 +26,8 @@ how far that holds.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +104,7 @@ _LANDMARKS_2009 = (
 )  # fmt: skip
 
 
-def load_bfm(path: Path) -> FaceModel:
+def load_bfm(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
     """The whole model: every identity, expression and color mode of the file, without eyeballs or
     teeth (it has none).
 
@@ -110,10 +112,27 @@ def load_bfm(path: Path) -> FaceModel:
     something else.
     """
     path = find_published(Path(path), NAMES, "Basel Face Model", _FETCH)
-    return _load_2009(path) if path.suffix.lower() == ".mat" else _load_statismo(path)
+    read = _read_2009 if path.suffix.lower() == ".mat" else _read_statismo
+    return _assemble(path, read(path), default_head)
 
 
-def _load_2009(path: Path) -> FaceModel:
+@dataclass(frozen=True)
+class _Published:
+    """What a file holds, in metres and sRGB of 0..1."""
+
+    name: str
+    vertices: np.ndarray  # (n, 3) float64, the mean
+    triangles: np.ndarray  # (t, 3) int64
+    identity: np.ndarray  # (k, n, 3) float32 per standard deviation
+    color: np.ndarray  # (n, 3), the mean
+    color_modes: np.ndarray  # (d, n, 3) per standard deviation
+    expressions: np.ndarray | None = None  # (e, n, 3) float32, the first is their mean
+    # A table (68, 6) of the ibug landmarks, or (0, 6), and the places of single ones.
+    landmarks: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    known: dict[int, np.ndarray] = field(default_factory=dict)
+
+
+def _read_2009(path: Path) -> _Published:
     size = 3 * VERTEX_COUNT_2009
     data = _arrays(read_mat, path, (*_NAMES_2009, "tl"), "a MATLAB")
     arrays = {name: data.get(name, np.zeros(0)) for name in _NAMES_2009}
@@ -127,21 +146,18 @@ def _load_2009(path: Path) -> FaceModel:
             f"'{path}' is no Basel Face Model: tl has shape {triangles.shape}, not (t, 3); {_FETCH}"
         )
     micrometer = 1e-6
-    return _assemble(
-        "Basel Face Model 2009",
-        path,
-        _vertices(arrays["shapeMU"]) * micrometer,
-        triangles.astype(np.int64) - 1,
-        _modes(arrays["shapePC"], arrays["shapeEV"]) * np.float32(micrometer),
-        None,
-        _vertices(arrays["texMU"]) / 255,
-        _modes(arrays["texPC"], arrays["texEV"]) / np.float32(255),
-        table_of_vertices(np.array(_LANDMARKS_2009) - 1),
-        {},
+    return _Published(
+        name="Basel Face Model 2009",
+        vertices=_vertices(arrays["shapeMU"]) * micrometer,
+        triangles=triangles.astype(np.int64) - 1,
+        identity=_modes(arrays["shapePC"], arrays["shapeEV"]) * np.float32(micrometer),
+        color=_vertices(arrays["texMU"]) / 255,
+        color_modes=_modes(arrays["texPC"], arrays["texEV"]) / np.float32(255),
+        landmarks=table_of_vertices(np.array(_LANDMARKS_2009) - 1),
     )
 
 
-def _load_statismo(path: Path) -> FaceModel:
+def _read_statismo(path: Path) -> _Published:
     millimeter = 1e-3
     data = _arrays(read_hdf5, path, _NAMES_STATISMO, "an HDF5")
     mean, basis = _pca(path, data, "shape")
@@ -164,33 +180,22 @@ def _load_statismo(path: Path) -> FaceModel:
         expressions = np.concatenate(
             [expression[0].astype(np.float32)[None], expression[1]]
         ) * np.float32(millimeter)
-    return _assemble(
-        f"Basel Face Model {year}".strip(),
-        path,
-        mean * millimeter,
-        triangles,
-        basis * np.float32(millimeter),
-        expressions,
-        color,
-        color_basis,
-        np.zeros((0, 6)),
-        known,
+    return _Published(
+        name=f"Basel Face Model {year}".strip(),
+        vertices=mean * millimeter,
+        triangles=triangles,
+        identity=basis * np.float32(millimeter),
+        color=color,
+        color_modes=color_basis,
+        expressions=expressions,
+        known=known,
     )
 
 
 def _assemble(
-    name: str,
-    path: Path,
-    mean: np.ndarray,
-    triangles: np.ndarray,
-    identity: np.ndarray,
-    expressions: np.ndarray | None,
-    color: np.ndarray,
-    color_modes: np.ndarray,
-    landmarks: np.ndarray,
-    known: dict[int, np.ndarray],
+    path: Path, published: _Published, default_head: Callable[[], FaceModel]
 ) -> FaceModel:
-    """The model from metres and sRGB in 0..1; the first of ``expressions`` is their mean."""
+    mean, triangles = published.vertices, published.triangles
     if triangles.size == 0 or triangles.min() < 0 or triangles.max() >= len(mean):
         raise InputError(
             f"'{path}' is damaged: its triangles refer to vertices outside 0..{len(mean) - 1}; "
@@ -198,18 +203,19 @@ def _assemble(
         )
     check_head(path, mean, "Basel Face Model", _FETCH)
     triangles = outward(mean, triangles)
-    tables = landmark_schemes(landmarks, mean, triangles, known)
+    tables = landmark_schemes(published.landmarks, mean, triangles, default_head, published.known)
     regions = face_regions(mean, np.ones(len(mean), bool), tables[SCHEME])
     centre = mean[regions["narrow_face"]].mean(axis=0)
     uvs, triangle_uvs = unwrap(mean, triangles)
-    albedo, albedo_basis = log_albedo(color, color_modes)
+    albedo, albedo_basis = log_albedo(published.color, published.color_modes)
+    expressions = published.expressions
     if expressions is None:
         expressions = np.zeros((0, len(mean), 3), np.float32)
     names = tuple(
         "expressionMean" if k == 0 else f"expression{k - 1:03d}" for k in range(len(expressions))
     )
     return FaceModel(
-        name=name,
+        name=published.name,
         license=LICENSE,
         source=SOURCE,
         vertices=(mean - centre).astype(np.float32),
@@ -217,8 +223,8 @@ def _assemble(
         polygon_uvs=quads_of(triangle_uvs),
         polygon_part=np.full(len(triangles), SKIN, np.uint8),
         uvs=uvs,
-        identity_names=tuple(f"identity{k:03d}" for k in range(len(identity))),
-        identity_basis=identity,
+        identity_names=tuple(f"identity{k:03d}" for k in range(len(published.identity))),
+        identity_basis=published.identity,
         expression_names=names,
         expression_basis=expressions,
         expression_prior=("box",) * min(len(names), 1) + ("gaussian",) * (len(names) - 1),

@@ -18,6 +18,7 @@ lmk_b_coords: the last 51 of them), and ``FLAME_texture.npz`` or
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ _SHAPES = {
 }
 
 
-def load_flame(path: Path) -> FaceModel:
+def load_flame(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
     """The whole model: 300 identity modes, 100 Gaussian expressions, and jaw and gaze as shapes of
     weight 0 to 1.
 
@@ -100,7 +101,7 @@ def load_flame(path: Path) -> FaceModel:
     names, shapes = _posed_shapes(arrays, mean)
     eyes = np.arange(VERTEX_COUNT) >= EYES_START
     part = np.where(eyes[triangles].all(axis=1), EYES, SKIN).astype(np.uint8)
-    landmarks = _landmarks(path.parent, mean, triangles, part)
+    landmarks = _landmarks(path.parent, mean, triangles[part == SKIN], triangles, default_head)
     regions = face_regions(mean, ~eyes, landmarks[SCHEME])
     mean = mean - mean[regions["narrow_face"]].mean(axis=0)
     uvs, triangle_uvs, tile = _uvs(path.parent, mean, triangles)
@@ -188,12 +189,15 @@ def _posed_shapes(arrays: dict[str, Any], mean: np.ndarray) -> tuple[tuple[str, 
 
 
 def _landmarks(
-    folder: Path, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray
+    folder: Path,
+    vertices: np.ndarray,
+    skin: np.ndarray,
+    triangles: np.ndarray,
+    default_head: Callable[[], FaceModel],
 ) -> dict[str, np.ndarray]:
     """Landmark tables: from the embedding beside the model, what it lacks carried over from the
     default head.
     """
-    skin = triangles[part == SKIN]
     for name in LANDMARK_NAMES:
         path = folder / name
         if not path.is_file():
@@ -208,13 +212,13 @@ def _landmarks(
                 table = table_of_triangles(
                     triangles, rows, points.reshape(-1, 3 if points.size % 3 == 0 else 1), path
                 )
-                return landmark_schemes(table, vertices, skin)
+                return landmark_schemes(table, vertices, skin, default_head)
         raise InputError(
             f"The FLAME landmark file '{path}' lacks full_lmk_faces_idx and "
             "full_lmk_bary_coords; expected the "
             "landmark_embedding.npy of DECA or the flame_static_embedding.pkl of RingNet, or none."
         )
-    return landmark_schemes(np.zeros((0, 6)), vertices, skin)
+    return landmark_schemes(np.zeros((0, 6)), vertices, skin, default_head)
 
 
 def _uvs(

@@ -19,6 +19,7 @@ order; it is put in order here.
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ _TILES = {
 }
 
 
-def load_gnm(path: Path) -> FaceModel:
+def load_gnm(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
     """The whole model: identity modes, Gaussian expressions, and both eyes' gaze as shapes of
     weight 0 to 1.
 
@@ -82,7 +83,7 @@ def load_gnm(path: Path) -> FaceModel:
     triangles = np.concatenate(
         [quads[part == SKIN][:, [0, 1, 2]], quads[part == SKIN][:, [0, 2, 3]]]
     )
-    landmarks = landmark_schemes(_landmarks(path, mean), mean, triangles)
+    landmarks = landmark_schemes(_landmarks(path, mean), mean, triangles, default_head)
     regions = face_regions(mean, skin, landmarks[SCHEME])
     for side in ("left", "right"):
         regions[f"eye_{side}"] = np.flatnonzero(groups[f"{side}_eye"]).astype(np.int32)

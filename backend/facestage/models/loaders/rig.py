@@ -4,6 +4,7 @@ model.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,6 @@ from facestage.models.correspondence.transfer import (
     region_vertices,
 )
 from facestage.models.mesh.surface import pieces
-from facestage.models.registry import load_model
 
 # What a modeler's unit is in metres; the first that makes the face a plausible size is taken.
 _UNITS = (1.0, 0.01, 0.001, 0.1, 0.0254, 0.3048)
@@ -39,7 +39,7 @@ _PART_ALBEDO = {
 }
 
 
-def load_rig(path: Path) -> FaceModel:
+def load_rig(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
     """The face model of a file that the add-on wrote (RigFile), in metres, upright, looking along
     +Z.
 
@@ -53,7 +53,7 @@ def load_rig(path: Path) -> FaceModel:
     triangles = split_quads(rig.polygons)
     part = np.repeat(rig.polygon_part, 1 + (rig.polygons[:, 3] >= 0))
     marked = {index: place * scale for index, place in rig.known_points().items()}
-    default = load_model("default")
+    default = default_head()
     skin = triangles[(part == SKIN) | (part == UNKNOWN_PART)]
     if len(skin) < 100:
         raise InputError(

@@ -16,9 +16,9 @@ import scipy.io
 
 from facestage.contract.errors import InputError
 from facestage.models.files.hdf5_file import read_hdf5
-from facestage.models.loaders.bfm import load_bfm
 from reference.published.bfm import write_statismo
 from reference.published.heads import Head, head
+from reference.published.loaded import load_bfm
 
 MEAN = "shape/model/mean"
 SECRET = 1234.5

@@ -14,10 +14,11 @@ import scipy.io
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.images.image_io import srgb_to_linear
-from facestage.models.loaders.bfm import LICENSE, load_bfm, log_albedo
+from facestage.models.loaders.bfm import LICENSE, log_albedo
 from facestage.models.mesh.unwrap import flipped
 from reference.published.bfm import color_modes, head_2009, skin_srgb, write_2009, write_statismo
 from reference.published.heads import Head, head
+from reference.published.loaded import load_bfm
 from reference.published.scene import fewer_modes, fit_error, model_scene
 
 

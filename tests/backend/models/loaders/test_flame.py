@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN, FaceModel
-from facestage.models.loaders.flame import LICENSE, OPEN_LICENSE, load_flame
+from facestage.models.loaders.flame import LICENSE, OPEN_LICENSE
 from facestage.models.mesh.unwrap import flipped
 from reference.published.flame import (
     EYE,
@@ -25,6 +25,7 @@ from reference.published.flame import (
     write_embedding,
     write_flame,
 )
+from reference.published.loaded import load_flame
 from reference.published.scene import fewer_modes, fit_error, model_scene
 
 

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.models.anatomy.regions import IRIS, PUPIL
-from facestage.models.loaders.gnm import load_gnm
 from reference.published.gnm import gnm_arrays, write_landmarks
+from reference.published.loaded import load_gnm
 from reference.published.scene import fewer_modes, fit_error, model_scene
 
 

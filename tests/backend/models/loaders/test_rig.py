@@ -12,8 +12,8 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, UNKNOWN_PART, RigFile
 from facestage.models.correspondence.coarse_alignment import axis_rotation
-from facestage.models.loaders.rig import load_rig
 from facestage.models.registry import load_model
+from reference.published.loaded import load_rig
 
 TURN = 100.0 * axis_rotation(2, 4)  # model frame -> centimetres, Z up, looking along -Y
 COUNT = 6  # expressions
