@@ -75,7 +75,7 @@ class Certainty:
 
 def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str]]) -> Certainty:
     """By block: standard deviations, and the unobserved entries' names; without a name, an entry is
-    its number.
+    its number, and the only one is its block.
 
     Of a block as large as the specular map, whose entries nobody names, the count is given.
     """
@@ -88,6 +88,6 @@ def describe(found: Deviations, layout: Layout, names: Mapping[str, Sequence[str
         if entries and count > NAMED_MAX and block not in names:
             unobserved[block] = [f"{len(entries)} of {count}"]
         elif entries:
-            known = names.get(block, ())
+            known = names.get(block, (block,) if count == 1 else ())
             unobserved[block] = [known[i] if i < len(known) else str(i) for i in entries]
     return Certainty(after, unobserved, before)

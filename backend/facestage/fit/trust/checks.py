@@ -164,6 +164,4 @@ def _names(problem: Problem) -> dict[str, list[str]]:
         "identity": list(model.identity_names),
         "expression": list(model.expression_names),
         "lights": light_names,
-        "focal": ["focal"],
-        "roughness": ["roughness"],
     }

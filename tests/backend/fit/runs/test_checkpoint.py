@@ -193,6 +193,30 @@ def test_round_trip(scene: Scene, tmp_path: Path):
             np.testing.assert_array_equal(getattr(state, name), getattr(scene.state, name))
 
 
+def test_the_layout_of_the_file_is_that_of_every_version_with_this_number(scene: Scene):
+    """Checkpoints of other versions are resumed."""
+    arrays = a_checkpoint(scene).arrays()
+    state = [
+        "rotation",
+        "translation",
+        "identity",
+        "expression",
+        "lights",
+        "light_position",
+        "albedo",
+        "specular",
+    ]
+    own = {"meta", "strong", "camera_to_stage", "hidden", "resting"}
+    assert set(arrays) == own | {
+        f"{k}/{name}" for k in ("began", "start", "within") for name in state
+    }
+    meta = json.loads(str(arrays["meta"]))
+    assert meta["schema"] == 2
+    camera = json.loads(json.dumps(scene.state.camera.to_json()))
+    for name in ("began", "start", "within"):
+        assert meta["states"][name] == {"camera": camera, "roughness": scene.state.roughness}
+
+
 def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Path):
     memory = Memory(1.0, None, None, np.zeros(4, bool), None)
     Checkpoint("abc", 0, 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
