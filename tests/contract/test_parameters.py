@@ -57,7 +57,7 @@ parameters.KEPT = {**parameters.KEPT, "glow": row.values}
 
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.result import Result
-from fuzz import seeds_contract
+from fuzz.seeds import contract as seeds_contract
 
 folder = Path(sys.argv[1])
 shared = {"identity": np.ones(2), "albedo": np.ones(1), "specular": np.ones((2, 2))}
@@ -82,5 +82,5 @@ def test_another_row_is_kept_and_what_was_written_before_it_still_loads(
     tmp_path: Path, repository: Path
 ):
     environment = os.environ | {"PYTHONPATH": str(repository / "tests")}
-    command = [sys.executable, "-c", ANOTHER_ROW, tmp_path]
+    command = [sys.executable, "-c", ANOTHER_ROW, str(tmp_path)]
     subprocess.run(command, check=True, timeout=60, env=environment)
