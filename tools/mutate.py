@@ -57,7 +57,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         CONTRACT + "files/test_storage.py",
     ),
     "contract.files.storage": (CONTRACT + "files/test_storage.py",),
-    "contract.partial": (CONTRACT + "test_partial.py", "tests/backend/cli/test_endings.py"),
+    "contract.partial": (CONTRACT + "test_partial.py",),
     "contract.result": (CONTRACT + "test_result.py", CONTRACT + "test_tampered_result.py"),
     "contract.result_files": (CONTRACT + "test_result_files.py", CONTRACT + "files/test_atomic.py"),
     "contract.schemas.array_field": (
@@ -74,7 +74,11 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"contract.{name}": (f"{CONTRACT}test_{name}.py",)
         for name in ("face_model", "job", "person", "relight_cache", "rig_file")
     },
-    "fit.trust.checks": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
+    "fit.trust.checks": (
+        FIT + "trust/test_checks_values.py",
+        FIT + "trust/test_guard_values.py",
+        FIT + "trust/test_guard.py",
+    ),
     "fit.solve.descent": (FIT + "solve/test_descent.py",),
     "fit.energy.photo_term": (
         FIT + "energy/test_energy_values.py",
@@ -90,13 +94,17 @@ TESTS: dict[str, tuple[str, ...]] = {
     "fit.energy.noise": (FIT + "energy/test_noise_values.py", FIT + "energy/test_noise.py"),
     "fit.energy.normal_equations": (FIT + "energy/test_normal_equations.py",),
     "fit.energy.photo_jacobian": (
+        FIT + "energy/test_photometric_values.py",
         FIT + "energy/test_normal_equations.py",
         FIT + "energy/test_photometric.py",
     ),
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
     "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
     "fit.stages.stage": (FIT + "energy/test_plan.py", FIT + "stages/test_recovery.py"),
-    "fit.energy.shadow_edges": (FIT + "energy/test_shadow_edges.py",),
+    "fit.energy.shadow_edges": (
+        FIT + "energy/test_shadow_edges_values.py",
+        FIT + "energy/test_shadow_edges.py",
+    ),
     "fit.energy.silhouette": (
         FIT + "energy/test_silhouette_values.py",
         FIT + "energy/test_silhouette.py",

@@ -423,3 +423,50 @@ def test_what_is_wrong_with_a_folder_is_said(tmp_path: Path):
         patch.setattr(atomic, "READ_PAUSE", 0.0)
         with pytest.raises(InputError, match="replaced again and again"):
             read_consistently(tmp_path, busy)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="asks Linux for the open files")
+def test_no_file_stays_open_whether_it_was_written_or_not(tmp_path: Path):
+    def failing() -> None:
+        with atomic_file(tmp_path / "a.txt") as path:
+            path.unlink()
+            raise RuntimeError("stop")
+
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    write_json(tmp_path / "a.json", {})
+    write_folder(tmp_path / "out", result="new")
+    # That the block has removed what it wrote does not hide why it stopped.
+    with pytest.raises(RuntimeError, match="stop"):
+        failing()
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_what_is_wrong_is_said_at_once_and_what_is_replaced_is_read_again(tmp_path: Path):
+    out = tmp_path / "out"
+    write_pair(out, 1)
+    reads: list[Path] = []
+
+    def damaged(folder: Path) -> None:
+        reads.append(folder)
+        raise InputError("damaged")
+
+    with pytest.raises(InputError, match="damaged"):
+        read_consistently(out, damaged)
+    assert reads == [out]
+
+    def damaged_once(folder: Path) -> int:
+        reads.append(folder)
+        if len(reads) == 2:
+            write_pair(folder, 2)
+            raise InputError("half of one")
+        return int(read_json(folder / "result.json", "result")["number"])
+
+    assert read_consistently(out, damaged_once) == 2 and len(reads) == 3
+
+
+def test_a_folder_that_never_comes_back_is_read_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    left_behind(tmp_path)
+    monkeypatch.setattr(atomic, "READ_PAUSE", 0.0)
+    assert read_consistently(tmp_path / "out", lambda folder: folder.name) == "out"

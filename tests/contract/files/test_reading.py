@@ -70,3 +70,19 @@ def test_what_is_refused_is_closed(tmp_path: Path):
     assert len(list(OPEN.iterdir())) == before
     with open_regular(tmp_path / "large", "camera file", 9) as stream:
         assert stream.read() == bytes(9)
+
+
+@pytest.mark.skipif(not hasattr(os, "O_NONBLOCK"), reason="Windows has no such pipes")
+def test_nobody_who_would_write_into_a_pipe_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "a").touch()
+    asked, real = [], os.open
+
+    def opened(path: Path, flags: int) -> int:
+        asked.append(flags)
+        return real(path, flags)
+
+    monkeypatch.setattr(os, "open", opened)
+    read_bytes(tmp_path / "a", "camera file", 1)
+    assert asked == [os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC]
