@@ -38,6 +38,7 @@ fuzz: setup ## Read 100,000 damaged inputs; keep what is found (docs/testing.md)
 lint: setup ## Check style, and the walls between the rooms
 	@$(VENV) -m ruff check .
 	@$(VENV) -m ruff format --check .
+	@$(dir $(VENV))lint-imports --no-logo --no-cache
 
 format: setup ## Rewrite the code in the project's style
 	@$(VENV) -m ruff check --fix .

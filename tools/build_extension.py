@@ -26,7 +26,7 @@ LOCK = PROJECT / "requirements" / "python3.11.txt"
 # pure Python, without dependencies: what facestage.contract imports beside numpy
 LIBRARIES = ("marshmallow",)
 PIP = (sys.executable, "-I", "-m", "pip", "--quiet", "--disable-pip-version-check")
-NOT_SHIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "ruff.toml")
+NOT_SHIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info")
 
 
 def main() -> int:

@@ -1,15 +1,11 @@
-"""Where the backend is, and whether it works."""
-
-from pathlib import Path
+"""Where the backend is, whether it works, and whether it may go online."""
 
 import bpy
 from bpy.props import StringProperty
 
 from facestage.contract.errors import BackendUnavailableError
-from facestage.contract.files.paths import user_path
 
 from .backend.commands import find_backend
-from .online import online_access
 
 REPORT_LINES = 14
 OFFLINE = (
@@ -72,20 +68,6 @@ def addon_preferences(context: bpy.types.Context) -> FacestagePreferences | None
     return addon.preferences if addon else None
 
 
-def work_folder(scene: bpy.types.Scene) -> Path:
-    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary
-    folder.
-
-    Raises InputError when what is set can be no path.
-    """
-    if scene.facestage.output:
-        return user_path(bpy.path.abspath(scene.facestage.output), "output folder").resolve()
-    if bpy.data.filepath:
-        blend = Path(bpy.data.filepath)
-        return blend.with_name(f"{blend.stem}_facestage")
-    return Path(bpy.app.tempdir) / "facestage"
-
-
 def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
     """Draw a sentence over several lines of about ``width`` characters: Blender's labels do not
     wrap.
@@ -102,3 +84,13 @@ def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -
 
 
 CLASSES = (FacestagePreferences,)
+
+
+def online_access() -> bool:
+    """Blender's preference (System > Network > Allow Online Access), or its --online-mode and
+    --offline-mode.
+
+    Blender as a Python module has no preferences to set: there the user's own command line decides,
+    as for `facestage`.
+    """
+    return bool(bpy.app.module or bpy.app.online_access)

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from facestage.contract.errors import BackendUnavailableError
-from facestage_blender import online
+from facestage_blender import preferences
 from facestage_blender.backend import commands as backend
 from facestage_blender.backend.process import CANCELLED, BackendProcess, explain
 from facestage_blender.headless import pipeline
@@ -22,7 +22,7 @@ SAY = "import os; print(os.environ.get('FACESTAGE_OFFLINE'), os.environ['PYTHONS
 
 def blender(monkeypatch: pytest.MonkeyPatch, *, module: bool, allowed: bool) -> None:
     app = SimpleNamespace(module=module, online_access=allowed)
-    monkeypatch.setattr(online, "bpy", SimpleNamespace(app=app))
+    monkeypatch.setattr(preferences, "bpy", SimpleNamespace(app=app))
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_blenders_preference_decides_except_without_one(
     monkeypatch: pytest.MonkeyPatch, module: bool, allowed: bool, expected: bool
 ) -> None:
     blender(monkeypatch, module=module, allowed=allowed)
-    assert online.online_access() == expected
+    assert preferences.online_access() == expected
 
 
 @pytest.mark.parametrize(("allowed", "said"), [(True, "None 1"), (False, "1 1")])

@@ -106,7 +106,7 @@ def test_photo_is_shown_and_sets_the_size(scene, photo) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"hello, this is no picture"])
 def test_what_is_no_picture_is_refused(scene, tmp_path, content: bytes) -> None:
-    from facestage_blender.scene.camera import load_image
+    from facestage_blender.pictures.images import load_image
 
     bad = tmp_path / "photo.png"
     bad.write_bytes(content)

@@ -52,13 +52,9 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
     """
     import bpy
 
+    from facestage_blender.pictures.images import texture_image
     from facestage_blender.pictures.render import render_linear
-    from facestage_blender.rig.material import (
-        part_materials,
-        set_textures,
-        skin_group,
-        texture_image,
-    )
+    from facestage_blender.rig.material import part_materials, set_textures, skin_group
     from facestage_blender.scene.camera import set_resolution
     from facestage_blender.scene.stage import build_stage
 
@@ -156,7 +152,7 @@ def test_cycles_evaluates_the_contracts_reflectance(
 
 
 def test_textures_keep_their_linear_values(scene) -> None:
-    from facestage_blender.rig.material import image_pixels, texture_image
+    from facestage_blender.pictures.images import image_pixels, texture_image
 
     values = np.random.default_rng(0).uniform(0, 1.8, (9, 5)).astype(np.float32)
     image = texture_image("map", values)

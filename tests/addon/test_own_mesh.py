@@ -122,11 +122,10 @@ def test_shapes_ranges_and_left_out_sliders(alice, head: FaceModel) -> None:
 def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) -> None:
     import bpy
 
-    from facestage_blender.exchange.write_back import place
     from facestage_blender.rig.face_rig import read_weights, rig_axes, set_weights
     from facestage_blender.rig.own_mesh import SHAPE_KEY, OwnMesh, read_mesh, write_shape
     from facestage_blender.rig.own_rig import adopt, borrowed_shape
-    from facestage_blender.scene.stage import build_stage
+    from facestage_blender.scene.stage import build_stage, place
 
     rig, own, _ = read_mesh(alice)
     model = model_of(rig, head)

@@ -41,8 +41,8 @@ def live(applied) -> object:
 
 def shown() -> np.ndarray:
     """(h, w, 3) what the preview's image holds, row 0 at the top."""
+    from facestage_blender.pictures.images import image_pixels
     from facestage_blender.preview.live import find_image
-    from facestage_blender.rig.material import image_pixels
 
     image = find_image()
     assert image is not None and image.is_float

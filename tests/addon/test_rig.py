@@ -107,7 +107,7 @@ def test_rebuilding_leaves_one_rig_and_nothing_behind(scene, rig, head: FaceMode
 
 
 def test_first_texture_is_the_models_mean_albedo(rig, head: FaceModel) -> None:
-    from facestage_blender.rig.material import image_pixels
+    from facestage_blender.pictures.images import image_pixels
 
     pixels = image_pixels(rig.facestage_face.albedo_image)
     centre = head.polygons[700]

@@ -147,7 +147,7 @@ def test_a_damaged_record_of_an_own_mesh_is_said(fitted) -> None:
 def test_paths_that_no_machine_has_are_said(fitted) -> None:
     import bpy
 
-    from facestage_blender.ui.operators import result_folder
+    from facestage_blender.scene.paths import result_folder
     from facestage_blender.ui.panels import existing
 
     scene, _ = fitted

@@ -4,6 +4,7 @@ contract.
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -37,6 +38,16 @@ print("TOP", "facestage_blender" in sys.modules)
 """
 
 
+# Imports every module of the contract and says which packages that loaded.
+CONTRACT = """
+import importlib, json, pkgutil, sys
+import facestage.contract as contract
+for found in pkgutil.walk_packages(contract.__path__, "facestage.contract."):
+    importlib.import_module(found.name)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The extension, built as `make extension` does."""
@@ -57,7 +68,7 @@ def test_archive_holds_the_addon_its_license_and_the_wheel(archive: Path) -> Non
         names = set(extension.namelist())
         manifest = tomllib.loads(extension.read("blender_manifest.toml").decode())
     assert {"__init__.py", "registration.py", "LICENSE"} <= names
-    assert not {name for name in names if "__pycache__" in name or name.endswith("ruff.toml")}
+    assert not {name for name in names if "__pycache__" in name}
     wheels = [wheel.removeprefix("./") for wheel in manifest["wheels"]]
     assert sorted(wheels) == sorted(name for name in names if name.endswith(".whl"))
     assert [Path(wheel).name.split("-")[0] for wheel in wheels] == ["facestage", "marshmallow"]
@@ -92,6 +103,23 @@ def test_blender_installs_and_enables_it(archive: Path, tmp_path: Path) -> None:
     assert "TOP False" in done.stdout, (
         "the add-on imports itself by an absolute name, which an extension does not have"
     )
+
+
+def test_the_contract_loads_what_blender_has_and_what_is_shipped_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
+    import build_extension
+
+    plain = loaded("import json, numpy, sys; print(json.dumps([n for n in sys.modules]))")
+    shipped = {"facestage", *build_extension.LIBRARIES}
+    assert loaded(CONTRACT) - plain - set(sys.stdlib_module_names) == shipped
+
+
+def loaded(code: str) -> set[str]:
+    """Top-level packages in a fresh process that runs ``code``, which prints them as JSON."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return {name.partition(".")[0] for name in json.loads(done.stdout)}
 
 
 def test_versions_agree() -> None:

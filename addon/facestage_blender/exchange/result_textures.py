@@ -13,7 +13,7 @@ from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
 from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
 
-from ..rig.material import image_pixels
+from ..pictures.images import image_pixels
 
 SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.files.paths import user_path
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 
 from ..landmarks.empties import edited_landmarks, shown_plane
 from ..landmarks.plane import photo_size
+from ..pictures.images import load_image
 from ..rig.face_rig import read_weights, require_rig, rig_axes
 from ..scene import frames
-from ..scene.camera import load_image, read_camera, require_camera
+from ..scene.camera import read_camera, require_camera
+from ..scene.paths import absolute
 from ..scene.stage import read_stage, relative_matrix, require_stage
 
 
@@ -95,14 +94,6 @@ def read_model_to_stage(scene: bpy.types.Scene) -> np.ndarray:
     # a mesh of the user's may have been scaled since
     matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))
     return matrix
-
-
-def absolute(path: str) -> Path:
-    """A path of the user interface, which may start with // for the .blend's folder.
-
-    Raises InputError for what can be no path.
-    """
-    return user_path(bpy.path.abspath(path) or ".", "path").resolve()
 
 
 def _initial(

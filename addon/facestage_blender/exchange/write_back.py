@@ -6,8 +6,6 @@ The world is not touched.
 from __future__ import annotations
 
 import bpy
-import numpy as np
-from mathutils import Matrix
 
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
@@ -18,7 +16,7 @@ from ..rig.own_mesh import OwnMesh, write_shape
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
-from ..scene.stage import build_stage, facestage_collection, require_stage
+from ..scene.stage import build_stage, facestage_collection, place, require_stage
 from .result_textures import load_textures
 
 
@@ -63,12 +61,3 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         settings.result = str(result.folder)
     for layer in scene.view_layers:
         layer.update()
-
-
-def place(
-    empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray
-) -> None:
-    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the
-    axes' scale.
-    """
-    item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())

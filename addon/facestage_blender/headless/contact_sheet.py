@@ -16,8 +16,8 @@ PAPER, INK = "#1b1b1d", "#e8e8ea"
 
 def contact_sheet(pictures: dict[str, np.ndarray], path: Path) -> None:
     """Write captioned sRGB pictures (h, w, 3), 0..1, as one PNG; a wide one takes two cells."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: TID251 - comes with the backend
-    from matplotlib.figure import Figure  # noqa: TID251
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
     cells: list[tuple[str, np.ndarray, int, int, int]] = []
     row = column = 0

@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     """Fit the astronaut's portrait; returns what to tell the user."""
-    import skimage.data  # noqa: TID251 - the demo's photo comes with scikit-image, which Blender never needs
+    import skimage.data
 
     from ..backend.commands import find_backend
     from ..pictures import render

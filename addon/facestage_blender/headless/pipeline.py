@@ -32,11 +32,12 @@ from ..backend.process import BackendProcess
 from ..exchange.scene_read import read_job
 from ..exchange.write_back import apply_result
 from ..landmarks.empties import remember_landmarks
-from ..online import online_access
+from ..pictures.images import load_image
 from ..pictures.render import quiet
+from ..preferences import online_access
 from ..rig.face_rig import build_rig
 from ..rig.own_rig import adopt, export_mesh
-from ..scene.camera import ensure_camera, load_image, show_photo, write_camera
+from ..scene.camera import ensure_camera, show_photo, write_camera
 from ..scene.stage import build_stage, default_stage, facestage_collection
 from ..scene.user_state import preserved
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from facestage.contract.result import Result
 
+from ..pictures.images import image_pixels, load_image
 from ..pictures.render import Crop, linear, read_pixels, render_linear, srgb
 from ..rig.face_rig import read_weights, require_rig, set_weights
-from ..rig.material import image_pixels
-from ..scene.camera import load_image
 from ..scene.relight import relight, restore_lights
 
 BACKDROP = 0.02  # linear grey behind a face that is not where the photo was

@@ -1,1 +1,1 @@
-"""Pixels: renders of Cycles, picture files, and textures painted from values at vertices."""
+"""Pixels: renders of Cycles, picture files, images of the .blend, textures painted at vertices."""

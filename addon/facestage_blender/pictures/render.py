@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..rig.material import image_pixels
+from .images import image_pixels
 
 BOUNCES = (
     "max_bounces",

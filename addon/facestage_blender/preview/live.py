@@ -18,8 +18,8 @@ from bpy.app.handlers import persistent
 
 from facestage.contract.errors import InputError
 
+from ..scene.paths import result_folder
 from ..scene.stage import read_stage
-from ..ui.operators import result_folder
 from .relit_photo import RelitPhoto, changed_at
 
 IMAGE, MARK = "Facestage Relit", "facestage_relit"

@@ -15,12 +15,12 @@ from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
 
-from ..exchange.scene_read import absolute
+from ..pictures.images import image_pixels, load_image
 from ..pictures.render import linear
 from ..rig.face_rig import SLIDER_LIMIT, read_weights, rig_axes
-from ..rig.material import image_pixels
 from ..scene import frames
-from ..scene.camera import load_image, read_camera
+from ..scene.camera import read_camera
+from ..scene.paths import absolute
 from ..scene.stage import relative_matrix
 
 TOLERANCE = 1e-4  # metres and unit vectors; Blender keeps single floats

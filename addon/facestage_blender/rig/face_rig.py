@@ -11,10 +11,11 @@ from mathutils import Matrix
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 
+from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
 from ..scene import frames
 from ..scene.stage import facestage_collection
-from .material import part_materials, set_textures, texture_image
+from .material import part_materials, set_textures
 from .own_mesh import OwnMesh, own_slider_values, read_own_weights
 
 NAME = "Facestage Face"

@@ -183,28 +183,6 @@ def set_textures(
             bpy.data.images.remove(image)
 
 
-def texture_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image of a texture (h, w, 3) or (h, w), row 0 at v = 1, that Blender does not
-    color-convert.
-    """
-    height, width = pixels.shape[:2]
-    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
-    rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :3] = pixels[::-1] if pixels.ndim == 3 else pixels[::-1, :, None]
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
-    image.pack()
-    return image
-
-
-def image_pixels(image: bpy.types.Image) -> np.ndarray:
-    """(h, w, 4) float32 pixels of an image, row 0 at the top."""
-    width, height = image.size
-    pixels = np.empty(width * height * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(height, width, 4)[::-1]
-
-
 def _node(nodes: bpy.types.Nodes, kind: str, x: float, y: float) -> bpy.types.Node:
     node = nodes.new(kind)
     node.location = (x, y)

@@ -12,8 +12,9 @@ from facestage.contract.face_model import OTHER, PARTS, FaceModel
 from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
+from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
-from .material import GROUP, part_materials, set_textures, texture_image
+from .material import GROUP, part_materials, set_textures
 from .own_mesh import OwnMesh, model_frame, read_mesh, read_shapes, slot_parts
 
 TEXTURE_SIZE = 512

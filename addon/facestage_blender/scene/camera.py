@@ -10,7 +10,8 @@ import bpy
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
-from facestage.contract.files.paths import is_file
+
+from ..pictures.images import load_image
 
 SENSOR_MM = 36.0
 CAMERA_NAME = "Facestage Camera"
@@ -100,22 +101,3 @@ def show_as_photos_are(scene: bpy.types.Scene) -> None:
     view = scene.view_settings
     view.view_transform = "Standard"
     view.look, view.exposure, view.gamma = "None", 0.0, 1.0
-
-
-def load_image(path: Path) -> bpy.types.Image:
-    """The image in a file. Raises InputError when it is missing or holds no picture."""
-    if not is_file(path):
-        raise InputError(f"The photo '{path}' does not exist; check the path.")
-    try:
-        image = bpy.data.images.load(str(path), check_existing=True)
-    except RuntimeError as error:
-        raise InputError(
-            f"The photo '{path}' cannot be read; expected a PNG, JPEG or EXR picture."
-        ) from error
-    if not (image.size[0] and image.size[1]):
-        if not image.users:
-            bpy.data.images.remove(image)
-        raise InputError(
-            f"The photo '{path}' holds no picture; expected a PNG, JPEG or EXR picture."
-        )
-    return image

@@ -178,3 +178,12 @@ def _set_light(light: bpy.types.Object, stage: LightStage, index: int) -> None:
         set_light_radiance(light, stage.radiance[index], float(stage.side[index]))
     light.facestage_light.state = state
     light.facestage_light.fitted_radiance = stage.radiance[index]
+
+
+def place(
+    empty: bpy.types.Object, item: bpy.types.Object, to_stage: np.ndarray, axes: str | np.ndarray
+) -> None:
+    """Move an object to its pose (4, 4) in the stage frame, whatever its parent is; it takes the
+    axes' scale.
+    """
+    item.matrix_world = empty.matrix_world @ Matrix(frames.local_matrix(to_stage, axes).tolist())

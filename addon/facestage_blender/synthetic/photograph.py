@@ -6,7 +6,6 @@ life.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -17,67 +16,22 @@ from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.storage import write_arrays, write_json
-from facestage.contract.light_stage import LightStage
 
-from ..exchange.write_back import place
+from ..pictures.images import texture_image
 from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
 from ..rig.face_rig import build_rig, set_weights
-from ..rig.material import plain_material, set_textures, texture_image
+from ..rig.material import plain_material, set_textures
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
-from ..scene.stage import build_stage, facestage_collection
+from ..scene.stage import build_stage, facestage_collection, place
 from .sightlines import BACKGROUND as NOTHING
 from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
+from .truth import SIZE, Person, Worn
 
-SIZE, FOCAL_PX, DISTANCE = 256, 600.0, 0.78  # pixels, pixels, metres
 LANDMARK_NOISE_PX = 1.0  # in a picture of SIZE pixels
 BRIGHTEST = 0.85  # linear value of the photo's brightest skin but for 1 %
 BACKGROUND = 0.03
 READ_NOISE = 3.0  # electrons
-
-
-@dataclass(frozen=True)
-class Worn:
-    """Something before the skin that the face model knows nothing of."""
-
-    name: str
-    vertices: np.ndarray  # (n, 3) m, model frame
-    triangles: np.ndarray  # (t, 3)
-    color: tuple[float, float, float]  # linear RGB
-    roughness: float
-    of_skin: bool = False  # part of the person, to be colored like the face
-
-
-@dataclass(frozen=True)
-class Optics:
-    """What a real camera adds to a picture; by default nothing."""
-
-    # of a lens of the camera's angle of view on a sensor 36 mm wide; None: all is sharp
-    f_number: float | None = None
-    # that a pixel holds at white: their count is what makes noise; None: no noise
-    electrons: float | None = None
-    jpeg_quality: int | None = None  # 1..100; None: the picture is not compressed
-
-
-PERFECT = Optics()
-
-
-@dataclass(frozen=True)
-class Person:
-    """The truth behind a synthetic photo, as plain arrays of the contract."""
-
-    identity: np.ndarray
-    expression: np.ndarray
-    albedo: np.ndarray  # (S, S, 3) texture
-    specular: np.ndarray  # (s, s) c_spec
-    roughness: float
-    model_to_camera: np.ndarray
-    stage: LightStage  # stage frame: centred on the face, parallel to the camera
-    worn: tuple[Worn, ...] = ()
-    interreflection: bool = False  # whether light is followed beyond its first reflection
-    focal_px: float = FOCAL_PX  # for a picture of SIZE pixels
-    around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
-    optics: Optics = PERFECT
 
 
 def render_person(

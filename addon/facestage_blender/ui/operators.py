@@ -15,12 +15,11 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 
-from ..exchange.scene_read import absolute
 from ..exchange.write_back import apply_result
 from ..landmarks.empties import remove_landmarks
-from ..preferences import work_folder
 from ..scene.camera import ensure_camera, show_photo
 from ..scene.frames import LIGHT_DIRECTIONS
+from ..scene.paths import absolute, result_folder
 from ..scene.relight import relight, restore_lights
 from ..scene.stage import (
     build_stage,
@@ -218,14 +217,6 @@ def forget_landmarks(scene: bpy.types.Scene) -> None:
     remove_landmarks(scene)
     scene.facestage.landmarks = ""
     scene.facestage.property_unset("landmarks_from")
-
-
-def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
-    """The folder given, else that of the scene's last fit.
-
-    Raises InputError for what can be no path.
-    """
-    return absolute(given or scene.facestage.result or str(work_folder(scene) / "result"))
 
 
 CLASSES = (

@@ -20,9 +20,9 @@ from ..backend.process import CANCELLED, BackendProcess, Outcome
 from ..exchange.scene_read import read_job
 from ..exchange.write_back import apply_result
 from ..landmarks.empties import remember_landmarks
-from ..online import online_access
-from ..preferences import addon_preferences, backend_command, work_folder
+from ..preferences import addon_preferences, backend_command, online_access
 from ..rig.face_rig import build_rig
+from ..scene.paths import work_folder
 from ..scene.stage import build_stage, default_stage
 from ..scene.user_state import preserved
 

@@ -13,12 +13,13 @@ from facestage.contract.landmarks import Landmarks
 
 from ..backend.commands import detect_command
 from ..backend.process import BackendProcess, Outcome
-from ..exchange.scene_read import absolute, read_landmarks
+from ..exchange.scene_read import read_landmarks
 from ..landmarks import empties as shown
 from ..landmarks.photo_view import look_at_face
 from ..landmarks.plane import photo_size
-from ..preferences import backend_command, work_folder
-from ..scene.camera import load_image
+from ..pictures.images import load_image
+from ..preferences import backend_command
+from ..scene.paths import absolute, work_folder
 from .operators import forget_landmarks, reported
 from .operators_fit import BackendTask
 

@@ -14,7 +14,7 @@ from bpy_extras.io_utils import ImportHelper
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file, is_folder
 
-from ..exchange.scene_read import absolute
+from ..scene.paths import absolute
 from .operators import reported
 
 DEFAULT = "default"

@@ -10,7 +10,7 @@ from ..backend.commands import render_command
 from ..backend.process import BackendProcess
 from ..preferences import backend_command
 from ..preview import live as preview
-from .operators import result_folder
+from ..scene.paths import result_folder
 from .operators_fit import BackendTask
 
 

@@ -12,9 +12,10 @@ from facestage.contract.rig_file import MARKS, RigFile
 
 from ..backend.commands import model_command
 from ..backend.process import BackendProcess
-from ..preferences import backend_command, work_folder
+from ..preferences import backend_command
 from ..rig.own_mesh import MARK_GROUP, OwnMesh, clear_mark, mark
 from ..rig.own_rig import adopt, export_mesh
+from ..scene.paths import work_folder
 from ..scene.stage import build_stage, default_stage
 from ..scene.user_state import preserved
 from .operators import reported

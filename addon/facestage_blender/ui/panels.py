@@ -12,9 +12,10 @@ from facestage.contract.files.paths import is_file, is_folder
 from facestage.contract.partial import partial_folder
 from facestage.contract.relight_cache import RELIGHT_CACHE
 
-from ..preferences import draw_wrapped, work_folder
+from ..preferences import draw_wrapped
+from ..scene.paths import result_folder, work_folder
 from ..scene.stage import stage_lights
-from .operators import REPORT, result_folder
+from .operators import REPORT
 from .operators_model import model_label, model_license
 
 CHARACTERS_PER_PIXEL = 1 / 8.0

@@ -8,8 +8,8 @@ import bpy
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 
-from ..exchange.scene_read import absolute
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
+from ..scene.paths import absolute
 from .operators_landmarks import FACESTAGE_OT_detect_landmarks
 from .panels import SidebarPanel, draw_progress
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..photograph import Worn
+from ..truth import Worn
 from .mesh import front, joined_parts, landmarks, sheet, shell, skin_vertices
 
 HAIRLINE = 0.048  # m above the brows

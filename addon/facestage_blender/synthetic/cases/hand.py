@@ -9,7 +9,7 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..photograph import Worn
+from ..truth import Worn
 from .mesh import front, joined_parts, landmarks, sheet, skin_vertices
 
 # Index finger to little finger: length in m from knuckle to tip; radius in m at knuckle and tip.

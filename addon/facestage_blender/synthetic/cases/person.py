@@ -11,7 +11,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import fibonacci_stage
 
 from ...pictures.texture import paint_vertices
-from ..photograph import DISTANCE, FOCAL_PX, Person
+from ..truth import DISTANCE, FOCAL_PX, Person
 from . import skin, worn
 from .lamps import light_stage
 from .recipe import Recipe

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..photograph import PERFECT, Optics
+from ..truth import PERFECT, Optics
 from .lamps import Lamp
 
 WARM, COOL = (1.0, 0.62, 0.32), (0.4, 0.65, 1.0)

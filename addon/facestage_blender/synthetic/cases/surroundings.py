@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..photograph import Worn
+from ..truth import Worn
 from .lamps import Lamp
 
 # m from the face's centre to the wall behind the head and to the one beside it

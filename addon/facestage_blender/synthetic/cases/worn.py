@@ -14,7 +14,7 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..photograph import Worn
+from ..truth import Worn
 from .hair import strands
 from .hand import hand
 from .mesh import (

@@ -1,0 +1,39 @@
+"""Files and folders that the scene's settings name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.files.paths import user_path
+
+
+def absolute(path: str) -> Path:
+    """A path of the user interface, which may start with // for the .blend's folder.
+
+    Raises InputError for what can be no path.
+    """
+    return user_path(bpy.path.abspath(path) or ".", "path").resolve()
+
+
+def work_folder(scene: bpy.types.Scene) -> Path:
+    """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary
+    folder.
+
+    Raises InputError when what is set can be no path.
+    """
+    if scene.facestage.output:
+        return user_path(bpy.path.abspath(scene.facestage.output), "output folder").resolve()
+    if bpy.data.filepath:
+        blend = Path(bpy.data.filepath)
+        return blend.with_name(f"{blend.stem}_facestage")
+    return Path(bpy.app.tempdir) / "facestage"
+
+
+def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
+    """The folder given, else that of the scene's last fit.
+
+    Raises InputError for what can be no path.
+    """
+    return absolute(given or scene.facestage.result or str(work_folder(scene) / "result"))
