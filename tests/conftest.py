@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 # Processes of `make test` share the cores; before anything imports numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -12,6 +13,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import hypothesis
 import pytest
+
+from reference.made_once import made_once
+
+if TYPE_CHECKING:
+    from facestage.contract.face_model import FaceModel
 
 # The same examples on every run, and no failure because a machine is slow.
 hypothesis.settings.register_profile("facestage", derandomize=True, deadline=None)
@@ -48,3 +54,16 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"needs the shared data folder, which is not at {folder}; set FACESTAGE_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def ict_facekit(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> FaceModel:
+    """The published ICT-FaceKit, converted anew in each test run, but once."""
+    from facestage.models.registry import load_model
+
+    def load(cache: Path) -> FaceModel:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("FACESTAGE_CACHE", str(cache))
+            return load_model(f"ict:{shared_data / 'ict-facekit.tar.xz'}")
+
+    return load(made_once(tmp_path_factory, "ict-facekit", load))

@@ -10,35 +10,37 @@ import numpy as np
 import pytest
 
 from facestage.contract.camera import Camera
+from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import Result
 from facestage.fit.result.run import fit_job
 from facestage.images.image_io import read_exr
+from reference.made_once import made_once
 
 
 @pytest.fixture(scope="module")
-def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Result:
+def result(
+    shared_data: Path, ict_facekit: FaceModel, tmp_path_factory: pytest.TempPathFactory
+) -> Result:
     """The case ``soft``, fitted within a minute as a user would."""
-    from facestage.models.registry import load_model
-
     case = shared_data / "cases" / "soft"
     if not case.is_dir():
         pytest.skip(f"needs the reference case, which is not at {case}")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FACESTAGE_CACHE", str(tmp_path_factory.getbasetemp() / "models"))
-        model = load_model(f"ict:{shared_data / 'ict-facekit.tar.xz'}")
-    folder = tmp_path_factory.mktemp("soft")
-    model.save(folder / "ict.npz")
-    job = Job(
-        case / "photo.png",
-        f"npz:{folder / 'ict.npz'}",
-        Landmarks.read(case / "landmarks.json"),
-        Camera.read(case / "camera.json"),
-        budget_seconds=60.0,
-        truth=case / "truth.npz",
-    )
-    return fit_job(job, folder / "out")
+
+    def fit(folder: Path) -> None:
+        ict_facekit.save(folder / "ict.npz")
+        job = Job(
+            case / "photo.png",
+            f"npz:{folder / 'ict.npz'}",
+            Landmarks.read(case / "landmarks.json"),
+            Camera.read(case / "camera.json"),
+            budget_seconds=60.0,
+            truth=case / "truth.npz",
+        )
+        fit_job(job, folder / "out")
+
+    return Result.load(made_once(tmp_path_factory, "soft", fit) / "out")
 
 
 @pytest.mark.slow

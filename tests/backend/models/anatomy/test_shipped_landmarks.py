@@ -4,8 +4,6 @@ it is.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -49,8 +47,8 @@ MIDDLE = (10, 168, 6, 1, 0, 13, 14, 17, 152)
 def model(request: pytest.FixtureRequest) -> FaceModel:
     if request.param == "default":
         return load_model("default")
-    folder: Path = request.getfixturevalue("shared_data")
-    return load_model(f"ict:{folder / 'ict-facekit.tar.xz'}")
+    ict: FaceModel = request.getfixturevalue("ict_facekit")
+    return ict
 
 
 def places(model: FaceModel, scheme: str) -> np.ndarray:

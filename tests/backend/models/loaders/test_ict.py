@@ -111,13 +111,8 @@ def test_what_is_no_archive_is_named(tmp_path: Path, content: bytes):
 
 
 @pytest.fixture(scope="module")
-def published(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> FaceModel:
-    """The published archive, converted once in a test run."""
-    from facestage.models.registry import load_model
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FACESTAGE_CACHE", str(tmp_path_factory.getbasetemp() / "models"))
-        return load_model(f"ict:{shared_data / 'ict-facekit.tar.xz'}")
+def published(ict_facekit: FaceModel) -> FaceModel:
+    return ict_facekit
 
 
 def test_sizes_and_names(published: FaceModel):
