@@ -168,7 +168,7 @@ def test_many_runs_for_one_place_take_turns(tmp_path: Path):
     """Each goes in and out again and again; two within it at once would find each other's file."""
     script = (
         "import sys\nfrom pathlib import Path\nfrom facestage.contract.errors import InputError\n"
-        "from facestage.fit.place import claimed\n"
+        "from facestage.fit.runs.place import claimed\n"
         "out, held = Path(sys.argv[1]), 0\n"
         "while held < 20:\n"
         "    try:\n"
