@@ -11,6 +11,7 @@ from facestage.contract import brdf
 from facestage.fit.energy.photo_jacobian import Jacobian, _inverse3, _texture_gradient
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.forward.lamp_derivatives import PositionDerivatives
 from facestage.fit.forward.shading import ForwardModel, Image, sample_bilinear
 from facestage.render.tracer import Asked
 from reference.synthetic_scene import Scene
@@ -178,3 +179,43 @@ def test_pixels_come_in_blocks_of_a_size(scene: Scene, image: Image):
         and block.lights.shape[2] == 0
         for block in found.blocks(100)
     )
+
+
+def test_a_mode_that_moves_nothing_seen_or_beside_it_has_no_column(scene: Scene, image: Image):
+    """Of the mouth alone, the brows are not seen."""
+    layout, state = Layout(scene.state), scene.state
+    mouth = image.surface.part(np.flatnonzero(image.surface.pixels[:, 1] > 66))
+    terms = scene.forward.light_terms(
+        state, mouth, scene.stage, 2, 3, Asked(by_surface=True, by_roughness=True)
+    )
+    part = scene.forward.shade(state, mouth, terms)
+    active = layout.mask(("identity", "expression"))
+    found = Jacobian(scene.forward, state, part, layout, active)
+    every = Jacobian(scene.forward, state, part, layout, active, all_columns=True)
+    brows = layout.slices["expression"].start + 2
+    assert set(every.dense_columns) - set(found.dense_columns) == {brows}
+    assert found.unseen == 1 and every.unseen == 0
+    (one,), (other,) = found.blocks(), every.blocks()
+    place = int(np.flatnonzero(every.dense_columns == brows)[0])
+    assert np.abs(other.dense[..., place]).max() < 1e-6 * np.abs(other.dense).max()
+    np.testing.assert_allclose(one.dense, np.delete(other.dense, place, axis=2), rtol=1e-6)
+
+
+def test_a_light_that_turns_changes_its_own_part_of_the_color(scene: Scene, image: Image):
+    layout, random = Layout(scene.state), np.random.default_rng(2)
+    shape = (len(image.color), 2, 2)
+    positions = PositionDerivatives(
+        np.array([1, 4]), random.normal(size=shape), random.normal(size=shape)
+    )
+    active = layout.mask(("light_position",))
+    active[layout.slices["light_position"]] = [0, 0, 1, 0, 0, 0, 0, 0, 1, 1, 0, 0]
+    found = Jacobian(scene.forward, scene.state, image, layout, active, positions=positions)
+    assert len(found.dense_columns) == 3
+    (block,) = found.blocks()
+    # The first angle of light 1, then both of light 4.
+    for column, (light, which, axis) in enumerate([(1, 0, 0), (4, 1, 0), (4, 1, 1)]):
+        diffuse = brdf.K_DIFFUSE / np.pi * image.albedo * positions.diffuse[:, which, axis, None]
+        gloss = brdf.K_SPECULAR * image.c_spec * positions.specular[:, which, axis]
+        wanted = image.radiance[light] * (diffuse + gloss[:, None])
+        bound = 1e-6 * np.abs(wanted).max()
+        np.testing.assert_allclose(block.dense[..., column].T, wanted, rtol=1e-5, atol=bound)

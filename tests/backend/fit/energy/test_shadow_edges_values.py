@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from facestage.contract.light_stage import ON, LightStage
+from facestage.contract import brdf
+from facestage.contract.job import Job
+from facestage.contract.light_stage import OFF, ON, LightStage, fibonacci_stage
 from facestage.fit.energy.shadow_edges import (
+    CLOSEST,
+    COSINE_MIN,
+    PENUMBRA_SAMPLES,
+    Penumbra,
     ShadowEdges,
     _by_point,
     _silhouette,
     _unshadowed,
     casting_lights,
+    find_penumbra,
+    lamps_known,
     omission,
+    refined,
+    shadow_edges,
 )
-from facestage.fit.forward.shading import Surface
+from facestage.fit.forward.shading import Image, Surface
+from facestage.render.shadow_edges import shadow_crossings
+from facestage.render.tracer import SHADOW_OFFSET, Asked
+from reference.shadow_scene import shadow_scene
+from reference.synthetic_scene import Scene
 
 
 def lamps(position: ArrayLike, direction: ArrayLike, side: ArrayLike) -> LightStage:
@@ -181,3 +198,140 @@ def test_a_mode_moves_an_edge_by_its_two_ends(edges: ShadowEdges, part: slice):
 )
 def test_why_edges_were_left_out(share: float | None, why: str):
     assert omission(share) == ("motion of cast shadows in the derivatives", why)
+
+
+SEED = 6
+DERIVED = Asked(by_surface=True, by_roughness=True)
+
+
+@pytest.fixture(scope="module")
+def shadowed(renderer: str) -> tuple[Scene, Image, Penumbra]:
+    """A card's soft shadow on a wall, every second pixel of it, with two samples of the lamp."""
+    scene = shadow_scene()
+    state = scene.state
+    y, x = np.mgrid[0 : state.camera.height : 2, 0 : state.camera.width : 2]
+    surface = scene.forward.surface(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
+    terms = scene.forward.light_terms(state, surface, scene.stage, 2, SEED, DERIVED)
+    found = penumbra_of(scene, surface, np.ones(len(surface.pixels)))
+    assert len(found.cells.point) > 50
+    return scene, scene.forward.shade(state, surface, terms), found
+
+
+def penumbra_of(scene: Scene, surface: Surface, weight: np.ndarray, lines: int = 1) -> Penumbra:
+    every = np.ones(len(scene.stage), bool)
+    return find_penumbra(
+        scene.forward, scene.state, surface, scene.stage, weight, every, SEED, lines
+    )
+
+
+def test_the_penumbra_is_looked_for_where_pixels_count(shadowed: tuple[Scene, Image, Penumbra]):
+    scene, image, _ = shadowed
+    surface = image.surface
+    weight = np.random.default_rng(0).uniform(0.5, 2, len(surface.pixels))
+    weight[::3] = 0
+    found = penumbra_of(scene, surface, weight, lines=3)
+    # Of one lamp: it lights every pixel of the wall, and is looked at along both of its sides.
+    light = weight * _unshadowed(surface, scene.stage, scene.stage.radiance)[:, 0]
+    assert found.lines == 2 * 3 * np.count_nonzero(light)
+    pixel, lamp = found.pairs
+    np.testing.assert_array_equal(pixel, np.unique(found.cells.point))
+    assert len(pixel) > 50 and not lamp.any() and (pixel % 3).all()
+    assert found.share == pytest.approx(light[pixel].sum() / light.sum())
+
+
+def test_more_samples_replace_few_where_a_lamp_is_partly_hidden(
+    shadowed: tuple[Scene, Image, Penumbra],
+):
+    scene, image, found = shadowed
+    forward, state, surface = scene.forward, scene.state, image.surface
+    after = refined(forward, state, surface, scene.stage, image.terms, found, 2, SEED, DERIVED)
+    many = forward.light_terms(state, surface, scene.stage, PENUMBRA_SAMPLES, SEED, DERIVED)
+    inside = np.zeros(len(surface.pixels), bool)
+    inside[found.pairs[0]] = True
+    for name in (field.name for field in fields(many) if field.name != "pairs"):
+        kept, changed, wanted = (getattr(terms, name) for terms in (image.terms, after, many))
+        np.testing.assert_array_equal(changed[~inside], kept[~inside])
+        bound = 1e-5 * np.abs(wanted).max()
+        np.testing.assert_allclose(changed[inside], wanted[inside], rtol=1e-4, atol=bound)
+    enough = refined(
+        forward, state, surface, scene.stage, many, found, PENUMBRA_SAMPLES, SEED, DERIVED
+    )
+    assert enough is many
+
+
+def test_each_edge_says_how_fast_it_crosses_its_scan_line(shadowed: tuple[Scene, Image, Penumbra]):
+    """The module's formulas, place by place, with the nearest points of two lines by least
+    squares.
+    """
+    scene, image, penumbra = shadowed
+    forward, state, stage = scene.forward, scene.state, scene.stage
+    surface, cells = image.surface, penumbra.cells
+    edges = shadow_edges(forward, state, image, stage, penumbra)
+    found = shadow_crossings(forward.tracer, forward.lit_points(state, surface, stage), cells)
+    rows, by_point = [], np.zeros((len(surface.points), 3, 3))
+    for number, pixel in enumerate(cells.point):
+        start = surface.points[pixel] + SHADOW_OFFSET * surface.facing[pixel]
+        ray = found.target[number] + state.translation - start
+        triangle = forward.geometry.triangles[found.triangle[number]]
+        best = np.inf
+        for one, other in ((0, 1), (1, 2), (2, 0)):
+            begin, end = surface.vertices[triangle[[one, other]]]
+            lines = np.stack([end - begin, -ray], axis=1)
+            along, _ = np.linalg.lstsq(lines, start - begin, rcond=None)[0]
+            normal = np.cross(end - begin, ray)
+            normal /= np.linalg.norm(normal)
+            gap = abs(normal @ (start - begin))
+            if gap < best:
+                best, at = gap, min(max(along, 0.0), 1.0)
+                ends, place, across = triangle[[one, other]], begin + at * (end - begin), normal
+        share = (place - start) @ ray / (ray @ ray)
+        slope = np.array([across @ stage.axis_x[0], across @ stage.axis_y[0]])
+        steep = slope @ slope
+        near = np.linalg.norm(place - start) <= CLOSEST
+        if near or not 0 < share < 1 or steep <= COSINE_MIN**2 or found.diffuse[number] <= 0:
+            continue
+        gains = 1.0 if cells.visible[number] < cells.hidden[number] else -1.0
+        rate = gains * slope[cells.axis[number]] / steep / share * across
+        matte = brdf.K_DIFFUSE / np.pi * image.albedo[pixel] * found.diffuse[number]
+        gloss = brdf.K_SPECULAR * image.c_spec[pixel] * found.specular[number]
+        color = image.radiance[0] * (matte + gloss)
+        by_point[pixel] -= color[:, None] * (1 - share) * rate
+        rows.append((pixel, ends, [1 - at, at], place, rate, color))
+    assert 50 < len(rows) <= len(cells.point)
+    names = ("pixel", "corners", "weights", "place", "rate", "color")
+    for name, values in zip(names, zip(*rows, strict=True), strict=True):
+        wanted = np.array(values)
+        bound = 1e-6 * float(np.abs(wanted).max())
+        np.testing.assert_allclose(
+            getattr(edges, name), wanted, rtol=1e-5, atol=bound, err_msg=name
+        )
+    bound = 1e-6 * float(np.abs(by_point).max())
+    np.testing.assert_allclose(edges.by_point, by_point, rtol=1e-5, atol=bound)
+    for pixel in np.unique(cells.point):
+        facing, ray = surface.facing[pixel], surface.rays[pixel]
+        wanted = np.zeros((3, 3))
+        if facing @ ray < -COSINE_MIN:
+            wanted = np.outer(by_point[pixel] @ ray, facing) / (facing @ ray)
+        np.testing.assert_allclose(edges.by_surface[pixel], wanted, rtol=1e-4, atol=10 * bound)
+
+
+def test_a_lamp_is_known_once_it_has_left_its_place_on_the_lattice():
+    lattice = fibonacci_stage(6, radius=0.8)
+    job = Job(Path("photo.png"), stage=lattice, camera_to_stage=np.eye(4))
+    assert not lamps_known(job) and not lamps_known(Job(Path("photo.png")))
+    # By more than a thousandth of the radius, whatever that is, along some axis.
+    outward = lattice.position / 0.8
+    aside = np.cross(outward, np.roll(outward, 1, axis=1))
+    aside /= np.abs(aside).max(axis=1, keepdims=True)
+    for distance, known in ((0.9e-3, False), (1.1e-3, True)):
+        stage = replace(lattice, position=2.5 * (outward + distance * aside))
+        assert lamps_known(replace(job, stage=stage)) is known
+    far = replace(lattice, position=-lattice.position)
+    assert lamps_known(replace(job, stage=far))
+    # One that still stands there, and is lit, is enough not to know.
+    mixed = np.where(np.arange(6)[:, None] == 2, lattice.position, far.position)
+    stage = replace(lattice, position=mixed)
+    assert not lamps_known(replace(job, stage=stage))
+    off = replace(stage, state=np.where(np.arange(6) == 2, OFF, ON))
+    assert lamps_known(replace(job, stage=off))
+    assert not lamps_known(replace(job, stage=far, camera_to_stage=None))

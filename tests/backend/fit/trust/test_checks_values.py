@@ -206,3 +206,11 @@ def test_a_fit_without_a_step_says_nothing(scene: Scene):
     assert not found.settled and not found.in_time and not found.certainty.deviations
     # The lens is asked about where the landmark stage ended.
     assert found.lens == LensCheck(1.0, 0.0) and view.asked[0][1] is scene.state
+
+
+@pytest.mark.parametrize(("error", "settled"), [(0.94, False), (0.96, True)])
+def test_a_phase_of_two_steps_is_asked_about_them(scene: Scene, error: float, settled: bool):
+    trace = [{"stage": "joint", "photo_rms": rms} for rms in (1.0, error)]
+    phase = replace(JOINT, steps=2)
+    ending = Ending(phase, scene.state, scene.state, None, trace)
+    assert conclude(view_of(scene), ending, 0.0, in_time=True).settled is settled
