@@ -5,8 +5,9 @@ and bad input.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import replace
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 from typing import Any
@@ -26,22 +27,25 @@ from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
 from facestage.fit.result import run
 from facestage.images.image_io import read_exr
+from reference.known import known
 from reference.small_fit import QUICK
 from reference.synthetic_case import Case
 
 fit_job = partial(run.fit_job, fineness=QUICK)
 
 
-@pytest.fixture(autouse=True)
-def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def no_report() -> Iterator[None]:
     """The report has tests of its own."""
-    monkeypatch.setattr(
-        "facestage.fit.result.output.write_report",
-        lambda folder, data: (folder / "report.html").touch(),
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "facestage.fit.result.output.write_report",
+            lambda folder, data: (folder / "report.html").touch(),
+        )
+        yield
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def job(case: Case) -> Job:
     return Job(
         case.photo,
@@ -54,10 +58,23 @@ def job(case: Case) -> Job:
     )
 
 
-def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
+@dataclass(frozen=True)
+class Plain:
+    """The job fitted without any option: many tests compare with it, and none may change it."""
+
+    result: Result
+    events: list[Event]
+
+
+@pytest.fixture(scope="module")
+def plain(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Plain:
     events: list[Event] = []
-    result = fit_job(job, tmp_path / "out", emit=events.append)
-    out = tmp_path / "out"
+    out = tmp_path_factory.mktemp("plain") / "out"
+    return Plain(fit_job(job, out, emit=events.append), events)
+
+
+def test_the_result_folder_is_complete(plain: Plain):
+    result, events, out = plain.result, plain.events, known(plain.result.folder)
     for name in (
         "result.json",
         "result.npz",
@@ -68,7 +85,7 @@ def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
         *PICTURES,
     ):
         assert (out / name).is_file(), name
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["out"], "nothing else stays behind"
+    assert [path.name for path in out.parent.iterdir()] == ["out"], "nothing else stays behind"
     loaded = Result.load(out)
     assert loaded.status == CONVERGED and loaded.advice == result.advice
     np.testing.assert_array_equal(loaded.vertices, result.vertices)
@@ -93,14 +110,22 @@ def test_the_result_folder_is_complete(job: Job, tmp_path: Path):
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
 
 
-def test_the_same_job_gives_the_same_answer(job: Job, tmp_path: Path):
-    first, second = (fit_job(job, tmp_path / name) for name in ("a", "b"))
+def test_the_same_job_gives_the_same_answer(job: Job, plain: Plain, tmp_path: Path):
+    """However many threads render."""
+    import drjit
+
+    first, threads = plain.result, drjit.thread_count()
+    drjit.set_thread_count(2 if threads == 1 else 1)
+    try:
+        second = fit_job(job, tmp_path / "again")
+    finally:
+        drjit.set_thread_count(threads)
     np.testing.assert_allclose(first.vertices, second.vertices, atol=1e-9)
     np.testing.assert_allclose(first.stage.radiance, second.stage.radiance, rtol=1e-9)
 
 
-def test_the_truth_changes_nothing_in_the_fit(job: Job, tmp_path: Path):
-    told, blind = fit_job(job, tmp_path / "a"), fit_job(replace(job, truth=None), tmp_path / "b")
+def test_the_truth_changes_nothing_in_the_fit(job: Job, plain: Plain, tmp_path: Path):
+    told, blind = plain.result, fit_job(replace(job, truth=None), tmp_path / "blind")
     np.testing.assert_array_equal(told.vertices, blind.vertices)
     assert "similarity_mm" in told.errors and "similarity_mm" not in blind.errors
 
@@ -136,42 +161,43 @@ FROZEN_VALUES: dict[str, Callable[[Result], Any]] = {
 }
 
 
+INITIAL = {
+    "identity": np.array([0.5, 0.0, -0.5, 0.25]),
+    "expression": np.array([0.2, 0.1, 0.3]),
+    "albedo": np.array([0.1, 0.2, 0.0, -0.1, 0.0]),
+    "roughness": np.array(0.33),
+    "specular": np.full((6, 6), 0.6),
+    "model_to_camera": np.array(
+        [[1, 0, 0, 0.012], [0, 1, 0, -0.008], [0, 0, 1, -0.6], [0, 0, 0, 1]]
+    ),
+}
+
+
 @pytest.fixture(scope="module")
-def memory() -> dict[str, Result]:
-    """The answer without any option, to compare with."""
-    return {}
+def begun(job: Job) -> Job:
+    """The job with values to start from, its camera unknown."""
+    return replace(job, initial=INITIAL, stage=fibonacci_stage(4, radiance=3.0), camera=None)
+
+
+@pytest.fixture(scope="module")
+def free(begun: Job, tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return fit_job(begun, tmp_path_factory.mktemp("free") / "out")
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
-def test_frozen_parameters_do_not_move(
-    job: Job, tmp_path: Path, memory: dict[str, Result], name: str
-):
-    initial = {
-        "identity": np.array([0.5, 0.0, -0.5, 0.25]),
-        "expression": np.array([0.2, 0.1, 0.3]),
-        "albedo": np.array([0.1, 0.2, 0.0, -0.1, 0.0]),
-        "roughness": np.array(0.33),
-        "specular": np.full((6, 6), 0.6),
+def test_frozen_parameters_do_not_move(begun: Job, free: Result, tmp_path: Path, name: str):
+    value = FROZEN_VALUES[name]
+    held = value(fit_job(replace(begun, freeze=(name,)), tmp_path / "held"))
+    others = {
+        "lights": 3.0,
+        "pose": INITIAL["model_to_camera"],
+        "focal": Camera.default(96, 96).focal_px,
     }
-    pose = np.eye(4)
-    pose[:3, 3] = [0.012, -0.008, -0.6]
-    job = replace(
-        job,
-        initial={**initial, "model_to_camera": pose},
-        stage=fibonacci_stage(4, radiance=3.0),
-        camera=None,
-    )
-    if "free" not in memory:
-        memory["free"] = fit_job(job, tmp_path / "free")
-    held = FROZEN_VALUES[name](fit_job(replace(job, freeze=(name,)), tmp_path / "held"))
-    free = FROZEN_VALUES[name](memory["free"])
-    start: Any = initial.get(
-        name, {"lights": 3.0, "pose": pose, "focal": Camera.default(96, 96).focal_px}.get(name)
-    )
+    start: Any = INITIAL.get(name, others.get(name))
     if name == "light_position":
         start = fibonacci_stage(4).position
     np.testing.assert_allclose(held, start, rtol=1e-12, atol=1e-12)
-    assert not np.allclose(free, start, rtol=1e-3), f"{name} does move when it is free"
+    assert not np.allclose(value(free), start, rtol=1e-3), f"{name} does move when it is free"
 
 
 def test_everything_frozen_is_a_render(job: Job, tmp_path: Path):
@@ -204,13 +230,9 @@ def test_frozen_lights_of_one_color(job: Job, tmp_path: Path):
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_every_option_changes_something(
-    job: Job, tmp_path: Path, memory: dict[str, Result], change: dict
-):
-    if "plain" not in memory:
-        memory["plain"] = fit_job(job, tmp_path / "plain")
+def test_every_option_changes_something(job: Job, plain: Plain, tmp_path: Path, change: dict):
     other = fit_job(replace(job, **change), tmp_path / "other")
-    assert np.abs(other.vertices - memory["plain"].vertices).max() > 1e-8
+    assert np.abs(other.vertices - plain.result.vertices).max() > 1e-8
 
 
 class Clock:
@@ -249,7 +271,7 @@ def test_a_spent_budget_ends_early_with_a_result(
 
 
 def test_resume_after_a_spent_budget_finishes(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    job: Job, plain: Plain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     with monkeypatch.context() as patch:
         import time
@@ -258,7 +280,7 @@ def test_resume_after_a_spent_budget_finishes(
         fit_job(replace(job, budget_seconds=25.0), tmp_path / "out")
     resumed = fit_job(job, tmp_path / "out", resume=True)
     assert resumed.status == CONVERGED
-    whole = fit_job(job, tmp_path / "whole")
+    whole = plain.result
     # The budget stops between phases or after a step, where an unhurried run may take one step
     # more.
     assert resumed.errors["psnr"] == pytest.approx(whole.errors["psnr"], abs=1.0)
@@ -318,8 +340,8 @@ def test_a_folder_that_is_no_result_is_never_replaced(job: Job, tmp_path: Path):
     assert names(tmp_path) == ["pictures"] and names(out) == ["holiday.jpg"]
 
 
-def test_an_earlier_result_is_replaced(job: Job, tmp_path: Path):
-    fit_job(job, tmp_path / "out")
+def test_an_earlier_result_is_replaced(job: Job, plain: Plain, tmp_path: Path):
+    shutil.copytree(known(plain.result.folder), tmp_path / "out")
     (tmp_path / "out" / "relit_from_below.png").touch()
     fit_job(job, tmp_path / "out")
     assert "relit_from_below.png" not in names(tmp_path / "out") and "result.json" in names(
