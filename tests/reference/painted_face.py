@@ -17,7 +17,7 @@ from facestage.fit.forward.shading import ForwardModel, Image, Surface, sample_b
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.shown import Shown
 from facestage.models.registry import load_model
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 
 SIDE, DISTANCE, FOCAL = 160, 0.6, 500.0
 C_SPEC, ROUGHNESS = 0.8, 0.4

@@ -28,7 +28,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.runs.driver import FitRun
 from facestage.fit.stages.phases import Schedule
 from facestage.fit.stages.stage import Stage
-from facestage.render.tracer import PLAIN, Asked, LightTerms
+from facestage.render.light_terms import PLAIN, Asked, LightTerms
 
 COEFFICIENTS = 9
 RIDGE = 1e-3  # of the largest eigenvalue
@@ -80,6 +80,7 @@ class HarmonicForward(ForwardModel):
         samples: int,
         seed: int,
         asked: Asked = PLAIN,
+        *,
         traced: np.ndarray | None = None,
         pairs: tuple[np.ndarray, np.ndarray] | None = None,
         roughness: np.ndarray | None = None,

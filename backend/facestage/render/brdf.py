@@ -65,3 +65,30 @@ def specular_lobe(
 def view_cosine(normal: mi.Vector3f, view: mi.Vector3f) -> Any:
     """n.v, kept away from zero."""
     return dr.maximum(dr.dot(normal, view), MIN_VIEW_COSINE)
+
+
+@dataclass(frozen=True)
+class HalfVector:
+    """The direction between those to light and viewer."""
+
+    direction: Any  # Vector3f, unit
+    inverse_length: Any  # Float, of the sum of both unit vectors
+
+    @classmethod
+    def between(cls, light: Any, view: Any) -> HalfVector:
+        """Of two unit vectors."""
+        total = light + view
+        inverse_length = dr.rsqrt(dr.maximum(dr.squared_norm(total), 1e-12))
+        return cls(total * inverse_length, inverse_length)
+
+
+def lobe_about(
+    half: HalfVector, normal: Any, view: Any, nl: Any, nv: Any, roughness: Any
+) -> SpecularLobe:
+    """The lobe at a point of that ``normal``, ``nl`` = n.l of any sign, ``nv`` from
+    :func:`view_cosine`.
+    """
+    h = half.direction
+    nh, vh = dr.maximum(dr.dot(normal, h), 0), dr.clip(dr.dot(view, h), 0, 1)
+    complement = dr.squared_norm(dr.cross(normal, h))
+    return specular_lobe(dr.maximum(nl, 0), nv, complement, nh, vh, roughness)

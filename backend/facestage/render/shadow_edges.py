@@ -11,9 +11,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from facestage.contract.light_stage import LightStage
-from facestage.render.brdf import specular_lobe, view_cosine
-from facestage.render.tracer import LIGHT_SALT, SHADOW_OFFSET, RayTracer, hash_to_unit
+from facestage.render.brdf import HalfVector, lobe_about, view_cosine
+from facestage.render.light_kernel import LIGHT_SALT, floats, hash_to_unit, shadow_ray
+from facestage.render.light_terms import LitPoints
+from facestage.render.tracer import SHADOW_OFFSET, RayTracer
 
 # Shadow rays along a scan line: three cells find each edge on their own unless two lie in a third
 # of the light.
@@ -22,22 +23,6 @@ LINE_POINTS = 4
 BISECTIONS = 12
 # Keeps the scan lines' random numbers apart from those of the light samples.
 LINE_SALT = 0x5BD1E995
-
-
-@dataclass(frozen=True)
-class LitPoints:
-    """P points and N lights in the tracer's frame: the arguments of
-    :meth:`RayTracer.light_terms`.
-    """
-
-    points: np.ndarray  # (P, 3) m
-    normals: np.ndarray  # (P, 3) unit
-    facing: np.ndarray  # (P, 3) unit
-    views: np.ndarray  # (P, 3) unit
-    stage: LightStage
-    roughness: float
-    keys: np.ndarray  # (P,) int
-    numbers: np.ndarray  # (N,) int
 
 
 @dataclass(frozen=True)
@@ -172,9 +157,7 @@ class _Square:
 
     def __init__(self, lit: LitPoints, point: Any, light: Any, axis: Any) -> None:
         def gather(array: np.ndarray, index: Any) -> Any:
-            return dr.gather(
-                mi.Vector3f, mi.Float(np.ascontiguousarray(array, np.float32).ravel()), index
-            )
+            return dr.gather(mi.Vector3f, floats(array), index)
 
         stage = lit.stage
         self.x, self.n, self.v = (
@@ -186,15 +169,13 @@ class _Square:
         axis_y = gather(stage.axis_y * stage.side[:, None], light)
         first = axis == 0
         self.along, self.across = dr.select(first, axis_x, axis_y), dr.select(first, axis_y, axis_x)
-        self.side = dr.gather(mi.Float, mi.Float(stage.side.astype(np.float32)), light)
+        self.side = dr.gather(mi.Float, floats(stage.side), light)
 
     def target(self, along: Any, across: Any) -> Any:
         return self.centre + self.along * (along - 0.5) + self.across * (across - 0.5)
 
     def shadow_ray(self, along: Any, across: Any) -> Any:
-        span = self.target(along, across) - self.origin
-        distance = dr.norm(span)
-        return mi.Ray3f(self.origin, span / distance, distance * (1 - 1e-4), 0, [])
+        return shadow_ray(self.origin, self.target(along, across))
 
 
 def _irradiance(square: _Square, target: Any, roughness: Any) -> tuple[Any, Any]:
@@ -207,16 +188,8 @@ def _irradiance(square: _Square, target: Any, roughness: Any) -> tuple[Any, Any]
     nl = dr.dot(square.n, light)
     cosine = -dr.dot(square.emit, light)
     weight = dr.select((nl > 0) & (cosine > 0), cosine * dr.square(inverse), 0)
-    half = dr.normalize(light + square.v)
-    nh, vh = dr.maximum(dr.dot(square.n, half), 0), dr.clip(dr.dot(square.v, half), 0, 1)
-    lobe = specular_lobe(
-        dr.maximum(nl, 0),
-        view_cosine(square.n, square.v),
-        dr.squared_norm(dr.cross(square.n, half)),
-        nh,
-        vh,
-        roughness,
-    )
+    half, nv = HalfVector.between(light, square.v), view_cosine(square.n, square.v)
+    lobe = lobe_about(half, square.n, square.v, nl, nv, roughness)
     return weight * nl, dr.select(weight > 0, weight * lobe.value, 0)
 
 

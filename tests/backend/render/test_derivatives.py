@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.rendering.cook_torrance import normalize
-from reference.rendering.meshes import plane, seen_points, sphere
+from reference.rendering.meshes import lit_points, plane, seen_points, sphere
 
 SAMPLES, SEED = 4, 9
 # Every light has a color of its own, so that no channel can stand for another.
@@ -33,18 +33,11 @@ class Kernel:
         self.tracer = tracer_of(mesh)
 
     def __call__(self, points=None, normals=None, roughness=0.4, derivatives=False):
-        return self.tracer.light_terms(
-            self.points if points is None else points,
-            self.normals if normals is None else normals,
-            self.facing,
-            self.views,
-            self.stage,
-            roughness,
-            SAMPLES,
-            SEED,
-            Asked(shadows=False, by_surface=derivatives, by_roughness=derivatives),
-            RADIANCE,
-        )
+        points = self.points if points is None else points
+        normals = self.normals if normals is None else normals
+        lit = lit_points((points, normals, self.facing, self.views), self.stage, roughness)
+        asked = Asked(shadows=False, by_surface=derivatives, by_roughness=derivatives)
+        return self.tracer.light_terms(lit, SAMPLES, SEED, asked, radiance=RADIANCE)
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.rendering.area_light import direct_light, grid, lattice
-from reference.rendering.meshes import Mesh, Points, plane, seen_points, sphere, stage_at
+from reference.rendering.meshes import (
+    Mesh,
+    Points,
+    lit_points,
+    plane,
+    seen_points,
+    sphere,
+    stage_at,
+)
 
 ROUGHNESS = 0.35
 OFFSET = 2e-4
@@ -34,9 +42,7 @@ def relative(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def test_unshadowed_terms_equal_the_reference_sample_for_sample(tracer_of, scene, roughness: float):
     mesh, seen = scene
     stage = fibonacci_stage(6, radius=0.8, side=0.25)
-    terms = tracer_of(mesh).light_terms(
-        seen.points, seen.normals, seen.facing, seen.views, stage, roughness, 3, seed=11, asked=OPEN
-    )
+    terms = tracer_of(mesh).light_terms(seen.lit(stage, roughness), 3, seed=11, asked=OPEN)
     square = lattice(len(seen.points), len(stage), 3, 11)
     diffuse, specular = direct_light(
         seen.points, seen.normals, seen.views, stage, roughness, square
@@ -54,7 +60,7 @@ def test_unshadowed_terms_equal_the_reference_sample_for_sample(tracer_of, scene
 def test_area_lights_converge_to_the_integral(tracer_of, scene):
     mesh, seen = scene
     rows = slice(0, None, 9)
-    points = [array[rows] for array in (seen.points, seen.normals, seen.facing, seen.views)]
+    points = tuple(array[rows] for array in (seen.points, seen.normals, seen.facing, seen.views))
     stage = fibonacci_stage(4, radius=0.5, side=0.3)
     square = grid(len(points[0]), len(stage), 24)
     wanted = direct_light(points[0], points[1], points[3], stage, ROUGHNESS, square)
@@ -62,7 +68,9 @@ def test_area_lights_converge_to_the_integral(tracer_of, scene):
     print("samples, error of the mean light over the mean (diffuse, specular)")
     errors = []
     for samples in (4, 32, 512):
-        terms = tracer.light_terms(*points, stage, ROUGHNESS, samples, seed=2, asked=OPEN)
+        terms = tracer.light_terms(
+            lit_points(points, stage, ROUGHNESS), samples, seed=2, asked=OPEN
+        )
         pair = [
             float(np.sqrt(((found - want) ** 2).mean()) / want.mean())
             for found, want in zip((terms.diffuse, terms.specular), wanted, strict=True)
@@ -81,7 +89,9 @@ def test_a_far_small_light_gives_the_inverse_square_law(tracer_of):
     views = np.tile([0.6, 0.0, 0.8], (count, 1))
     for distance in (0.5, 1.0, 4.0):
         stage = stage_at([[0, 0, distance]], side=0.02)
-        terms = tracer_of(mesh).light_terms(points, up, up, views, stage, ROUGHNESS, 1, seed=0)
+        terms = tracer_of(mesh).light_terms(
+            lit_points((points, up, up, views), stage, ROUGHNESS), 1, seed=0
+        )
         np.testing.assert_allclose(terms.diffuse, 0.02**2 / distance**2, rtol=1e-3)
 
 
@@ -92,7 +102,7 @@ def test_a_closed_form_a_square_light_over_its_centre(tracer_of):
     stage = stage_at([[0, 0, 0.5]], side=0.6)
     up = np.array([[0.0, 0, 1]])
     terms = tracer_of(plane(0.0)).light_terms(
-        np.zeros((1, 3)), up, up, up, stage, ROUGHNESS, 4096, seed=0
+        lit_points((np.zeros((1, 3)), up, up, up), stage, ROUGHNESS), 4096, seed=0
     )
     a = 0.3 / 0.5
     wanted = 4 * a / np.sqrt(1 + a**2) * np.arctan(a / np.sqrt(1 + a**2))
@@ -106,17 +116,8 @@ def test_lights_are_one_sided_and_light_only_what_faces_them(tracer_of):
     up = np.array([[0.0, 0, 1]])
     tracer = tracer_of(plane(0.0))
     for stage, lit in ((front, True), (turned, False), (behind, False)):
-        terms = tracer.light_terms(
-            np.zeros((1, 3)),
-            up,
-            up,
-            up,
-            stage,
-            ROUGHNESS,
-            4,
-            seed=0,
-            asked=replace(DERIVED, shadows=False),
-        )
+        point = lit_points((np.zeros((1, 3)), up, up, up), stage, ROUGHNESS)
+        terms = tracer.light_terms(point, 4, seed=0, asked=replace(DERIVED, shadows=False))
         for name, value in vars(terms).items():
             assert np.isfinite(value).all(), name
             if not lit:
@@ -128,13 +129,12 @@ def test_no_points_and_no_derivatives(tracer_of):
     empty = np.zeros((0, 3))
     stage = fibonacci_stage(3)
     tracer = tracer_of(plane())
-    terms = tracer.light_terms(empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0)
+    dark = lit_points((empty,) * 4, stage, ROUGHNESS)
+    terms = tracer.light_terms(dark, 2, seed=0)
     assert (
         terms.diffuse.shape == terms.specular.shape == (0, 3) and terms.diffuse_by_normal.size == 0
     )
-    terms = tracer.light_terms(
-        empty, empty, empty, empty, stage, ROUGHNESS, 2, seed=0, asked=DERIVED
-    )
+    terms = tracer.light_terms(dark, 2, seed=0, asked=DERIVED)
     assert terms.diffuse_by_normal.shape == (0, 3, 3) and terms.specular_by_roughness.shape == (
         0,
         3,
@@ -149,7 +149,7 @@ def test_a_light_is_the_same_alone_and_among_others(tracer_of, scene):
     stage = fibonacci_stage(5, radius=0.8, side=0.2)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    together = tracer.light_terms(*rows, stage, ROUGHNESS, 256, seed=3)
+    together = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 256, seed=3)
     for light in range(5):
         one = replace(
             stage,
@@ -157,7 +157,7 @@ def test_a_light_is_the_same_alone_and_among_others(tracer_of, scene):
                 name: getattr(stage, name)[light : light + 1] for name in stage.__dataclass_fields__
             },
         )
-        alone = tracer.light_terms(*rows, one, ROUGHNESS, 256, seed=3)
+        alone = tracer.light_terms(lit_points(rows, one, ROUGHNESS), 256, seed=3)
         scale = together.diffuse.max()
         assert np.abs(alone.diffuse[:, 0] - together.diffuse[:, light]).max() < 0.03 * scale
 
@@ -168,7 +168,7 @@ def test_the_seed_alone_decides_the_samples(tracer_of, scene):
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     first, again, other = (
-        tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=seed) for seed in (5, 5, 6)
+        tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=seed) for seed in (5, 5, 6)
     )
     np.testing.assert_array_equal(first.diffuse, again.diffuse)
     np.testing.assert_array_equal(first.specular, again.specular)
@@ -180,11 +180,11 @@ def test_derivatives_do_not_change_the_values(tracer_of, scene):
     stage = fibonacci_stage(4, radius=0.6, side=0.3)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    plain = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5)
-    derived = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    plain = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5)
+    derived = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=DERIVED)
     np.testing.assert_allclose(plain.diffuse, derived.diffuse, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(plain.specular, derived.specular, rtol=1e-4, atol=1e-7)
-    matte = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=MATTE)
+    matte = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=MATTE)
     np.testing.assert_allclose(matte.diffuse, plain.diffuse, rtol=1e-5, atol=1e-7)
     assert not matte.specular.any()
 
@@ -192,17 +192,12 @@ def test_derivatives_do_not_change_the_values(tracer_of, scene):
 def test_far_from_the_origin_nothing_but_rounding_changes(tracer_of, scene):
     mesh, seen = scene
     stage = fibonacci_stage(3, radius=0.8, side=0.2)
-    near = tracer_of(mesh).light_terms(
-        seen.points, seen.normals, seen.facing, seen.views, stage, ROUGHNESS, 4, seed=1, asked=OPEN
-    )
+    near = tracer_of(mesh).light_terms(seen.lit(stage, ROUGHNESS), 4, seed=1, asked=OPEN)
     shift = np.array([8.0, -16.0, 4.0])
     far = tracer_of(Mesh(mesh.vertices + shift, mesh.triangles)).light_terms(
-        seen.points + shift,
-        seen.normals,
-        seen.facing,
-        seen.views,
-        replace(stage, position=stage.position + shift),
-        ROUGHNESS,
+        replace(seen, points=seen.points + shift).lit(
+            replace(stage, position=stage.position + shift), ROUGHNESS
+        ),
         4,
         seed=1,
         asked=OPEN,
@@ -216,10 +211,10 @@ def test_a_point_keeps_its_samples_when_others_go(tracer_of, scene):
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     keys = np.arange(len(seen.points)) * 65536 + 17
-    every = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, keys=keys)
+    every = tracer.light_terms(lit_points(rows, stage, ROUGHNESS, keys), 2, seed=5)
     some = slice(3, None, 2)
     fewer = tracer.light_terms(
-        *(array[some] for array in rows), stage, ROUGHNESS, 2, seed=5, keys=keys[some]
+        lit_points(tuple(array[some] for array in rows), stage, ROUGHNESS, keys[some]), 2, seed=5
     )
     np.testing.assert_allclose(fewer.diffuse, every.diffuse[some], rtol=1e-6)
     np.testing.assert_allclose(fewer.specular, every.specular[some], rtol=1e-4, atol=1e-7)
@@ -230,16 +225,16 @@ def test_lights_that_are_left_out_are_zero_and_change_no_other(tracer_of, scene)
     stage = fibonacci_stage(7, radius=0.6, side=0.3)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    every = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5)
+    every = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5)
     traced = np.array([True, False, True, True, False, False, True])
-    some = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, traced=traced)
+    some = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5, traced=traced)
     for name in ("diffuse", "specular"):
         np.testing.assert_array_equal(
             getattr(some, name)[:, traced], getattr(every, name)[:, traced]
         )
         assert not getattr(some, name)[:, ~traced].any()
     none = tracer.light_terms(
-        *rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED, traced=np.zeros(7, bool)
+        lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=DERIVED, traced=np.zeros(7, bool)
     )
     assert not none.diffuse.any() and none.diffuse_by_normal.shape == (len(seen.points), 3, 3)
 
@@ -250,9 +245,9 @@ def test_how_the_work_is_split_changes_nothing(tracer_of, scene, lanes: int):
     stage = fibonacci_stage(7, radius=0.6, side=0.3, radiance=2.0)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
     tracer = tracer_of(mesh)
-    usual = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    usual = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=DERIVED)
     other = tracer_of(mesh, lanes=lanes).light_terms(
-        *rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED
+        lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=DERIVED
     )
     assert other.pairs == usual.pairs
     np.testing.assert_array_equal(other.diffuse, usual.diffuse)
@@ -273,9 +268,9 @@ def test_a_light_behind_a_point_costs_no_work_and_adds_nothing(tracer_of, scene)
     stage = fibonacci_stage(8, radius=0.6, side=0.3)
     tracer = tracer_of(mesh)
     rows = (seen.points, seen.normals, seen.facing, seen.views)
-    lean = tracer.light_terms(*rows, stage, ROUGHNESS, 2, seed=5, asked=DERIVED)
+    lean = tracer.light_terms(lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=DERIVED)
     full = tracer.light_terms(
-        *rows, stage, ROUGHNESS, 2, seed=5, asked=replace(DERIVED, behind=True)
+        lit_points(rows, stage, ROUGHNESS), 2, seed=5, asked=replace(DERIVED, behind=True)
     )
     # A square reaches over the horizon with a corner at least.
     corner = np.einsum(
@@ -296,21 +291,11 @@ def test_chosen_pairs_of_point_and_light_have_the_terms_of_a_whole_trace(tracer_
         np.arange(15.0).reshape(5, 3) + 1
     )
     tracer, count = tracer_of(mesh), len(seen.points)
-    arguments = (
-        seen.points,
-        seen.normals,
-        seen.facing,
-        seen.views,
-        stage,
-        ROUGHNESS,
-        3,
-        11,
-        DERIVED,
-    )
     keys, numbers = np.arange(count)[::-1] + 5, np.array([4, 9, 1, 0, 7])
-    whole = tracer.light_terms(*arguments, keys=keys, numbers=numbers)
+    lit = replace(seen.lit(stage, ROUGHNESS), keys=keys, numbers=numbers)
+    whole = tracer.light_terms(lit, 3, 11, DERIVED)
     pairs = np.divmod(np.arange(count * len(stage)), len(stage))
-    each = tracer.light_terms(*arguments, keys=keys, numbers=numbers, pairs=pairs)
+    each = tracer.light_terms(lit, 3, 11, DERIVED, pairs=pairs)
     for name in ("diffuse", "specular"):
         np.testing.assert_array_equal(getattr(each, name)[:, 0], getattr(whole, name)[pairs])
     for name in (
@@ -323,5 +308,5 @@ def test_chosen_pairs_of_point_and_light_have_the_terms_of_a_whole_trace(tracer_
         wanted = getattr(whole, name)
         found = getattr(each, name).reshape(count, len(stage), *wanted.shape[1:]).sum(axis=1)
         np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max())
-    none = tracer.light_terms(*arguments, pairs=(np.zeros(0, int), np.zeros(0, int)))
+    none = tracer.light_terms(lit, 3, 11, DERIVED, pairs=(np.zeros(0, int), np.zeros(0, int)))
     assert none.diffuse.shape == (0, 1) and none.diffuse_by_normal.shape == (0, 3, 3)

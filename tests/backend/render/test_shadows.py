@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import LightStage
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.rendering.area_light import direct_light, lattice
 from reference.rendering.cook_torrance import normalize
 from reference.rendering.intersect import first_hits, intersections
@@ -16,6 +16,7 @@ from reference.rendering.meshes import (
     Mesh,
     Points,
     box,
+    lit_points,
     plane,
     random_triangles,
     seen_points,
@@ -64,9 +65,9 @@ def test_hard_shadows_pixel_by_pixel(tracer_of, name: str, tmp_path: Path):
     seen = seen_points(mesh, 36)
     shadowed, agree = clear_of_edges(seen, mesh, LIGHTS)
     tracer = tracer_of(mesh)
-    rows = (seen.points, seen.normals, seen.facing, seen.views)
-    lit = tracer.light_terms(*rows, LIGHTS, 0.4, 1, seed=0, asked=Asked(shadows=False)).diffuse > 0
-    found = tracer.light_terms(*rows, LIGHTS, 0.4, 1, seed=0).diffuse > 0
+    points = seen.lit(LIGHTS, 0.4)
+    lit = tracer.light_terms(points, 1, seed=0, asked=Asked(shadows=False)).diffuse > 0
+    found = tracer.light_terms(points, 1, seed=0).diffuse > 0
     wanted = lit & ~shadowed
     counted = lit & agree
     wrong = counted & (found != wanted)
@@ -88,9 +89,7 @@ def test_soft_shadows_sample_for_sample(tracer_of, name: str):
     mesh = SCENES[name]
     seen = seen_points(mesh, 16)
     stage = stage_at(LIGHTS.position, side=0.25)
-    terms = tracer_of(mesh).light_terms(
-        seen.points, seen.normals, seen.facing, seen.views, stage, 0.4, 6, seed=4
-    )
+    terms = tracer_of(mesh).light_terms(seen.lit(stage, 0.4), 6, seed=4)
     square = lattice(len(seen.points), len(stage), 6, 4)
     start = seen.points + SHADOW_OFFSET * seen.facing
     diffuse, specular = direct_light(
@@ -115,14 +114,12 @@ def test_a_smooth_shaded_mesh_does_not_shadow_its_lit_side(tracer_of):
     mesh = sphere(rows=24, columns=36)
     seen = seen_points(mesh, 30, eye=(0, 0, 0.6), width=0.16)
     stage = stage_at([[0.0, 0.0, 1.0]], side=0.05)
-    rows = (seen.points, seen.normals, seen.facing, seen.views)
     tracer = tracer_of(mesh)
     # Where the light sees the facet at 12 degrees or more, the offset clears the facet's own plane.
     upright = seen.facing[:, 2] > 0.2
-    open_sky = tracer.light_terms(*rows, stage, 0.4, 4, seed=0, asked=Asked(shadows=False)).diffuse[
-        upright
-    ]
-    shadowed = tracer.light_terms(*rows, stage, 0.4, 4, seed=0).diffuse[upright]
+    lit = seen.lit(stage, 0.4)
+    open_sky = tracer.light_terms(lit, 4, seed=0, asked=Asked(shadows=False)).diffuse[upright]
+    shadowed = tracer.light_terms(lit, 4, seed=0).diffuse[upright]
     np.testing.assert_allclose(shadowed, open_sky, rtol=1e-5)
 
 
@@ -165,9 +162,8 @@ def test_moving_the_mesh_moves_its_shadow(tracer_of):
     stage = stage_at([[0, 0, 0.8]], side=0.01)
 
     def light() -> float:
-        return float(
-            tracer.light_terms(np.zeros((1, 3)), up, up, up, stage, 0.4, 1, seed=0).diffuse[0, 0]
-        )
+        point = lit_points((np.zeros((1, 3)), up, up, up), stage, 0.4)
+        return float(tracer.light_terms(point, 1, seed=0).diffuse[0, 0])
 
     assert light() == 0
     moved = mesh.vertices.copy()

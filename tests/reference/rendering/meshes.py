@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from facestage.contract.light_stage import ON, LightStage
+from facestage.render.light_terms import LitPoints
 from reference.rendering.cook_torrance import normalize
 from reference.rendering.intersect import first_hits
 
@@ -95,6 +96,26 @@ class Points:
     facing: np.ndarray  # unit geometric normals on the viewer's side
     views: np.ndarray  # unit, towards the eye
     triangle: np.ndarray
+
+    def lit(self, stage: LightStage, roughness: float) -> LitPoints:
+        """What the tracer is given."""
+        return lit_points((self.points, self.normals, self.facing, self.views), stage, roughness)
+
+
+def lit_points(
+    rows: tuple[np.ndarray, ...],
+    stage: LightStage,
+    roughness: float,
+    keys: np.ndarray | None = None,
+    numbers: np.ndarray | None = None,
+) -> LitPoints:
+    """``rows``: points, normals, facing, views; points and lights are named 0, 1, 2, ..."""
+    if keys is None:
+        keys = np.arange(len(rows[0]))
+    if numbers is None:
+        numbers = np.arange(len(stage))
+    points, normals, facing, views = rows
+    return LitPoints(points, normals, facing, views, stage, roughness, keys, numbers)
 
 
 def seen_points(

@@ -29,7 +29,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SHAPE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.render.tracer import Asked, LightTerms
+from facestage.render.light_terms import Asked, LightTerms
 
 if TYPE_CHECKING:
     pass
@@ -153,7 +153,7 @@ class PhotoTerm:
         pixels = len(surface.pixels)
         with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
             terms = self.forward.light_terms(
-                state, surface, stage, self.samples, seed, self._asked(state), traced
+                state, surface, stage, self.samples, seed, self._asked(state), traced=traced
             )
             done["rays"] = terms.pairs * self.samples
         ledger.skip("lights", samples=pixels * self.samples * int((~traced).sum()))
@@ -193,9 +193,16 @@ class PhotoTerm:
                 self.forward, state, surface, stage, weight, self.casting, seed
             )
             done["lines"] = penumbra.lines
-            asked = self._asked(state)
             terms = refined(
-                self.forward, state, surface, stage, terms, penumbra, self.samples, seed, asked
+                self.forward,
+                state,
+                surface,
+                stage,
+                terms,
+                penumbra,
+                samples=self.samples,
+                seed=seed,
+                asked=self._asked(state),
             )
         return terms, penumbra
 

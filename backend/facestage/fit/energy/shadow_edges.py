@@ -32,8 +32,9 @@ from facestage.contract.light_stage import OFF, LightStage, fibonacci_stage
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
+from facestage.render.light_terms import Asked, LightTerms
 from facestage.render.shadow_edges import Cells, shadow_cells, shadow_crossings
-from facestage.render.tracer import SHADOW_OFFSET, Asked, LightTerms
+from facestage.render.tracer import SHADOW_OFFSET
 
 # Scan lines along each side of a light.
 LINES = 1
@@ -157,6 +158,7 @@ def refined(
     stage: LightStage,
     terms: LightTerms,
     penumbra: Penumbra,
+    *,
     samples: int,
     seed: int,
     asked: Asked,

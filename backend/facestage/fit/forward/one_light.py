@@ -9,7 +9,7 @@ import numpy as np
 from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.relight_cache import RelightCache
-from facestage.render.tracer import LightTerms
+from facestage.render.light_terms import LightTerms
 
 # Numbers that the images may hold (pixels of the head's bounding box x lights x 3 channels): 80 MB
 # as half floats, and a product that stays well below a thirtieth of a second. Larger photos are

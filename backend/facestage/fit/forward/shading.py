@@ -12,8 +12,8 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.render.shadow_edges import LitPoints
-from facestage.render.tracer import PLAIN, Asked, Hits, LightTerms, RayTracer
+from facestage.render.light_terms import PLAIN, Asked, LightTerms, LitPoints
+from facestage.render.tracer import Hits, RayTracer
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,7 @@ class ForwardModel:
         samples: int,
         seed: int,
         asked: Asked = PLAIN,
+        *,
         traced: np.ndarray | None = None,
         pairs: tuple[np.ndarray, np.ndarray] | None = None,
         roughness: np.ndarray | None = None,
@@ -140,21 +141,12 @@ class ForwardModel:
         :meth:`RayTracer.light_terms`. ``roughness`` (P,) replaces the state's one value.
         """
         lit = self.lit_points(state, surface, stage)
+        if roughness is not None:
+            lit = replace(lit, roughness=roughness)
+        derived = asked.by_surface or asked.by_roughness
+        radiance = self.lights.radiance(state.lights) if derived else None
         return self.tracer.light_terms(
-            lit.points,
-            lit.normals,
-            lit.facing,
-            lit.views,
-            lit.stage,
-            lit.roughness if roughness is None else roughness,
-            samples,
-            seed,
-            asked,
-            self.lights.radiance(state.lights) if asked.by_surface or asked.by_roughness else None,
-            traced,
-            lit.keys,
-            lit.numbers,
-            pairs,
+            lit, samples, seed, asked, radiance=radiance, traced=traced, pairs=pairs
         )
 
     def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:

@@ -12,7 +12,7 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
-from facestage.render.tracer import PLAIN
+from facestage.render.light_terms import PLAIN
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SAMPLES = 16

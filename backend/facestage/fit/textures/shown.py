@@ -13,7 +13,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6

@@ -11,7 +11,7 @@ from facestage.fit.energy.normal_equations import NormalEquations
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import BLOCKS
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.dense_system import written_out
 from reference.synthetic_scene import Scene
 

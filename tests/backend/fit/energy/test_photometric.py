@@ -17,7 +17,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.forward.lamp_derivatives import position_derivatives
 from facestage.fit.forward.shading import Image
-from facestage.render.tracer import Asked, LightTerms
+from facestage.render.light_terms import Asked, LightTerms, LitPoints
 from reference.synthetic_scene import Scene
 
 SAMPLES, SEED = 4, 6
@@ -69,8 +69,15 @@ def unshadowed(scene: Scene, uniform_scene: Scene, monkeypatch: pytest.MonkeyPat
         tracer = each.forward.tracer
         shadowed = tracer.light_terms
 
-        def light_terms(*rows: Any, shadowed: Any = shadowed) -> LightTerms:
-            return shadowed(*rows[:8], replace(rows[8], shadows=False), *rows[9:])
+        def light_terms(
+            lit: LitPoints,
+            samples: int,
+            seed: int,
+            asked: Asked,
+            shadowed: Any = shadowed,
+            **options: Any,
+        ) -> LightTerms:
+            return shadowed(lit, samples, seed, replace(asked, shadows=False), **options)
 
         monkeypatch.setattr(tracer, "light_terms", light_terms)
 

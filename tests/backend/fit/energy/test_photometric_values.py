@@ -13,7 +13,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.forward.lamp_derivatives import PositionDerivatives
 from facestage.fit.forward.shading import ForwardModel, Image, sample_bilinear
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.synthetic_scene import Scene
 
 

@@ -40,7 +40,7 @@ from facestage.fit.result.left_out import left_out
 from facestage.fit.runs.driver import FitRun
 from facestage.fit.stages.phases import Schedule, default_schedule
 from facestage.fit.stages.view import View
-from facestage.render.tracer import PLAIN, Asked
+from facestage.render.light_terms import PLAIN, Asked
 from reference.known import known
 from reference.rendering.meshes import stage_at
 from reference.shadow_scene import shadow_scene
@@ -120,20 +120,8 @@ def penumbra(renderer: str) -> SoftShadow:
     scene = shadow_scene()
     pixels = wall_pixels(scene)
     image = picture(scene, scene.state, pixels, DERIVED)
-    tracer, state, surface = scene.forward.tracer, scene.state, image.surface
-    matrix = np.eye(4)
-    matrix[:3, 3] = -state.translation
-    whole = tracer.light_terms(
-        surface.points - state.translation,
-        surface.normals,
-        surface.facing,
-        -surface.rays,
-        scene.stage.transformed(matrix),
-        state.roughness,
-        SAMPLES,
-        SEED,
-        Asked(shadows=False),
-    )
+    asked = Asked(shadows=False)
+    whole = scene.forward.light_terms(scene.state, image.surface, scene.stage, SAMPLES, SEED, asked)
     share = image.terms.diffuse[:, 0] / whole.diffuse[:, 0]
     edges = edges_of(scene, image, lines=8)
     frozen, moving = jacobian(scene, image, None), jacobian(scene, image, edges)
@@ -192,7 +180,11 @@ def test_few_samples_are_mended_where_the_lamp_is_partly_hidden(penumbra: SoftSh
     scene, surface = penumbra.scene, penumbra.image.surface
     found = penumbra_of(scene, surface)
     few = scene.forward.light_terms(scene.state, surface, scene.stage, 2, SEED, DERIVED)
-    mended = refined(scene.forward, scene.state, surface, scene.stage, few, found, 2, SEED, DERIVED)
+
+    model, stage = scene.forward, scene.stage
+    mended = refined(
+        model, scene.state, surface, stage, few, found, samples=2, seed=SEED, asked=DERIVED
+    )
     truth = penumbra.image.terms.diffuse[:, 0]
     inside = np.zeros(len(truth), bool)
     inside[found.pairs[0]] = True

@@ -10,7 +10,7 @@ import pytest
 from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import bilinear_weights, pixel_rays, sample_bilinear
-from facestage.render.tracer import Asked
+from facestage.render.light_terms import Asked
 from reference.rendering.area_light import direct_light, tea
 from reference.rendering.cook_torrance import normalize
 from reference.rendering.intersect import first_hits

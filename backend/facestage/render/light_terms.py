@@ -1,0 +1,96 @@
+"""What the ray tracer is asked about light, and what it answers: plain numpy, no renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from facestage.contract.light_stage import LightStage
+
+
+@dataclass(frozen=True)
+class LitPoints:
+    """P points and N lights in the tracer's frame.
+
+    ``keys`` name the points and ``numbers`` the lights across calls, such as by pixel: what keeps
+    its name keeps its random numbers when others come or go (common random numbers).
+    """
+
+    points: np.ndarray  # (P, 3) m
+    normals: np.ndarray  # (P, 3) unit, of the shading
+    facing: np.ndarray  # (P, 3) unit, geometric, on the viewer's side
+    views: np.ndarray  # (P, 3) unit, towards the camera
+    stage: LightStage
+    roughness: float | np.ndarray  # one value or (P,)
+    keys: np.ndarray  # (P,) int
+    numbers: np.ndarray  # (N,) int
+
+    def part(self, points: np.ndarray) -> LitPoints:
+        """The points of these indices (K,), under all lights."""
+        rough = self.roughness
+        return LitPoints(
+            self.points[points],
+            self.normals[points],
+            self.facing[points],
+            self.views[points],
+            self.stage,
+            rough[points] if isinstance(rough, np.ndarray) and rough.ndim else rough,
+            self.keys[points],
+            self.numbers,
+        )
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What of the light terms is wanted: the rest costs nothing and is zero, or empty."""
+
+    specular: bool = True
+    shadows: bool = True
+    by_surface: bool = False  # derivatives by normal and depth
+    by_roughness: bool = False
+    # also work on lights that lie behind a point's normal: they add exactly nothing
+    behind: bool = False
+
+
+PLAIN = Asked()
+
+
+def _not_asked() -> np.ndarray:
+    return np.zeros(0, np.float32)
+
+
+@dataclass(frozen=True)
+class LightTerms:
+    """Irradiance of P points from N lights at unit radiance; self-shadows included.
+
+    ``diffuse`` is the integral of (n.l) over the visible solid angle, ``specular`` that of
+    (n.l) D V F. The derivatives are summed over the lights at the radiance that was given, one row
+    per color channel, and keep the visibility fixed; ``*_by_depth`` moves the point along its view
+    ray (away from the camera, per metre); they are empty unless asked for.
+    """
+
+    diffuse: np.ndarray  # (P, N)
+    specular: np.ndarray  # (P, N), zero where it was left out
+    diffuse_by_normal: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels, 3)
+    specular_by_normal: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels, 3)
+    diffuse_by_depth: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels)
+    specular_by_depth: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels)
+    specular_by_roughness: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels)
+    pairs: int = 0  # of point and light that were worked on
+
+    @classmethod
+    def dark(cls, points: int, lights: int, asked: Asked) -> LightTerms:
+        """Terms of no point, or of no light."""
+        none, channels = np.zeros((points, lights), np.float32), np.zeros((points, 3), np.float32)
+        terms = cls(none, none)
+        if asked.by_surface:
+            vectors = np.zeros((points, 3, 3), np.float32)
+            terms = replace(
+                terms,
+                diffuse_by_normal=vectors,
+                specular_by_normal=vectors,
+                diffuse_by_depth=channels,
+                specular_by_depth=channels,
+            )
+        return replace(terms, specular_by_roughness=channels) if asked.by_roughness else terms
