@@ -57,6 +57,11 @@ TESTS: dict[str, tuple[str, ...]] = {
         CONTRACT + "files/test_storage.py",
     ),
     "contract.files.storage": (CONTRACT + "files/test_storage.py",),
+    "contract.parameters": (
+        CONTRACT + "test_parameters.py",
+        CONTRACT + "test_person.py",
+        CONTRACT + "test_result.py",
+    ),
     "contract.partial": (CONTRACT + "test_partial.py",),
     "contract.result": (CONTRACT + "test_result.py", CONTRACT + "test_tampered_result.py"),
     "contract.result_files": (CONTRACT + "test_result_files.py", CONTRACT + "files/test_atomic.py"),
@@ -345,6 +350,8 @@ def examine(module: str, count: int, seed: int, root: Path, log: Path) -> Iterat
     path = root / "backend" / "facestage" / f"{module.replace('.', '/')}.py"
     source = path.read_text(encoding="utf-8")
     tests = [test for test in TESTS[module] if (root / test).is_file()]
+    if not tests:
+        raise SystemExit(f"{module} has no tests in {root}.")
     green, _ = survives(module, tests, ast.parse(source), path, log)
     if not green:
         raise SystemExit(f"The tests of {module} are red without any mutant; see {log}.")
