@@ -105,7 +105,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
     "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
-    "fit.stages.stage": (FIT + "energy/test_plan.py", FIT + "stages/test_recovery.py"),
+    "fit.stages.stage": (
+        FIT + "stages/test_stage_values.py",
+        FIT + "energy/test_plan.py",
+        FIT + "stages/test_recovery.py",
+    ),
     "fit.energy.shadow_edges": (
         FIT + "energy/test_shadow_edges_values.py",
         FIT + "energy/test_shadow_edges.py",
