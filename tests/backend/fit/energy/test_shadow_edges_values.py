@@ -29,8 +29,9 @@ from facestage.fit.energy.shadow_edges import (
     shadow_edges,
 )
 from facestage.fit.forward.shading import Image, Surface
+from facestage.render.light_terms import Asked
 from facestage.render.shadow_edges import shadow_crossings
-from facestage.render.tracer import SHADOW_OFFSET, Asked
+from facestage.render.tracer import SHADOW_OFFSET
 from reference.shadow_scene import shadow_scene
 from reference.synthetic_scene import Scene
 
@@ -244,7 +245,17 @@ def test_more_samples_replace_few_where_a_lamp_is_partly_hidden(
 ):
     scene, image, found = shadowed
     forward, state, surface = scene.forward, scene.state, image.surface
-    after = refined(forward, state, surface, scene.stage, image.terms, found, 2, SEED, DERIVED)
+    after = refined(
+        forward,
+        state,
+        surface,
+        scene.stage,
+        image.terms,
+        found,
+        samples=2,
+        seed=SEED,
+        asked=DERIVED,
+    )
     many = forward.light_terms(state, surface, scene.stage, PENUMBRA_SAMPLES, SEED, DERIVED)
     inside = np.zeros(len(surface.pixels), bool)
     inside[found.pairs[0]] = True
@@ -253,9 +264,8 @@ def test_more_samples_replace_few_where_a_lamp_is_partly_hidden(
         np.testing.assert_array_equal(changed[~inside], kept[~inside])
         bound = 1e-5 * np.abs(wanted).max()
         np.testing.assert_allclose(changed[inside], wanted[inside], rtol=1e-4, atol=bound)
-    enough = refined(
-        forward, state, surface, scene.stage, many, found, PENUMBRA_SAMPLES, SEED, DERIVED
-    )
+    samples = PENUMBRA_SAMPLES
+    enough = refined(*given, many, found, samples=samples, seed=SEED, asked=DERIVED)
     assert enough is many
 
 
