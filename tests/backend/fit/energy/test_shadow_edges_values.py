@@ -245,17 +245,8 @@ def test_more_samples_replace_few_where_a_lamp_is_partly_hidden(
 ):
     scene, image, found = shadowed
     forward, state, surface = scene.forward, scene.state, image.surface
-    after = refined(
-        forward,
-        state,
-        surface,
-        scene.stage,
-        image.terms,
-        found,
-        samples=2,
-        seed=SEED,
-        asked=DERIVED,
-    )
+    given = (forward, state, surface, scene.stage)
+    after = refined(*given, image.terms, found, samples=2, seed=SEED, asked=DERIVED)
     many = forward.light_terms(state, surface, scene.stage, PENUMBRA_SAMPLES, SEED, DERIVED)
     inside = np.zeros(len(surface.pixels), bool)
     inside[found.pairs[0]] = True
