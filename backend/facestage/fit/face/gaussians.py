@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,10 +24,15 @@ class Gaussian:
     operator: sp.spmatrix  # A (r, n)
     offset: np.ndarray  # b (r,)
 
+    @cached_property
+    def normal(self) -> sp.spmatrix:
+        """(n, n) A^T A, which every step needs."""
+        return (self.operator.T @ self.operator).tocsr()
+
     @property
     def hessian(self) -> np.ndarray:
-        """(n, n) A^T A."""
-        return np.asarray((self.operator.T @ self.operator).toarray())
+        """(n, n) A^T A, dense."""
+        return np.asarray(self.normal.toarray())
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
         """(r,) of the ``values`` (n,)."""
