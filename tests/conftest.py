@@ -14,6 +14,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import hypothesis
 import pytest
 
+# The first import, so that it checks the calls of what the others import.
+from reference.checked import CHECKED as CHECKED
 from reference.made_once import made_once
 
 if TYPE_CHECKING:

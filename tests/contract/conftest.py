@@ -90,5 +90,5 @@ def result() -> Result:
         left_out=[{"what": "2 lights", "why": "off", "saved": "time"}],
         versions={"numpy": "1"},
         seed=3,
-        arrays={"condition": 17.0 * (half + half)},
+        arrays={"condition": np.asarray(17.0 * (half + half))},
     )

@@ -79,9 +79,9 @@ def test_the_file_holds_what_was_made(saved: Result, cache: RelightCache):
 
 
 def test_a_head_outside_the_picture_is_an_empty_cache(saved: Result):
-    nothing = np.zeros(0)
+    pixels, nothing = np.zeros(0, np.int32), np.zeros(0)
     RelightCache.of_images(
-        96, 80, nothing, nothing, np.zeros((3, 3, 0)), 4, relight_fingerprint(saved)
+        96, 80, pixels, nothing, np.zeros((3, 3, 0)), 4, relight_fingerprint(saved)
     ).save(known(saved.folder))
     assert not RelightCache.load(saved).relight(np.ones((3, 3))).any()
 

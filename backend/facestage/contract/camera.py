@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Float64
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_json
 from facestage.contract.schemas.fields import Items, Number, Whole
@@ -93,8 +94,8 @@ class Camera:
             (self.principal_px[0] * factor, self.principal_px[1] * factor),
         )
 
-    def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (m, 2) of camera-frame points (m, 3) in metres; behind the camera gives NaN."""
+    def project(self, points: Float[np.ndarray, "points 3"]) -> Float64[np.ndarray, "points 2"]:
+        """Pixels of camera-frame points in metres; behind the camera gives NaN."""
         points = np.asarray(points, np.float64)
         depth = np.where(points[:, 2] < 0, -points[:, 2], np.nan)
         x = self.focal_px * points[:, 0] / depth + self.principal_px[0]

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float, Float32, Int32, Int64, Integer, Num, UInt8
 from facestage.contract.errors import InputError
 from facestage.contract.files.reading import GIB
 from facestage.contract.files.storage import read_arrays, write_arrays
@@ -54,20 +55,23 @@ class FaceModel:
     name: str
     license: str
     source: str
-    vertices: np.ndarray  # (n, 3) float32, the mean face
-    polygons: np.ndarray  # (p, 4) int32, quads; the fourth is -1 for a triangle
-    polygon_uvs: np.ndarray  # (p, 4) int32 into `uvs`; the fourth is -1 for a triangle
-    polygon_part: np.ndarray  # (p,) uint8, index into PARTS
-    uvs: np.ndarray  # (u, 2) float32 in 0..1
+    vertices: Float32[np.ndarray, "vertices 3"]  # the mean face
+    polygons: Int32[np.ndarray, "polygons 4"]  # quads; the fourth is -1 for a triangle
+    polygon_uvs: Int32[np.ndarray, "polygons 4"]  # into `uvs`; the fourth is -1 for a triangle
+    polygon_part: UInt8[np.ndarray, " polygons"]  # index into PARTS
+    uvs: Float32[np.ndarray, "uvs 2"]  # in 0..1
     identity_names: tuple[str, ...]
-    identity_basis: np.ndarray  # (k, n, 3) float32, metres per standard deviation
+    # metres per standard deviation
+    identity_basis: Float32[np.ndarray, "identities vertices 3"]
     expression_names: tuple[str, ...]
-    expression_basis: np.ndarray  # (e, n, 3) float32, metres at weight 1
-    albedo_mean: np.ndarray  # (n, 3) float32, linear diffuse RGB in (0, 1)
-    albedo_basis: np.ndarray  # (d, n, 3) float32, change of log albedo per standard deviation
-    landmarks: Mapping[str, np.ndarray]  # scheme -> (m, 6): 3 vertex indices, 3 barycentric weights
-    # name -> (r,) int32 vertex indices
-    regions: Mapping[str, np.ndarray] = field(default_factory=dict)
+    expression_basis: Float32[np.ndarray, "expressions vertices 3"]  # metres at weight 1
+    albedo_mean: Float32[np.ndarray, "vertices 3"]  # linear diffuse RGB in (0, 1)
+    # change of log albedo per standard deviation
+    albedo_basis: Float32[np.ndarray, "albedos vertices 3"]
+    # scheme -> 3 vertex indices and 3 barycentric weights of each landmark
+    landmarks: Mapping[str, Num[np.ndarray, "_ 6"]]
+    # name -> vertex indices
+    regions: Mapping[str, Integer[np.ndarray, " _"]] = field(default_factory=dict)
     # "box": weights in 0..1, "gaussian": unit variance; one word for all expressions, or one for
     # each.
     expression_prior: str | tuple[str, ...] = "box"
@@ -159,8 +163,8 @@ class FaceModel:
                 )
 
     @cached_property
-    def expression_box(self) -> np.ndarray:
-        """(e,) bool, the expressions whose weights lie in 0..1; the others are Gaussian with unit
+    def expression_box(self) -> Bool[np.ndarray, " expressions"]:
+        """The expressions whose weights lie in 0..1; the others are Gaussian with unit
         variance.
         """
         words = self.expression_prior
@@ -169,24 +173,26 @@ class FaceModel:
         return np.array([word == "box" for word in words], bool)
 
     @cached_property
-    def triangles(self) -> np.ndarray:
-        """(t, 3) int32 vertex indices: each quad split along its first diagonal, in polygon
+    def triangles(self) -> Int32[np.ndarray, "triangles 3"]:
+        """Vertex indices: each quad split along its first diagonal, in polygon
         order.
         """
         return split_quads(self.polygons)
 
     @cached_property
-    def triangle_uvs(self) -> np.ndarray:
-        """(t, 3) int32 UV indices, row for row with :attr:`triangles`."""
+    def triangle_uvs(self) -> Int32[np.ndarray, "triangles 3"]:
+        """UV indices, row for row with :attr:`triangles`."""
         return split_quads(self.polygon_uvs)
 
     @cached_property
-    def triangle_part(self) -> np.ndarray:
-        """(t,) uint8 part of each triangle, row for row with :attr:`triangles`."""
+    def triangle_part(self) -> UInt8[np.ndarray, " triangles"]:
+        """The part of each triangle, row for row with :attr:`triangles`."""
         return np.repeat(self.polygon_part, 1 + (self.polygons[:, 3] >= 0))
 
-    def landmark_vertices(self, scheme: str) -> tuple[np.ndarray, np.ndarray]:
-        """Vertex indices (m, 3) int and barycentric weights (m, 3) of a landmark scheme."""
+    def landmark_vertices(
+        self, scheme: str
+    ) -> tuple[Int64[np.ndarray, "landmarks 3"], Float32[np.ndarray, "landmarks 3"]]:
+        """Vertex indices and barycentric weights of a landmark scheme."""
         if scheme not in self.landmarks:
             known = ", ".join(sorted(self.landmarks)) or "none"
             raise InputError(
@@ -196,11 +202,11 @@ class FaceModel:
         return table[:, :3].astype(np.int64), table[:, 3:].astype(np.float32)
 
     def shape(
-        self, identity: np.ndarray | None = None, expression: np.ndarray | None = None
-    ) -> np.ndarray:
-        """(n, 3) float32 vertices in the model frame for identity (k,) and expression (e,)
-        weights.
-        """
+        self,
+        identity: Float[np.ndarray, " identities"] | None = None,
+        expression: Float[np.ndarray, " expressions"] | None = None,
+    ) -> Float32[np.ndarray, "vertices 3"]:
+        """The vertices in the model frame for weights of identity and expression."""
         result = self.vertices
         if identity is not None and len(self.identity_names):
             result = result + np.tensordot(np.asarray(identity, np.float32), self.identity_basis, 1)
@@ -210,8 +216,10 @@ class FaceModel:
             )
         return result
 
-    def albedo(self, delta: np.ndarray | None = None) -> np.ndarray:
-        """(n, 3) float32 diffuse albedo in (0, 1) for coefficients delta (d,)."""
+    def albedo(
+        self, delta: Float[np.ndarray, " albedos"] | None = None
+    ) -> Float32[np.ndarray, "vertices 3"]:
+        """The diffuse albedo in (0, 1) for coefficients delta."""
         log_albedo = np.log(self.albedo_mean)
         if delta is not None and len(self.albedo_basis):
             log_albedo = log_albedo + np.tensordot(
@@ -317,12 +325,12 @@ class FaceArrays(FileSchema):
     meta = Words()
 
 
-def _within(indices: np.ndarray, count: int) -> bool:
+def _within(indices: Integer[np.ndarray, ...], count: int) -> bool:
     return not indices.size or bool(indices.min() >= 0 and indices.max() < count)
 
 
-def split_quads(polygons: np.ndarray) -> np.ndarray:
-    """(t, 3) triangles of quads and triangles (p, 4), whose fourth is -1, keeping polygon order."""
+def split_quads(polygons: Integer[np.ndarray, "polygons 4"]) -> Integer[np.ndarray, "triangles 3"]:
+    """The triangles of quads and triangles, whose fourth is -1, keeping polygon order."""
     triangles = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
     keep = np.stack([np.ones(len(polygons), bool), polygons[:, 3] >= 0], axis=1)
     return np.ascontiguousarray(triangles[keep])

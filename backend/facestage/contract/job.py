@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import atomic_folder
@@ -82,7 +83,7 @@ class Job:
     landmarks: Landmarks | None = None
     camera: Camera | None = None
     stage: LightStage | None = None
-    camera_to_stage: np.ndarray | None = None
+    camera_to_stage: Float[np.ndarray, "4 4"] | None = None
     light_color: str = "multi"
     freeze: tuple[str, ...] = ()
     weights: Weights = field(default_factory=Weights)

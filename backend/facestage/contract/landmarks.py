@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_json
 from facestage.contract.schemas.array_field import FLAGS, Array
@@ -51,20 +52,20 @@ class LandmarkSchema(FileSchema):
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Points (m, 2) in pixels of a named scheme, with a visibility flag (m,) each.
+    """Points in pixels of a named scheme, with a visibility flag each.
 
-    ``weights`` (m,) >= 0 say how much each point counts beside what its scheme says of it: 1 is as
+    ``weights`` >= 0 say how much each point counts beside what its scheme says of it: 1 is as
     usual, 0 not at all, 4 as a point of half the standard deviation; None is 1 for all.
     """
 
     scheme: str
-    points: np.ndarray
-    visible: np.ndarray
-    weights: np.ndarray | None = None
+    points: Float[np.ndarray, "landmarks 2"]
+    visible: Bool[np.ndarray, " landmarks"]
+    weights: Float[np.ndarray, " landmarks"] | None = None
 
     @property
-    def counted(self) -> np.ndarray:
-        """(m,) bool, the visible points that are not left out by a weight of 0."""
+    def counted(self) -> Bool[np.ndarray, " landmarks"]:
+        """The visible points that are not left out by a weight of 0."""
         return self.visible if self.weights is None else self.visible & (self.weights > 0)
 
     @classmethod

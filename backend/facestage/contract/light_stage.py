@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from marshmallow import ValidationError, validates_schema
 
+from facestage.contract.arrays import Float, Int
 from facestage.contract.errors import InputError
 from facestage.contract.schemas.array_field import WHOLE, Array, unit
 from facestage.contract.schemas.schema import FileSchema
@@ -33,12 +34,12 @@ class LightStage:
     ``radiance`` on the side its ``direction`` points to.
     """
 
-    position: np.ndarray  # (N, 3) m, centres
-    direction: np.ndarray  # (N, 3) unit, towards the face
-    axis_x: np.ndarray  # (N, 3) unit, along one side of the square
-    side: np.ndarray  # (N,) m
-    radiance: np.ndarray  # (N, 3) linear RGB
-    state: np.ndarray  # (N,) int, ON, FROZEN or OFF
+    position: Float[np.ndarray, "lights 3"]  # m, centres
+    direction: Float[np.ndarray, "lights 3"]  # unit, towards the face
+    axis_x: Float[np.ndarray, "lights 3"]  # unit, along one side of the square
+    side: Float[np.ndarray, " lights"]  # m
+    radiance: Float[np.ndarray, "lights 3"]  # linear RGB
+    state: Int[np.ndarray, " lights"]  # ON, FROZEN or OFF
 
     def __post_init__(self) -> None:
         n = len(self.position)
@@ -75,19 +76,19 @@ class LightStage:
         return len(self.position)
 
     @property
-    def axis_y(self) -> np.ndarray:
-        """(N, 3) unit, the other side of the square."""
+    def axis_y(self) -> Float[np.ndarray, "lights 3"]:
+        """Unit vectors along the other side of the square."""
         return np.cross(self.direction, self.axis_x)
 
     @property
-    def corners(self) -> np.ndarray:
-        """(N, 4, 3) m, in order around the square."""
+    def corners(self) -> Float[np.ndarray, "lights 4 3"]:
+        """The corners of each light in metres, in order around the square."""
         half = 0.5 * self.side[:, None]
         x, y = half * self.axis_x, half * self.axis_y
         return self.position[:, None] + np.stack([-x - y, x - y, x + y, -x + y], axis=1)
 
-    def transformed(self, matrix: np.ndarray) -> LightStage:
-        """The stage in another frame; ``matrix`` (4, 4) is a rigid transform."""
+    def transformed(self, matrix: Float[np.ndarray, "4 4"]) -> LightStage:
+        """The stage in another frame; ``matrix`` is a rigid transform."""
         rotation, translation = np.asarray(matrix)[:3, :3], np.asarray(matrix)[:3, 3]
         return replace(
             self,
@@ -96,8 +97,8 @@ class LightStage:
             axis_x=self.axis_x @ rotation.T,
         )
 
-    def with_radiance(self, radiance: np.ndarray) -> LightStage:
-        """The same lights at another radiance (N, 3); off lights stay at exactly 0."""
+    def with_radiance(self, radiance: Float[np.ndarray, "lights 3"]) -> LightStage:
+        """The same lights at another radiance; off lights stay at exactly 0."""
         radiance = np.where((self.state == OFF)[:, None], 0.0, np.asarray(radiance, np.float64))
         return replace(self, radiance=radiance)
 
@@ -158,8 +159,8 @@ def fibonacci_stage(
     )
 
 
-def _horizontal_axis(outward: np.ndarray) -> np.ndarray:
-    """A unit tangent (N, 3) of each direction, level where the direction is not vertical."""
+def _horizontal_axis(outward: Float[np.ndarray, "lights 3"]) -> Float[np.ndarray, "lights 3"]:
+    """A unit tangent of each direction, level where the direction is not vertical."""
     up = np.where(np.abs(outward[:, 1:2]) < 0.999, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
     axis = np.cross(up, outward)
     return axis / np.linalg.norm(axis, axis=1, keepdims=True)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.files.storage import read_json, write_json
 from facestage.contract.parameters import SIZES, as_fields, shared_values
 from facestage.contract.result import STATUSES
@@ -53,9 +54,9 @@ class Person:
     advice: str
     model: str
     photos: tuple[PersonPhoto, ...]
-    identity: np.ndarray  # (k,) standard deviations
-    albedo: np.ndarray  # (d,) coefficients
-    specular: np.ndarray  # (s, s) c_spec over the UV square, row 0 at v = 1
+    identity: Float[np.ndarray, " identities"]  # standard deviations
+    albedo: Float[np.ndarray, " albedos"]  # coefficients
+    specular: Float[np.ndarray, "cells cells"]  # c_spec over the UV square, row 0 at v = 1
     roughness: float
     timings: dict[str, float]
     folder: Path | None = None

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Float32, Int32, Integer, Num
 from facestage.contract.camera import PIXELS_MAX, SIDE_MAX
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
@@ -42,10 +43,11 @@ class RelightCache:
 
     width: int  # of the whole picture, pixels
     height: int
-    pixels: np.ndarray  # (P,) int32, row * width + column, ascending
-    coverage: np.ndarray  # (P,) float32, share of the pixel that the head covers
-    images: np.ndarray  # (3, N, P) float32 linear RGB, each light at the radiance 1 / its scale
-    scale: np.ndarray  # (N,) float32, the brightest value of each light's image at radiance 1
+    pixels: Int32[np.ndarray, " pixels"]  # row * width + column, ascending
+    coverage: Float32[np.ndarray, " pixels"]  # share of the pixel that the head covers
+    # linear RGB, each light at the radiance 1 / its scale
+    images: Float32[np.ndarray, "3 lights pixels"]
+    scale: Float32[np.ndarray, " lights"]  # the brightest value of each light's image at radiance 1
     samples: int  # shadow rays per light and sub-pixel
     fingerprint: str  # of the result that it was made from, see :func:`relight_fingerprint`
 
@@ -54,13 +56,13 @@ class RelightCache:
         cls,
         width: int,
         height: int,
-        pixels: np.ndarray,
-        coverage: np.ndarray,
-        images: np.ndarray,
+        pixels: Integer[np.ndarray, " pixels"],
+        coverage: Float[np.ndarray, " pixels"],
+        images: Float[np.ndarray, "3 lights pixels"],
         samples: int,
         fingerprint: str,
     ) -> RelightCache:
-        """The cache of ``images`` (3, N, P) at radiance 1; rounds them as the file does (half
+        """The cache of ``images`` at radiance 1; rounds them as the file does (half
         floats).
 
         Half floats have 11 bits from 6e-5 up; each light is scaled to 1, so that a small or distant
@@ -86,8 +88,8 @@ class RelightCache:
         """Number of lights."""
         return self.images.shape[1]
 
-    def colors(self, radiance: np.ndarray) -> np.ndarray:
-        """(P, 3) float32 linear RGB of :attr:`pixels` under the lights' ``radiance`` (N, 3).
+    def colors(self, radiance: Num[np.ndarray, ...]) -> Float32[np.ndarray, "pixels 3"]:
+        """Linear RGB of :attr:`pixels` under the lights' ``radiance`` (lights, 3).
 
         Raises InputError for another number of lights, or radiance that is negative or not finite.
         """
@@ -110,9 +112,8 @@ class RelightCache:
             result[:, channel] = np.einsum("j,jp->p", weights[:, channel], self.images[channel])
         return result
 
-    def relight(self, radiance: np.ndarray) -> np.ndarray:
-        """(height, width, 3) float32 linear RGB under ``radiance`` (N, 3), 0 where the head is not;
-        see :meth:`colors`.
+    def relight(self, radiance: Num[np.ndarray, ...]) -> Float32[np.ndarray, "height width 3"]:
+        """Linear RGB under ``radiance`` (lights, 3), 0 where the head is not; see :meth:`colors`.
 
         The same as tracing the result again with the same samples, to a relative 5e-4 (half
         floats).

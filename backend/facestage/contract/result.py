@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from marshmallow import ValidationError, validates_schema
 
+from facestage.contract.arrays import Float, Integer
 from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import read_consistently
@@ -59,16 +60,16 @@ class Result:
     advice: str  # one sentence: what it means and what to do
     model: str  # the job's model, "default", "ict:PATH", ...
     camera: Camera
-    camera_to_stage: np.ndarray  # (4, 4)
-    model_to_camera: np.ndarray  # (4, 4), the head pose
-    identity: np.ndarray  # (k,) standard deviations
-    expression: np.ndarray  # (e,) weights
-    albedo: np.ndarray  # (d,) coefficients delta
-    specular: np.ndarray  # (s, s) c_spec over the UV square, row 0 at v = 1
+    camera_to_stage: Float[np.ndarray, "4 4"]
+    model_to_camera: Float[np.ndarray, "4 4"]  # the head pose
+    identity: Float[np.ndarray, " identities"]  # standard deviations
+    expression: Float[np.ndarray, " expressions"]  # weights
+    albedo: Float[np.ndarray, " albedos"]  # coefficients delta
+    specular: Float[np.ndarray, "cells cells"]  # c_spec over the UV square, row 0 at v = 1
     roughness: float  # GGX alpha = roughness^2
     stage: LightStage  # stage frame
-    vertices: np.ndarray  # (n, 3) float32 m, camera frame, the model's vertex order
-    triangles: np.ndarray  # (t, 3) int32
+    vertices: Float[np.ndarray, "vertices 3"]  # m, camera frame, the model's vertex order
+    triangles: Integer[np.ndarray, "triangles 3"]
     identity_names: tuple[str, ...] = ()
     expression_names: tuple[str, ...] = ()
     energy: dict[str, float] = field(default_factory=dict)
@@ -100,8 +101,8 @@ class Result:
         return {name: np.asarray(values[name]) for name in KEPT if name in values}
 
     @property
-    def model_to_stage(self) -> np.ndarray:
-        """(4, 4), the head pose in the stage."""
+    def model_to_stage(self) -> Float[np.ndarray, "4 4"]:
+        """The head pose in the stage."""
         return self.camera_to_stage @ self.model_to_camera
 
     def write_into(self, folder: Path) -> None:

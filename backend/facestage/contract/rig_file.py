@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Float64, Int32, Integer, UInt8
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import PARTS, UV_HIGH, UV_LOW
 from facestage.contract.files.reading import GIB
@@ -51,8 +52,7 @@ MARKS: Mapping[str, tuple[str, int]] = {
 
 @dataclass(frozen=True)
 class RigFile:
-    """A mesh of n vertices, p polygons, u UV points, k identity and e expression shapes, in its own
-    axes and unit.
+    """A mesh with identity and expression shapes, in its own axes and unit.
 
     An expression moves by its offsets at weight 1 (the end of its slider), an identity shape at one
     standard deviation.
@@ -60,20 +60,20 @@ class RigFile:
 
     name: str
     license: str
-    vertices: np.ndarray  # (n, 3) float64, without any shape key
-    polygons: np.ndarray  # (p, 4) int32, quads; the fourth is -1 for a triangle
-    polygon_uvs: np.ndarray  # (p, 4) int32 into `uvs`; the fourth is -1 for a triangle
-    polygon_part: np.ndarray  # (p,) uint8, index into PARTS or UNKNOWN_PART
-    uvs: np.ndarray  # (u, 2) float32 in 0..1
+    vertices: Float64[np.ndarray, "vertices 3"]  # without any shape key
+    polygons: Int32[np.ndarray, "polygons 4"]  # quads; the fourth is -1 for a triangle
+    polygon_uvs: Int32[np.ndarray, "polygons 4"]  # into `uvs`; the fourth is -1 for a triangle
+    polygon_part: UInt8[np.ndarray, " polygons"]  # index into PARTS or UNKNOWN_PART
+    uvs: Float[np.ndarray, "uvs 2"]  # in 0..1
     expression_names: tuple[str, ...]
-    expression_offsets: np.ndarray  # (e, n, 3) float32
+    expression_offsets: Float[np.ndarray, "expressions vertices 3"]
     identity_names: tuple[str, ...]
-    identity_offsets: np.ndarray  # (k, n, 3) float32
+    identity_offsets: Float[np.ndarray, "identities vertices 3"]
     # metres per unit along each axis, as far as the scene says
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     borrow_identity: bool = True  # without identity shapes of its own, take the default model's
     # name in MARKS -> vertex indices, at their middle
-    marks: Mapping[str, np.ndarray] = field(default_factory=dict)
+    marks: Mapping[str, Integer[np.ndarray, " _"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -135,8 +135,8 @@ class RigFile:
             f"The mesh file of '{self.name}': {what}; export the mesh again (Use My Mesh)."
         )
 
-    def known_points(self) -> dict[int, np.ndarray]:
-        """Index in the ibug68 scheme -> the place (3,) that the user has marked, in the mesh's own
+    def known_points(self) -> dict[int, Float64[np.ndarray, " 3"]]:
+        """Index in the ibug68 scheme -> the place that the user has marked, in the mesh's own
         coordinates.
         """
         return {

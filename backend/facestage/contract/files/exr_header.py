@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
 from facestage.contract.files.reading import open_regular
 
@@ -33,7 +34,7 @@ class ExrHeader:
     compression: str
     channels: tuple[str, ...]
     tiled: bool
-    chromaticities: np.ndarray | None  # (8,) CIE xy of red, green, blue and white
+    chromaticities: Float[np.ndarray, " 8"] | None  # CIE xy of red, green, blue and white
     display: tuple[int, int]  # width and height of the window that is shown
     lines: int  # in a block
     end: int  # bytes

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from marshmallow import ValidationError
 
+from facestage.contract.arrays import Num
 from facestage.contract.schemas.fields import Checked, range_words
 from facestage.contract.wording import shown
 
@@ -134,8 +135,8 @@ def _shape_words(shape: Sequence[int | str], sizes: Mapping[str, int]) -> str:
     return f"({', '.join(sides)}{',' if len(sides) == 1 else ''})"
 
 
-def rigid(matrix: np.ndarray) -> None:
-    """Raise ValidationError unless a (4, 4) matrix is a rotation and a translation."""
+def rigid(matrix: Num[np.ndarray, "4 4"]) -> None:
+    """Raise ValidationError unless a matrix is a rotation and a translation."""
     rotation = matrix[:3, :3]
     if (
         np.abs(rotation).max() > 2
@@ -146,8 +147,8 @@ def rigid(matrix: np.ndarray) -> None:
         raise ValidationError("is not a rigid 4x4 transform (rotation and translation, no scale)")
 
 
-def unit(vectors: np.ndarray) -> None:
-    """Raise ValidationError unless all vectors (..., 3) have length 1."""
+def unit(vectors: Num[np.ndarray, "... 3"]) -> None:
+    """Raise ValidationError unless all vectors have length 1."""
     if vectors.size and not np.allclose(np.linalg.norm(vectors, axis=-1), 1, atol=1e-3):
         raise ValidationError("holds directions that are not of length 1")
 
