@@ -1,8 +1,8 @@
 """Arrays in annotations, with their element type and shape: ``Float[np.ndarray, "pixels 3"]``.
 
 ``Float``, ``Int``, ``Bool`` and the others are those of jaxtyping while the tests run, which check
-each call and each dataclass (tests/reference/checked.py). Everywhere else they are ``typing.Annotated``:
-nothing is imported and nothing is checked, in Blender as in a fit.
+each call and each dataclass (tests/reference/checked.py). Everywhere else they are
+``typing.Annotated``: nothing is imported and nothing is checked, in Blender as in a fit.
 """
 
 from __future__ import annotations

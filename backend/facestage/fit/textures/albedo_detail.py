@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, doubled, solve_field
@@ -51,18 +52,21 @@ DOUBTS = Doubts()
 class AlbedoDetail:
     """What is added to the basis' log albedo, and where from."""
 
-    log_albedo: np.ndarray  # (S, S, 3) float32
-    seen: np.ndarray  # (S, S) bool: the photo shows the texel
-    mirrored: np.ndarray  # (S, S) bool: the photo shows its mirror image only
+    log_albedo: Float32[np.ndarray, "size size 3"]
+    seen: Bool[np.ndarray, "size size"]  # the photo shows the texel
+    mirrored: Bool[np.ndarray, "size size"]  # the photo shows its mirror image only
 
 
 def albedo_detail(
-    atlas: Atlas, shown: Shown, half_mirror: np.ndarray | None, doubts: Doubts = DOUBTS
+    atlas: Atlas,
+    shown: Shown,
+    half_mirror: Int[np.ndarray, "half half"] | None,
+    doubts: Doubts = DOUBTS,
 ) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
 
-    ``half_mirror`` (S / 2, S / 2) int as of :func:`symmetry.mirrored_texels`; None: no symmetry.
+    ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide; None: no symmetry.
     Where neither side is seen, the detail decays to zero.
     """
     weight, target = albedo_observations(shown, doubts)
@@ -84,10 +88,10 @@ def albedo_detail(
     )
 
 
-def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the mirror images of the texels add to ``field``'s solution (s, s, 3), and how much is
-    then known (s, s).
-    """
+def _completion(
+    field: Field, mirror: Int[np.ndarray, "size size"]
+) -> tuple[Float[np.ndarray, "size size 3"], Float[np.ndarray, "size size"]]:
+    """What the mirror images add to ``field``'s solution, and how much is then known."""
     found, known = solve_field(field)
     paired = mirror >= 0
     other = np.where(paired, mirror, 0).ravel()
@@ -101,8 +105,10 @@ def _completion(field: Field, mirror: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return completed - found, known_too
 
 
-def albedo_observations(shown: Shown, doubts: Doubts = DOUBTS) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) confidence and (P, 3) what each pixel says of log albedo minus the basis'.
+def albedo_observations(
+    shown: Shown, doubts: Doubts = DOUBTS
+) -> tuple[Float[np.ndarray, " pixels"], Float[np.ndarray, "pixels 3"]]:
+    """Confidence, and what each pixel says of log albedo minus the basis'.
 
     Of what a pixel lacks, only the share that is more likely pigment than wrong shading is passed
     on: shading errors are alike over whole regions, so that a lower weight alone would not keep
@@ -143,16 +149,16 @@ def albedo_observations(shown: Shown, doubts: Doubts = DOUBTS) -> tuple[np.ndarr
 
 
 def pigment_share(
-    brightness: np.ndarray,
-    shading: np.ndarray,
-    highlight: np.ndarray,
-    sigma: np.ndarray | float = PIGMENT_SIGMA,
-) -> np.ndarray:
-    """(P,) 0..1, how much of a residual of the log albedo is more likely pigment than wrong
+    brightness: Float[np.ndarray, " pixels"],
+    shading: Float[np.ndarray, " pixels"],
+    highlight: Float[np.ndarray, " pixels"],
+    sigma: Float[np.ndarray, " pixels"] | float = PIGMENT_SIGMA,
+) -> Float[np.ndarray, " pixels"]:
+    """0..1, how much of a residual of the log albedo is more likely pigment than wrong
     shading.
 
-    What is small may be either; what is many times larger than the doubt of ``shading`` (P,) and
-    ``highlight`` (P,) can only be pigment. ``sigma``: how much pigment varies.
+    What is small may be either; what is many times larger than the doubt of ``shading`` and
+    ``highlight`` can only be pigment. ``sigma``: how much pigment varies.
     """
     common = sigma**2 / (sigma**2 + shading**2 + highlight**2)
     factor = np.where(brightness > 0, HIGHLIGHT_PLAIN_FACTOR, PLAIN_FACTOR)
@@ -162,6 +168,6 @@ def pigment_share(
     return np.maximum(common, plain)
 
 
-def painted(log_albedo: np.ndarray) -> np.ndarray:
-    """The albedo texture of a log albedo (S, S, 3)."""
+def painted(log_albedo: Float[np.ndarray, "size size 3"]) -> Float32[np.ndarray, "size size 3"]:
+    """The albedo texture of a log albedo."""
     return np.minimum(np.exp(log_albedo), brdf.ALBEDO_MAX).astype(np.float32)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.render.tracer import RayTracer
@@ -14,15 +15,16 @@ from facestage.render.tracer import RayTracer
 
 @dataclass(frozen=True)
 class Atlas:
-    """Which point of the mesh each texel of a (S, S) texture shows."""
+    """Which point of the mesh each texel of a texture shows."""
 
     size: int
-    covered: np.ndarray  # (S, S) bool
-    skin: np.ndarray  # (S, S) bool
-    corners: np.ndarray  # (covered texels, 3) vertex indices
-    weights: np.ndarray  # (covered texels, 3) barycentric
-    triangle: np.ndarray  # (covered texels,) triangle of the rendered mesh
-    nearest: tuple[np.ndarray, np.ndarray]  # row and column of the nearest covered texel
+    covered: Bool[np.ndarray, "size size"]
+    skin: Bool[np.ndarray, "size size"]
+    corners: Int[np.ndarray, "texels 3"]  # vertex indices
+    weights: Float[np.ndarray, "texels 3"]  # barycentric
+    triangle: Int[np.ndarray, " texels"]  # triangle of the rendered mesh
+    # row and column of the nearest covered texel
+    nearest: tuple[Int[np.ndarray, "size size"], Int[np.ndarray, "size size"]]
 
     @classmethod
     def build(cls, geometry: FaceGeometry, size: int) -> Atlas:
@@ -50,10 +52,10 @@ class Atlas:
             (nearest[0], nearest[1]),
         )
 
-    def bake(self, values: np.ndarray) -> np.ndarray:
-        """(S, S, c) texture of vertex values (m, c); uncovered texels repeat the nearest covered
-        one.
-        """
+    def bake(
+        self, values: Float[np.ndarray, "vertices channels"]
+    ) -> Float32[np.ndarray, "size size channels"]:
+        """Texture of vertex values; uncovered texels repeat the nearest covered one."""
         texture = np.zeros((self.size, self.size, values.shape[1]), np.float32)
         texture[self.covered] = np.einsum("ti,tic->tc", self.weights, values[self.corners])
         return texture[self.nearest]

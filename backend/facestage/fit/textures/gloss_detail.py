@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.textures.albedo_detail import DOUBTS, PIGMENT_SIGMA
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import conjugate_gradients, neighbour_laplacian, texel_rows
@@ -29,23 +30,26 @@ STEPS, TOLERANCE = 80, 1e-3
 
 @dataclass(frozen=True)
 class GlossStep:
-    """Changes of both maps (G, G), and how much of each is known (G, G) 0..1: 0 is the fitted map
+    """Changes of both maps, and how much of each is known, 0..1: 0 is the fitted map
     alone.
     """
 
-    specular: np.ndarray
-    roughness: np.ndarray
-    specular_known: np.ndarray
-    roughness_known: np.ndarray
+    specular: Float[np.ndarray, "size size"]
+    roughness: Float[np.ndarray, "size size"]
+    specular_known: Float[np.ndarray, "size size"]
+    roughness_known: Float[np.ndarray, "size size"]
 
 
 def gloss_step(
-    texels: np.ndarray, shown: Shown, by_specular: np.ndarray, by_roughness: np.ndarray
+    texels: Bool[np.ndarray, "size size"],
+    shown: Shown,
+    by_specular: Float[np.ndarray, "pixels 3"],
+    by_roughness: Float[np.ndarray, "pixels 3"],
 ) -> GlossStep:
-    """The change of c_spec and roughness on ``texels`` (G, G) bool that explains what the photo
+    """The change of c_spec and roughness on ``texels`` that explains what the photo
     shows.
 
-    ``by_specular`` and ``by_roughness`` (P, 3) are the model's derivatives; a map whose derivative
+    ``by_specular`` and ``by_roughness`` are the model's derivatives; a map whose derivative
     is 0 stays. Both maps are Gaussian fields of the deviations above, found together.
     """
     residual, sigma = _residual(shown)
@@ -61,10 +65,14 @@ def gloss_step(
     # In standard deviations of the fields.
     columns = (SPECULAR_SIGMA * by_specular / sigma, ROUGHNESS_SIGMA * by_roughness / sigma)
 
-    def product(a: np.ndarray, b: np.ndarray) -> sp.csr_matrix:
+    def product(
+        a: Float[np.ndarray, "pixels 3"], b: Float[np.ndarray, "pixels 3"]
+    ) -> sp.spmatrix:
         return pick.T @ sp.diags(weight * (a * b).sum(axis=1)) @ pick
 
-    def solved(system: sp.spmatrix, right: np.ndarray) -> np.ndarray:
+    def solved(
+        system: sp.spmatrix, right: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " unknowns"]:
         start = np.zeros((len(right), 1), np.float32)
         return conjugate_gradients(
             system.tocsr().astype(np.float32),
@@ -74,7 +82,7 @@ def gloss_step(
             STEPS,
         )[:, 0]
 
-    def spread(values: np.ndarray) -> np.ndarray:
+    def spread(values: Float[np.ndarray, " texels"]) -> Float[np.ndarray, "size size"]:
         result = np.zeros(size * size)
         result[chosen] = values
         return result.reshape(size, size)
@@ -96,8 +104,8 @@ def gloss_step(
     )
 
 
-def _residual(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
-    """(P, 3) photo minus model, and its standard deviation by all that is neither specular nor
+def _residual(shown: Shown) -> tuple[Float[np.ndarray, "pixels 3"], Float[np.ndarray, "pixels 3"]]:
+    """Photo minus model, and its standard deviation by all that is neither specular nor
     roughness.
     """
     model = shown.image.color
@@ -113,11 +121,13 @@ def _residual(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def field_precision(index: np.ndarray, count: int, length: float) -> sp.csr_matrix:
+def field_precision(
+    index: Int[np.ndarray, "size size"], count: int, length: float
+) -> sp.csr_matrix:
     """(n, n) inverse covariance of a field of unit variance, correlated over ``length`` texels
     (Lindgren 2011, eq. 2).
 
-    ``index`` (G, G) numbers the n texels. A plane's field of precision s (1 / length^2 - Laplacian)
+    ``index`` numbers the n texels. A plane's field of precision s (1 / length^2 - Laplacian)
     has the variance log(pi length) / (2 pi s) on a lattice, to first order.
     """
     stiffness = np.log(np.pi * max(length, 1.0)) / (2 * np.pi)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.result import SEEN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
@@ -18,8 +19,10 @@ class MergedMaps:
     on.
     """
 
-    def __init__(self, geometry: FaceGeometry, size: int, log_albedo: np.ndarray) -> None:
-        """``log_albedo`` (m, 3): by vertex, what the photos' textures are a detail of."""
+    def __init__(
+        self, geometry: FaceGeometry, size: int, log_albedo: Float[np.ndarray, "vertices 3"]
+    ) -> None:
+        """``log_albedo``: by vertex, what the photos' textures are a detail of."""
         self._skin = Atlas.build(geometry, size).skin
         self._detail = MergedTexture(geometry, size, log_albedo)
         self._weight = 0.0

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from facestage.contract.arrays import Bool, Float, Float64
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.textures.atlas import Atlas
@@ -28,16 +29,24 @@ class MergedTexture:
     their basis.
     """
 
-    def __init__(self, geometry: FaceGeometry, size: int, basis: np.ndarray) -> None:
-        """``basis`` (m, c): by vertex, what the textures are a detail of."""
+    def __init__(
+        self, geometry: FaceGeometry, size: int, basis: Float[np.ndarray, "vertices channels"]
+    ) -> None:
+        """``basis``: by vertex, what the textures are a detail of."""
         self._atlas = Atlas.build(geometry, size)
         self._geometry = geometry
         self._sum = BASIS * self._atlas.bake(basis).astype(np.float64)
         self._weight = np.full((size, size), BASIS)
         self.coverage = np.zeros((size, size), bool)  # texels that any photo shows
 
-    def add(self, texture: np.ndarray, coverage: np.ndarray, state: State, weight: float) -> None:
-        """A photo's ``texture`` (S, S, c) and ``coverage`` (S, S) bool, with its ``weight`` 0..1
+    def add(
+        self,
+        texture: Float[np.ndarray, "size size channels"],
+        coverage: Bool[np.ndarray, "size size"],
+        state: State,
+        weight: float,
+    ) -> None:
+        """A photo's ``texture`` and ``coverage``, with its ``weight`` 0..1
         among the photos.
         """
         confidence = weight * _confidence(self._atlas, self._geometry, state, coverage)
@@ -45,15 +54,15 @@ class MergedTexture:
         self._weight += confidence
         self.coverage |= coverage
 
-    def mean(self) -> np.ndarray:
-        """(S, S, c) float64."""
+    def mean(self) -> Float64[np.ndarray, "size size channels"]:
+        """The merged texture."""
         return np.asarray(self._sum / self._weight[..., None])
 
 
 def _confidence(
-    atlas: Atlas, geometry: FaceGeometry, state: State, coverage: np.ndarray
-) -> np.ndarray:
-    """(S, S) 0..1: the cosine at which the camera sees each texel, down to 0 at the edge of the
+    atlas: Atlas, geometry: FaceGeometry, state: State, coverage: Bool[np.ndarray, "size size"]
+) -> Float[np.ndarray, "size size"]:
+    """0..1: the cosine at which the camera sees each texel, down to 0 at the edge of the
     ``coverage``.
     """
     vertices = geometry.vertices(state.identity, state.expression)

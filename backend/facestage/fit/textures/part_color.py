@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
@@ -35,7 +36,7 @@ class Part:
     """What is given one color: where it is on the mesh, and which albedo it may have."""
 
     name: str
-    vertices: np.ndarray  # (m,) bool of the rendered mesh
+    vertices: Bool[np.ndarray, " vertices"]  # of the rendered mesh
     low: float  # luminance of its albedo
     high: float
     chroma: float  # how far the logarithm of a channel may be from the model's, brightness apart
@@ -45,9 +46,9 @@ class Part:
 class Look:
     """The photo, (h, w) like the camera of the state."""
 
-    color: np.ndarray  # (h, w, 3) linear
-    usable: np.ndarray  # (h, w) bool: not masked, hidden or saturated
-    skin: np.ndarray  # (h, w) 0..1
+    color: Float[np.ndarray, "height width 3"]  # linear
+    usable: Bool[np.ndarray, "height width"]  # not masked, hidden or saturated
+    skin: Float[np.ndarray, "height width"]  # 0..1
 
 
 def parts_of(geometry: FaceGeometry) -> list[Part]:
@@ -70,8 +71,8 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
 
 def part_colors(
     forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int = 0
-) -> np.ndarray:
-    """(m, 3) what to add to the vertices' log albedo to give the parts the colors that the photo
+) -> Float[np.ndarray, "vertices 3"]:
+    """What to add to the vertices' log albedo to give the parts the colors that the photo
     shows of them.
 
     A color is the median over the pixels inside the part of what they say of its albedo under the
@@ -95,9 +96,9 @@ def part_colors(
 
 def _albedo_by_part(
     forward: ForwardModel, state: State, stage: LightStage, look: Look, parts: list[Part], seed: int
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each part the albedo (P, 3) that the photo's pixels inside it say, and the model's own
-    there (P, 3).
+) -> list[tuple[Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3"]]]:
+    """Of each part the albedo that the photo's pixels inside it say, and the model's own
+    there.
     """
     y, x = np.nonzero(look.usable)
     surface = forward.surface(state, np.stack([x, y], axis=1) + 0.5)
@@ -121,8 +122,10 @@ def _albedo_by_part(
     return result
 
 
-def _log_change(part: Part, albedo: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """(3,) what to add to the part's log albedo, whose pattern stays."""
+def _log_change(
+    part: Part, albedo: Float[np.ndarray, "pixels 3"], own: Float[np.ndarray, "pixels 3"]
+) -> Float[np.ndarray, " 3"]:
+    """What to add to the part's log albedo, whose pattern stays."""
     change = np.median(np.log(albedo / own), axis=0)
     chroma = np.clip(change - change.mean(), -part.chroma, part.chroma)
     color = np.median(np.log(own), axis=0) + change.mean() + chroma
@@ -133,8 +136,8 @@ def _log_change(part: Part, albedo: np.ndarray, own: np.ndarray) -> np.ndarray:
     return limited
 
 
-def _eyes_open(white: np.ndarray, look: Look) -> bool:
-    """Whether what lies where the model has the white of its eyes, albedo (P, 3), is paler than the
+def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:
+    """Whether what lies where the model has the white of its eyes, is paler than the
     skin.
     """
     skin = look.color[look.usable & (look.skin > 0.9)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Float, Float32, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.forward.rendering import Textures
@@ -33,7 +34,7 @@ class Refined:
     """The maps of the atlas and what they rest on."""
 
     textures: Textures
-    coverage: np.ndarray  # (S, S, 3) uint8, see CONVENTIONS.md
+    coverage: UInt8[np.ndarray, "size size 3"]  # see CONVENTIONS.md
 
 
 def refine(
@@ -102,8 +103,8 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
 
 def _gloss_textures(
     small: Atlas, problem: Problem, fitted: Fitted, gloss: GlossStep | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Specular and roughness (S, S) of the ``small`` atlas: skin as found, eyes and teeth a clear
+) -> tuple[Float32[np.ndarray, "size size"], Float32[np.ndarray, "size size"]]:
+    """Specular and roughness of the ``small`` atlas: skin as found, eyes and teeth a clear
     layer.
     """
     size, state = small.size, fitted.state
@@ -123,14 +124,14 @@ def _gloss_textures(
     return specular.astype(np.float32), _rough(roughness).astype(np.float32)
 
 
-def _rough(values: np.ndarray) -> np.ndarray:
+def _rough(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
 
 
 def _coverage(
     atlas: Atlas, gloss_size: int, detail: AlbedoDetail | None, gloss: GlossStep | None
-) -> np.ndarray:
-    """(S, S, 3) uint8: where the albedo is from, and how much the photo says of c_spec and
+) -> UInt8[np.ndarray, "size size 3"]:
+    """Where the albedo is from, and how much the photo says of c_spec and
     roughness.
     """
     result = np.zeros((atlas.size, atlas.size, 3), np.uint8)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Bool, Float
 from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
@@ -27,43 +28,46 @@ GRAZING, FACING = 0.15, 0.45
 
 @dataclass(frozen=True)
 class Shown:
-    """P pixels of skin.
+    """Pixels of skin.
 
     ``image`` is the fitted model there, with the specular derivative by roughness.
     """
 
     image: Image
-    uvs: np.ndarray  # (P, 2)
-    photo: np.ndarray  # (P, 3) linear
-    clipped: np.ndarray  # (P, 3) bool: at least as bright as the photo says
-    clear: np.ndarray  # (P,) 0..1 how well the pixel shows skin, and not at a grazing angle
-    doubt: np.ndarray  # (P,) of the shading's shape, see shading_doubt.py
-    # (P,) how far the mean face's log albedo departs there from its skin: brows, lips
-    feature: np.ndarray
+    uvs: Float[np.ndarray, "pixels 2"]
+    photo: Float[np.ndarray, "pixels 3"]  # linear
+    clipped: Bool[np.ndarray, "pixels 3"]  # at least as bright as the photo says
+    # 0..1 how well the pixel shows skin, and not at a grazing angle
+    clear: Float[np.ndarray, " pixels"]
+    doubt: Float[np.ndarray, " pixels"]  # of the shading's shape, see shading_doubt.py
+    # how far the mean face's log albedo departs there from its skin: brows, lips
+    feature: Float[np.ndarray, " pixels"]
     shift_px: int  # how far the fitted face may be off
 
     @property
-    def weight(self) -> np.ndarray:
-        """(P,) 0..1; 0 where any channel is clipped."""
+    def weight(self) -> Float[np.ndarray, " pixels"]:
+        """0..1; 0 where any channel is clipped."""
         return self.clear * ~self.clipped.any(axis=1)
 
     @property
-    def diffuse(self) -> np.ndarray:
-        """(P, 3) radiance of a white diffuser."""
+    def diffuse(self) -> Float[np.ndarray, "pixels 3"]:
+        """Radiance of a white diffuser."""
         return brdf.K_DIFFUSE / np.pi * self.image.diffuse
 
     @property
-    def albedo(self) -> np.ndarray:
-        """(P, 3) the basis' albedo."""
+    def albedo(self) -> Float[np.ndarray, "pixels 3"]:
+        """The basis' albedo."""
         return self.image.albedo
 
     @property
-    def specular(self) -> np.ndarray:
-        """(P, 3) radiance of the highlights."""
+    def specular(self) -> Float[np.ndarray, "pixels 3"]:
+        """Radiance of the highlights."""
         return brdf.K_SPECULAR * self.image.c_spec[:, None] * self.image.specular
 
-    def with_gloss(self, c_spec: np.ndarray, roughness: np.ndarray) -> Shown:
-        """The same with c_spec and roughness changed by so much (P,); to first order in the
+    def with_gloss(
+        self, c_spec: Float[np.ndarray, " pixels"], roughness: Float[np.ndarray, " pixels"]
+    ) -> Shown:
+        """The same with c_spec and roughness changed by so much; to first order in the
         roughness.
         """
         image = self.image
@@ -74,8 +78,10 @@ class Shown:
         color = self.diffuse * image.albedo + brdf.K_SPECULAR * changed[:, None] * specular
         return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
 
-    def change_over_shift(self, values: np.ndarray) -> np.ndarray:
-        """(P,) by how much ``values`` (P,) vary within ``shift_px`` of each pixel: what a wrong
+    def change_over_shift(
+        self, values: Float[np.ndarray, " pixels"]
+    ) -> Float[np.ndarray, " pixels"]:
+        """By how much ``values`` vary within ``shift_px`` of each pixel: what a wrong
         place would change.
         """
         column, row = self.image.surface.pixels.astype(int).T
@@ -120,8 +126,8 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     )
 
 
-def _shading_doubt(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """(h, w) at the photo's size, see shading_doubt.py; 0 where nothing is known of it."""
+def _shading_doubt(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "height width"]:
+    """At the photo's size, see shading_doubt.py; 0 where nothing is known of it."""
     width, height = problem.photograph.size
     if fitted.shading_doubt is None:
         return np.zeros((height, width))

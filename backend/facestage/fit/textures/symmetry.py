@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from facestage.contract.arrays import Float, Int, Integer
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas
@@ -16,8 +17,8 @@ DISTANCE_MAX, TEXELS_MAX = 1e-3, 1.5
 NEAR_VERTICES = 2
 
 
-def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> np.ndarray:
-    """(S, S) int: the flat index of the skin texel at each skin texel's mirror point on the mean
+def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> Int[np.ndarray, "size size"]:
+    """The flat index of the skin texel at each skin texel's mirror point on the mean
     face, -1 if none.
 
     Every vertex of the skin is reflected at x = 0 and put on the nearest point of the skin, whose
@@ -54,10 +55,12 @@ def mirrored_texels(atlas: Atlas, geometry: FaceGeometry) -> np.ndarray:
 
 
 def nearest_points(
-    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle (n,) and barycentric weights (n, 3) of the mesh's nearest point to each of
-    ``points`` (n, 3).
+    points: Float[np.ndarray, "points 3"],
+    vertices: Float[np.ndarray, "vertices 3"],
+    triangles: Integer[np.ndarray, "triangles 3"],
+) -> tuple[Int[np.ndarray, " points"], Float[np.ndarray, "points 3"]]:
+    """Triangle and barycentric weights of the mesh's nearest point to each of
+    ``points``.
 
     Looked for on the triangles around each point's nearest vertices, so right where triangles are
     as large as their neighbours. The nearest point of a triangle: Ericson 2004, Real-Time Collision
@@ -82,10 +85,10 @@ def nearest_points(
     return candidate[best], weights[best]
 
 
-def _nearest_on_triangle(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of each triangle (n, 3, 3) nearest to ``points`` (n,
-    3).
-    """
+def _nearest_on_triangle(
+    points: Float[np.ndarray, "points 3"], corners: Float[np.ndarray, "points 3 3"]
+) -> Float[np.ndarray, "points 3"]:
+    """Barycentric weights of the point of each triangle nearest to ``points``."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     result = np.zeros((len(points), 3))
     best = np.full(len(points), np.inf)
@@ -109,8 +112,10 @@ def _nearest_on_triangle(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.where(inside[:, None], np.stack([1 - v - w, v, w], axis=1), result)
 
 
-def _texel_size(positions: np.ndarray, size: int) -> np.ndarray:
-    """(S * S,) metres from a texel to its neighbours, the larger of right and below; 0 where there
+def _texel_size(
+    positions: Float[np.ndarray, "texels 3"], size: int
+) -> Float[np.ndarray, " texels"]:
+    """Metres from a texel to its neighbours, the larger of right and below; 0 where there
     is none.
     """
     grid = positions.reshape(size, size, 3)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Bool, Float, Float32, Float64, Int
 from facestage.fit.forward.shading import bilinear_weights, sample_bilinear
 
 COARSEST = 64
@@ -21,21 +22,21 @@ NEGLIGIBLE = 0.005
 
 @dataclass(frozen=True)
 class Field:
-    """What is sought: values of ``texels`` (S, S) bool, from P pixels, tied together and to zero.
+    """What is sought: values of ``texels``, from pixels, tied together and to zero.
 
     Minimises, channel by channel, sum_p w_p (x(uv_p) - y_p)^2 + sum_t W_t (x_t - Y_t)^2
     + smoothness sum |x_t - x_neighbour|^2 + shrinkage sum x_t^2.
     """
 
-    texels: np.ndarray  # (S, S) bool
-    uvs: np.ndarray  # (P, 2)
-    weight: np.ndarray  # (P,) inverse variances, at least 0
-    values: np.ndarray  # (P, k)
+    texels: Bool[np.ndarray, "size size"]
+    uvs: Float[np.ndarray, "pixels 2"]
+    weight: Float[np.ndarray, " pixels"]  # inverse variances, at least 0
+    values: Float[np.ndarray, "pixels channels"]
     smoothness: float
     shrinkage: float  # per texel; on a level of half the size four times as much
-    # (S, S) W, what other texels say of this one; None: nothing
-    guess_weight: np.ndarray | None = None
-    guess: np.ndarray | None = None  # (S, S, k) Y
+    # W, what other texels say of this one; None: nothing
+    guess_weight: Float[np.ndarray, "size size"] | None = None
+    guess: Float[np.ndarray, "size size channels"] | None = None  # Y
 
     def halved(self) -> Field:
         """The same on a texture of half the size."""
@@ -56,8 +57,10 @@ class Field:
         )
 
 
-def solve_field(field: Field) -> tuple[np.ndarray, np.ndarray]:
-    """The field (S, S, k) float32 and (S, S) 0..1, how much of it is known: its value where all
+def solve_field(
+    field: Field,
+) -> tuple[Float[np.ndarray, "size size channels"], Float[np.ndarray, "size size"]]:
+    """The field, and 0..1 how much of it is known: its value where all
     observations are 1.
 
     Zero outside the texels. Each level starts from the one of half its size, so that few steps are
@@ -84,9 +87,9 @@ def solve_field(field: Field) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _normal_equations(
-    field: Field, wanted: np.ndarray, texels: np.ndarray
-) -> tuple[sp.csr_matrix, np.ndarray]:
-    """System (n, n) and right sides (n, k + 1) for the ``texels``, the last for observations that
+    field: Field, wanted: Bool[np.ndarray, "size size"], texels: Int[np.ndarray, " texels"]
+) -> tuple[sp.csr_matrix, Float32[np.ndarray, "texels columns"]]:
+    """System and right sides for the ``texels``, the last for observations that
     are all 1.
     """
     size = len(wanted)
@@ -114,8 +117,10 @@ def _normal_equations(
     return (pick.T @ weighted + field.smoothness * laplacian + sp.diags(diagonal)).tocsr(), right
 
 
-def texel_rows(uvs: np.ndarray, numbers: np.ndarray, count: int) -> sp.csr_matrix:
-    """(P, n) bilinear lookups at ``uvs`` (P, 2) in a square texture; ``numbers`` (S * S,) of its n
+def texel_rows(
+    uvs: Float[np.ndarray, "pixels 2"], numbers: Int[np.ndarray, " texels"], count: int
+) -> sp.csr_matrix:
+    """Bilinear lookups (pixels, texels) at ``uvs`` in a square texture; ``numbers`` of its
     texels, -1: none.
     """
     index, share = bilinear_weights(uvs, int(np.sqrt(len(numbers))))
@@ -127,20 +132,20 @@ def texel_rows(uvs: np.ndarray, numbers: np.ndarray, count: int) -> sp.csr_matri
     )
 
 
-def halved(mask: np.ndarray) -> np.ndarray:
-    """(S / 2, S / 2) bool, true where any of two by two texels is."""
+def halved(mask: Bool[np.ndarray, "size size"]) -> Bool[np.ndarray, "half half"]:
+    """True where any of two by two texels is."""
     return _quads(mask[..., None].astype(np.float32))[..., 0] > 0
 
 
-def resampled(texture: np.ndarray, size: int) -> np.ndarray:
-    """(size, size) a square map (s, s) looked up at the centres of ``size`` texels along a side."""
+def resampled(texture: Float[np.ndarray, "_ _"], size: int) -> Float[np.ndarray, "_ _"]:
+    """A square map looked up at the centres of ``size`` texels along a side."""
     centre = (np.arange(size) + 0.5) / size
     u, v = np.meshgrid(centre, 1 - centre)
     return sample_bilinear(texture, np.stack([u.ravel(), v.ravel()], axis=1)).reshape(size, size)
 
 
-def neighbour_laplacian(index: np.ndarray, count: int) -> sp.csr_matrix:
-    """(n, n) float32 graph Laplacian of four neighbours each; ``index`` (S, S) numbers the n
+def neighbour_laplacian(index: Int[np.ndarray, "height width"], count: int) -> sp.csr_matrix:
+    """Graph Laplacian of four neighbours each; ``index`` numbers the n
     texels, -1: none.
     """
     rows, columns = [], []
@@ -154,9 +159,13 @@ def neighbour_laplacian(index: np.ndarray, count: int) -> sp.csr_matrix:
 
 
 def conjugate_gradients(
-    system: sp.csr_matrix, right: np.ndarray, start: np.ndarray, tolerance: float, steps: int
-) -> np.ndarray:
-    """(n, k) solutions of ``system`` x = ``right`` (n, k), all columns in step;
+    system: sp.csr_matrix,
+    right: Float32[np.ndarray, "unknowns columns"],
+    start: Float[np.ndarray, "unknowns columns"],
+    tolerance: float,
+    steps: int,
+) -> Float32[np.ndarray, "unknowns columns"]:
+    """Solutions of ``system`` x = ``right``, all columns in step;
     Jacobi-preconditioned.
 
     Ends when every column's residual is ``tolerance`` of its right side (in the preconditioner's
@@ -182,18 +191,24 @@ def conjugate_gradients(
     return x
 
 
-def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(k,) float64 products of the columns of (n, k)."""
+def _dots(
+    a: Float[np.ndarray, "unknowns columns"], b: Float[np.ndarray, "unknowns columns"]
+) -> Float64[np.ndarray, " columns"]:
+    """Products of the columns."""
     # A small matrix product: many times faster than sums along the long axis.
     return np.diagonal(a.T @ b).astype(np.float64)
 
 
-def _quads(texture: np.ndarray) -> np.ndarray:
-    """(S / 2, S / 2, k) sums of two by two texels."""
+def _quads(
+    texture: Float[np.ndarray, "size size channels"],
+) -> Float[np.ndarray, "half half channels"]:
+    """Sums of two by two texels."""
     half = len(texture) // 2
     return texture.reshape(half, 2, half, 2, -1).sum(axis=(1, 3))
 
 
-def doubled(texture: np.ndarray) -> np.ndarray:
-    """(2 S, 2 S, k) each texel four times."""
+def doubled(
+    texture: Float[np.ndarray, "size size channels"],
+) -> Float[np.ndarray, "wide wide channels"]:
+    """Each texel four times."""
     return np.repeat(np.repeat(texture, 2, axis=0), 2, axis=1)
