@@ -9,8 +9,7 @@ job freezes an unknown, and how a result keeps it, is the row of the same name i
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
-from dataclasses import field as dataclass_field
+from dataclasses import MISSING, dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -69,9 +68,9 @@ class Unknown:
     """A row. By default an unknown is the state's field of its name, a number or an array."""
 
     name: str
-    group: str  # the phases that move it, see GROUPS
+    group: str  # what it moves with: see SHAPE, SKIN, LAMPS and GLOSS
     bounds: Range | Callable[[Known], Range] = (-np.inf, np.inf)
-    priors: Mapping[str, Prior] = dataclass_field(default_factory=dict)  # by their energy's name
+    priors: Mapping[str, Prior] = field(default_factory=dict)  # by their energy's name
     weight: str = "prior"  # which of the job's weights its priors have
     mean: float = 0.0  # where a fit starts, where the job does not say and the photo does not tell
     counted: bool = True  # among the directions that the data see or do not see
