@@ -25,7 +25,6 @@ import scipy.sparse as sp
 from facestage.bench.settings import AdamSettings, Rates
 from facestage.bench.solver import LIGHT_PHASE, finished_track, landmark_start
 from facestage.bench.trace import Snapshot, Track
-from facestage.contract import brdf
 from facestage.contract.errors import InputError
 from facestage.fit.energy.landmark_term import PlacedLandmarks
 from facestage.fit.energy.silhouette import Silhouette
@@ -34,6 +33,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS
+from facestage.fit.forward.reflectance import albedo_of, by_log
 from facestage.fit.forward.shading import ForwardModel, bilinear_weights
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
 from facestage.fit.given.truth import Truth
@@ -95,7 +95,7 @@ class SceneMap:
 
     def values(self, state: State) -> SceneValues:
         """What the scene shows at ``state``."""
-        albedo = np.minimum(np.exp(self.forward.log_albedo(state)), brdf.ALBEDO_MAX)
+        albedo = albedo_of(self.forward.log_albedo(state))
         return SceneValues(
             self.forward.pose(state)[1],
             albedo,
@@ -114,9 +114,9 @@ class SceneMap:
         by_shape = geometry.basis.T @ (by_vertex @ state.rotation).ravel().astype(np.float32)
         result[slices["identity"]] = by_shape[: geometry.identity_count]
         result[slices["expression"]] = by_shape[geometry.identity_count :]
-        by_log = derivative.albedo * values.albedo * (values.albedo < brdf.ALBEDO_MAX)
+        by_logs = by_log(derivative.albedo, values.albedo)
         result[slices["albedo"]] = (
-            geometry.albedo_basis.reshape(len(geometry.albedo_basis), -1) @ by_log.ravel()
+            geometry.albedo_basis.reshape(len(geometry.albedo_basis), -1) @ by_logs.ravel()
         )
         result[slices["specular"]] = self.texture.T @ derivative.c_spec
         result[slices["roughness"]] = derivative.roughness

@@ -17,7 +17,6 @@ import numpy as np
 from facestage.bench.settings import SolverSettings
 from facestage.bench.solver import LIGHT_PHASE, landmark_start
 from facestage.bench.trace import Snapshot, Track
-from facestage.contract import brdf
 from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.face.light_parameters import CHANNELS
@@ -158,8 +157,8 @@ def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: f
     image = evaluation.image
     y, x = photo.index(image.surface)
     coefficients = np.zeros((COEFFICIENTS, CHANNELS))
-    for channel in range(CHANNELS):
-        columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
+    shown = image.skin.by_light(image.terms.diffuse, image.terms.specular)
+    for channel, columns in enumerate(shown):
         usable = evaluation.base_weight[y, x] * ~photo.photo.clipped[y, x, channel]
         weighted = columns * usable[:, None]
         normal = weighted.T @ columns

@@ -220,7 +220,7 @@ def _register() -> None:
             lobe = specular_lobe(nl, nv, complement, nh, vh, self.roughness).value
             albedo = si.shape.eval_attribute_3(ALBEDO, si, active)
             c_spec = si.shape.eval_attribute_1(C_SPEC, si, active)
-            value = brdf.K_DIFFUSE * dr.inv_pi * albedo * nl + brdf.K_SPECULAR * c_spec * lobe
+            value = brdf.matte(albedo, nl) + brdf.gloss(c_spec, lobe)
             return dr.select(active, mi.Color3f(value), 0)
 
         def pdf(self, _context: Any, si: Any, wo: Any, active: Any) -> Any:

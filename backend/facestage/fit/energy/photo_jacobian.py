@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from facestage.contract import brdf
 from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
+from facestage.fit.forward.reflectance import by_c_spec
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
@@ -157,16 +157,14 @@ class Jacobian:
         if active["albedo"]:
             parts.append(self._albedo(part))
         if active["roughness"]:
-            by_roughness = (
-                brdf.K_SPECULAR * image.c_spec[part, None] * image.terms.specular_by_roughness[part]
-            )
+            by_roughness = image.skin.part(part).gloss(image.terms.specular_by_roughness[part])
             parts.append(by_roughness.T[..., None])
         dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
         if parts:
             np.concatenate(parts, axis=2, out=dense, casting="same_kind")
         texels = self._texels(part) if active["specular"] else None
         return JacobianBlock(
-            part, dense, self._lights(part), brdf.K_SPECULAR * image.specular[part], texels
+            part, dense, self._lights(part), by_c_spec(image.specular[part]), texels
         )
 
     def _wanted(self, name: str) -> np.ndarray:
@@ -180,15 +178,9 @@ class Jacobian:
         The motion term already contains what sliding across the triangle changes.
         """
         image, surface, terms = self.image, self.image.surface, self.image.terms
-        albedo, c_spec = (
-            image.albedo[part] * (brdf.K_DIFFUSE / np.pi),
-            brdf.K_SPECULAR * image.c_spec[part, None],
-        )
-        by_depth = albedo * terms.diffuse_by_depth[part] + c_spec * terms.specular_by_depth[part]
-        by_unit = (
-            albedo[..., None] * terms.diffuse_by_normal[part]
-            + c_spec[..., None] * terms.specular_by_normal[part]
-        )
+        skin = image.skin.part(part)
+        by_depth = skin.radiance(terms.diffuse_by_depth[part], terms.specular_by_depth[part])
+        by_unit = skin.radiance(terms.diffuse_by_normal[part], terms.specular_by_normal[part])
         # Through the normalisation of the interpolated normal: tangential part only, over its
         # length.
         normal, length = surface.normals[part], surface.normal_length[part]
@@ -204,16 +196,16 @@ class Jacobian:
         by_edge = []
         corner_normals = surface.corner_normals[part]
         logs = self._logs[surface.corners[part]]
-        diffuse_color = albedo * image.diffuse[part] * (image.albedo[part] < brdf.ALBEDO_MAX)
+        by_log_albedo = skin.by_log_albedo(image.diffuse[part])
         uvs = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle[part]]]
         gradient = _texture_gradient(self.state.specular, self.forward.uvs(surface.part(part)))
         for edge in (1, 2):
-            change = diffuse_color * (logs[:, edge] - logs[:, 0])
+            change = by_log_albedo * (logs[:, edge] - logs[:, 0])
             change += np.einsum(
                 "pcx,px->pc", by_normal, corner_normals[:, edge] - corner_normals[:, 0]
             )
             spec_change = np.einsum("px,px->p", gradient, uvs[:, edge] - uvs[:, 0])
-            change += brdf.K_SPECULAR * image.specular[part] * spec_change[:, None]
+            change += by_c_spec(image.specular[part]) * spec_change[:, None]
             by_edge.append(change)
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
@@ -284,22 +276,13 @@ class Jacobian:
         # Row by row in memory: BLAS takes no other order.
         diffuse = np.ascontiguousarray(image.terms.diffuse[part][:, self.light_index])
         specular = np.ascontiguousarray(image.terms.specular[part][:, self.light_index])
-        specular *= (brdf.K_SPECULAR * image.c_spec[part, None]).astype(np.float32)
-        result = np.empty((CHANNELS, *diffuse.shape), np.float32)
-        for channel in range(CHANNELS):
-            albedo = (image.albedo[part, channel, None] * (brdf.K_DIFFUSE / np.pi)).astype(
-                np.float32
-            )
-            np.multiply(albedo, diffuse, out=result[channel])
-            result[channel] += specular
-        return result
+        return np.stack([*image.skin.part(part).by_light(diffuse, specular, np.float32)])
 
     def _light_positions(self, part: slice, positions: PositionDerivatives) -> np.ndarray:
         """(3, B, angles): each light's own terms change, times its radiance."""
         image = self.image
-        albedo = image.albedo[part].T * (brdf.K_DIFFUSE / np.pi)  # (3, B)
-        by_angle = albedo[..., None, None] * positions.diffuse[part]
-        by_angle += brdf.K_SPECULAR * image.c_spec[part, None, None] * positions.specular[part]
+        skin = image.skin.part(part)
+        by_angle = np.stack([*skin.by_light(positions.diffuse[part], positions.specular[part])])
         by_angle *= image.radiance[positions.lights].T[:, None, :, None]
         first = self.layout.slices["light_position"].start + AXES * positions.lights
         return by_angle.reshape(CHANNELS, -1, AXES * len(positions.lights))[
@@ -318,8 +301,7 @@ class Jacobian:
             ),
             shape=(count, modes.shape[1]),
         )
-        color = image.albedo[part] * image.diffuse[part] * (brdf.K_DIFFUSE / np.pi)
-        color = (color * (image.albedo[part] < brdf.ALBEDO_MAX)).astype(np.float32)
+        color = image.skin.part(part).by_log_albedo(image.diffuse[part]).astype(np.float32)
         return np.stack(
             [(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)]
         )

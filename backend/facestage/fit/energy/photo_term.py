@@ -128,7 +128,7 @@ class PhotoTerm:
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
-        highlight[y, x, 0] = image.c_spec * image.specular.mean(axis=1)
+        highlight[y, x] = image.skin.gloss(image.specular.mean(axis=1, keepdims=True))
         return Evaluation(state, image, residual, highlight, weight, stage, seed, penumbra)
 
     def _base_weight(self, surface: Surface) -> np.ndarray:

@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from facestage.contract import brdf
 from facestage.contract.job import Job
 from facestage.contract.light_stage import OFF, LightStage, fibonacci_stage
 from facestage.fit.face.light_parameters import CHANNELS
@@ -226,10 +225,9 @@ def shadow_edges(
     )
     rate = normal[good] * scale[:, None]
 
-    albedo = image.albedo[pixel] * (brdf.K_DIFFUSE / np.pi)
-    gloss = brdf.K_SPECULAR * image.c_spec[pixel, None]
-    color = image.radiance[light] * (
-        albedo * found.diffuse[good, None] + gloss * found.specular[good, None]
+    skin = image.skin.part(pixel)
+    color = image.radiance[light] * skin.radiance(
+        found.diffuse[good, None], found.specular[good, None]
     )
     by_point = _by_point(
         pixel,

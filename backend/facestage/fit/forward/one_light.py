@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.relight_cache import RelightCache
+from facestage.fit.forward.reflectance import Skin
 from facestage.render.light_terms import LightTerms
 
 # Numbers that the images may hold (pixels of the head's bounding box x lights x 3 channels): 80 MB
@@ -31,20 +31,13 @@ class OneLightImages:
         self._box_width = int(np.ptp(pixels[:, 0])) + 1 if len(pixels) else 0
 
     def add(
-        self,
-        x: np.ndarray,
-        y: np.ndarray,
-        share: float,
-        terms: LightTerms,
-        albedo: np.ndarray,
-        c_spec: np.ndarray,
+        self, x: np.ndarray, y: np.ndarray, share: float, terms: LightTerms, skin: Skin
     ) -> None:
-        """Add ``share`` of what the pixels (``x``, ``y``) (p,) see; albedo (p, 3), c_spec (p,)."""
+        """Add ``share`` of what the pixels (``x``, ``y``) (p,) see."""
         place = (y - self._corner[1]) * self._box_width + x - self._corner[0]
-        gloss = (share * brdf.K_SPECULAR * c_spec).astype(np.float32)[:, None] * terms.specular
-        for channel in range(3):
-            factor = (share * brdf.K_DIFFUSE / np.pi * albedo[:, channel]).astype(np.float32)
-            self.colors[channel, place] += factor[:, None] * terms.diffuse + gloss
+        images = skin.dimmed(share).by_light(terms.diffuse, terms.specular, np.float32)
+        for color, image in zip(self.colors, images, strict=True):
+            color[place] += image
 
     def cache(self, coverage: np.ndarray, samples: int, fingerprint: str) -> RelightCache:
         """The images as a file's contents; ``coverage`` (h, w) says which pixels see the head."""

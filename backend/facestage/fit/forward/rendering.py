@@ -13,6 +13,7 @@ from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.face.state import State
 from facestage.fit.forward.one_light import OneLightImages
+from facestage.fit.forward.reflectance import Skin
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
@@ -106,7 +107,7 @@ def render_picture(
                     sample_bilinear(textures.specular, uvs),
                 )
                 if images is not None:
-                    images.add(x, y, 1.0 / grid**2, terms, albedo, c_spec)
+                    images.add(x, y, 1.0 / grid**2, terms, Skin(albedo, c_spec))
                 for name, radiance in radiances.items():
                     colors[name][y, x] += (
                         forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2

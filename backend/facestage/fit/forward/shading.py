@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.forward.reflectance import Skin, albedo_of
 from facestage.render.light_terms import PLAIN, Asked, LightTerms, LitPoints
 from facestage.render.tracer import Hits, RayTracer
 
@@ -57,6 +57,11 @@ class Image:
     diffuse: np.ndarray  # (P, 3) irradiance
     specular: np.ndarray  # (P, 3)
     color: np.ndarray  # (P, 3)
+
+    @property
+    def skin(self) -> Skin:
+        """What the pixels see is made of."""
+        return Skin(self.albedo, self.c_spec)
 
 
 class ForwardModel:
@@ -184,9 +189,7 @@ class ForwardModel:
         if c_spec is None:
             c_spec = sample_bilinear(state.specular, self.uvs(surface))
         diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
-        color = (
-            brdf.K_DIFFUSE / np.pi * albedo * diffuse + brdf.K_SPECULAR * c_spec[:, None] * specular
-        )
+        color = Skin(albedo, c_spec).radiance(diffuse, specular)
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
 
     def log_albedo(self, state: State) -> np.ndarray:
@@ -200,7 +203,7 @@ class ForwardModel:
         1.
         """
         logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
-        return np.minimum(np.exp(logs), brdf.ALBEDO_MAX)
+        return albedo_of(logs)
 
     def uvs(self, surface: Surface) -> np.ndarray:
         """(P, 2) texture coordinates."""

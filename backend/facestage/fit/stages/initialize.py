@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from facestage.contract import brdf
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
@@ -100,9 +99,8 @@ def initial_lights(
         photo.photo.clipped[y, x],
     )
     result = lights.fixed_radiance.copy()
-    for channel in range(result.shape[1]):
-        columns = brdf.K_DIFFUSE / np.pi * image.albedo[:, channel, None] * image.terms.diffuse
-        columns = columns + brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular
+    shown = image.skin.by_light(image.terms.diffuse, image.terms.specular)
+    for channel, columns in enumerate(shown):
         wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
         result[lights.fitted, channel] = _robust_nnls(
             columns[:, lights.fitted], wanted, weights, clipped[:, channel], ridge

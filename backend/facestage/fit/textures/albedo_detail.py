@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, doubled, solve_field
@@ -116,9 +116,7 @@ def albedo_observations(
     """
     diffuse, specular = shown.diffuse, shown.specular
     lit = (diffuse / max(float(np.percentile(diffuse, 90)), 1e-9)).min(axis=1)
-    wanted = np.clip(
-        (shown.photo - specular) / np.maximum(diffuse, 1e-9), ALBEDO_MIN, ALBEDO_BRIGHTEST
-    )
+    wanted = np.clip(albedo_seen(shown.photo, diffuse, specular), ALBEDO_MIN, ALBEDO_BRIGHTEST)
     target = np.log(wanted) - np.log(np.maximum(shown.albedo, 1e-6))
     # What the skin itself sends back: under a brow that the model paints and the photo lacks, more
     # than the basis says.
@@ -170,4 +168,4 @@ def pigment_share(
 
 def painted(log_albedo: Float[np.ndarray, "size size 3"]) -> Float32[np.ndarray, "size size 3"]:
     """The albedo texture of a log albedo."""
-    return np.minimum(np.exp(log_albedo), brdf.ALBEDO_MAX).astype(np.float32)
+    return albedo_of(log_albedo).astype(np.float32)

@@ -65,9 +65,7 @@ def gloss_step(
     # In standard deviations of the fields.
     columns = (SPECULAR_SIGMA * by_specular / sigma, ROUGHNESS_SIGMA * by_roughness / sigma)
 
-    def product(
-        a: Float[np.ndarray, "pixels 3"], b: Float[np.ndarray, "pixels 3"]
-    ) -> sp.spmatrix:
+    def product(a: Float[np.ndarray, "pixels 3"], b: Float[np.ndarray, "pixels 3"]) -> sp.spmatrix:
         return pick.T @ sp.diags(weight * (a * b).sum(axis=1)) @ pick
 
     def solved(

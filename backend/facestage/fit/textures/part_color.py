@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
+from facestage.fit.forward.reflectance import albedo_seen, by_albedo, by_c_spec
 from facestage.fit.forward.shading import ForwardModel
 from facestage.render.light_terms import PLAIN
 
@@ -111,9 +111,9 @@ def _albedo_by_part(
     )
     terms = forward.light_terms(state, surface, stage, SAMPLES, seed, PLAIN, roughness=rough)
     image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
-    diffuse, specular = brdf.K_DIFFUSE / np.pi * image.diffuse, brdf.K_SPECULAR * image.specular
+    diffuse, specular = by_albedo(image.diffuse), by_c_spec(image.specular)
     column, row = surface.pixels.astype(int).T
-    albedo = np.clip((look.color[row, column] - specular) / np.maximum(diffuse, 1e-9), 1e-3, 1.0)
+    albedo = np.clip(albedo_seen(look.color[row, column], diffuse, specular), 1e-3, 1.0)
     light, result = diffuse.mean(axis=1), []
     for part in parts:
         inside = part.vertices[surface.corners].all(axis=1)

@@ -12,6 +12,7 @@ from facestage.contract import brdf
 from facestage.contract.arrays import Float, Float32, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.forward.reflectance import by_c_spec
 from facestage.fit.forward.rendering import Textures
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
 from facestage.fit.given.fineness import USUAL, Fineness
@@ -92,8 +93,8 @@ def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:
 
 def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> GlossStep:
     image = shown.image
-    by_specular = brdf.K_SPECULAR * image.specular
-    by_roughness = brdf.K_SPECULAR * image.c_spec[:, None] * image.terms.specular_by_roughness
+    by_specular = by_c_spec(image.specular)
+    by_roughness = image.skin.gloss(image.terms.specular_by_roughness)
     if "specular" in freeze:
         by_specular = np.zeros_like(by_specular)
     if "roughness" in freeze:

@@ -9,6 +9,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float
+from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
@@ -52,7 +53,7 @@ class Shown:
     @property
     def diffuse(self) -> Float[np.ndarray, "pixels 3"]:
         """Radiance of a white diffuser."""
-        return brdf.K_DIFFUSE / np.pi * self.image.diffuse
+        return by_albedo(self.image.diffuse)
 
     @property
     def albedo(self) -> Float[np.ndarray, "pixels 3"]:
@@ -62,7 +63,7 @@ class Shown:
     @property
     def specular(self) -> Float[np.ndarray, "pixels 3"]:
         """Radiance of the highlights."""
-        return brdf.K_SPECULAR * self.image.c_spec[:, None] * self.image.specular
+        return self.image.skin.gloss(self.image.specular)
 
     def with_gloss(
         self, c_spec: Float[np.ndarray, " pixels"], roughness: Float[np.ndarray, " pixels"]
@@ -75,7 +76,7 @@ class Shown:
         specular = np.maximum(
             image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0
         )
-        color = self.diffuse * image.albedo + brdf.K_SPECULAR * changed[:, None] * specular
+        color = Skin(image.albedo, changed).radiance(image.diffuse, specular)
         return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
 
     def change_over_shift(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.fit.energy.noise import HIGHLIGHT_SHARE
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.photo_term import Evaluation
@@ -43,8 +42,8 @@ def shading_doubt(
         variance[block.pixels] = np.einsum("cbi,cbi->b", block.dense @ shape, block.dense) / len(
             block.dense
         )
-    diffuse = brdf.K_DIFFUSE / np.pi * (image.albedo * image.diffuse).mean(axis=1)
-    gloss = brdf.K_SPECULAR * image.c_spec * image.specular.mean(axis=1)
+    diffuse = image.skin.matte(image.diffuse).mean(axis=1)
+    gloss = image.skin.gloss(image.specular).mean(axis=1)
     doubt = np.sqrt(np.maximum(variance, 0.0) + (HIGHLIGHT_SHARE * gloss) ** 2) / np.maximum(
         diffuse, 1e-9
     )
