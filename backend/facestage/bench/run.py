@@ -46,6 +46,7 @@ def run_bench(
     out: Path,
     quick: bool,
     stream: TextIO,
+    *,
     device: str = "auto",
     seed: int = 0,
     alone: bool = False,

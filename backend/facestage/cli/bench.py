@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
         options.out,
         options.quick,
         sys.stdout,
-        options.device,
-        options.seed,
-        options.alone,
+        device=options.device,
+        seed=options.seed,
+        alone=options.alone,
     )

@@ -4,7 +4,9 @@ side.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,15 @@ EDGE_BRIGHTNESS = 0.6
 BORDER = 0.12  # around the face, as a share of its longer side
 
 
+@dataclass(frozen=True)
+class _Head:
+    """What is drawn."""
+
+    vertices: np.ndarray  # (n, 3) camera frame
+    triangles: np.ndarray  # (t, 3)
+    face: np.ndarray  # (f,) int, the vertices that must be in the picture
+
+
 def draw_certainty(path: Path, data: ReportData) -> None:
     """Three panels: total deviation as in the photo and from the side, and the camera's axis alone
     from the side.
@@ -39,6 +50,7 @@ def draw_certainty(path: Path, data: ReportData) -> None:
     front = np.eye(3)
     side = _side_view(result.model_to_camera[:3, :3])
     face = np.arange(len(total)) if data.face is None else data.face
+    head = _Head(result.vertices, triangles, face)
     values = total[face]
     limit = nice_limit(
         float(np.percentile(values, LIMIT_PERCENTILE)) if values.size else 0.0, LEAST_LIMIT_MM
@@ -52,7 +64,8 @@ def draw_certainty(path: Path, data: ReportData) -> None:
     for number, (title, view, colors) in enumerate(panels):
         left = MARGIN + number * (PANEL + GAP)
         canvas.text(left, 28, title, 12, weight="bold")
-        artist = _draw(canvas, left, 44, view, result.vertices, triangles, face, colors, limit)
+        axes = canvas.axes(left, 44, PANEL, PANEL)
+        artist = _draw(axes, head, view, colors, limit)
     bar = canvas.color_bar(
         MARGIN, 44 + PANEL + 16, 3 * PANEL + 2 * GAP, 10, artist, [0, limit / 2, limit]
     )
@@ -86,18 +99,10 @@ def _facing(
     return order, cosine[order]
 
 
-def _draw(
-    canvas: Canvas,
-    left: float,
-    top: float,
-    view: np.ndarray,
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    face: np.ndarray,
-    values: np.ndarray,
-    limit: float,
-) -> object:
-    """Paint the triangles back to front; returns what a color bar is made of."""
+def _draw(axes: Any, head: _Head, view: np.ndarray, values: np.ndarray, limit: float) -> object:
+    """Paint the triangles back to front, colored by ``values`` (n,) of the vertices; returns what a
+    color bar is made of.
+    """
     load_matplotlib()
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -105,20 +110,19 @@ def _draw(
     from matplotlib.colors import Normalize
 
     scale = ScalarMappable(Normalize(0.0, limit), colormaps[COLOR_MAP])
-    order, cosine = _facing(vertices, triangles, view)
-    axes = canvas.axes(left, top, PANEL, PANEL)
+    order, cosine = _facing(head.vertices, head.triangles, view)
     axes.set_xticks([])
     axes.set_yticks([])
-    if len(order) and len(face):
-        points = (vertices @ view.T)[:, :2]
-        corners = points[triangles[order]]
-        colors = scale.to_rgba(values[triangles[order]].mean(axis=1))
+    if len(order) and len(head.face):
+        points = (head.vertices @ view.T)[:, :2]
+        corners = points[head.triangles[order]]
+        colors = scale.to_rgba(values[head.triangles[order]].mean(axis=1))
         colors[:, :3] *= (EDGE_BRIGHTNESS + (1 - EDGE_BRIGHTNESS) * cosine)[:, None]
         # Edges of the same color close the hairlines between polygons.
         axes.add_collection(
             PolyCollection(corners, facecolors=colors, edgecolors=colors, linewidths=0.3)
         )
-        shown = points[face][np.isfinite(points[face]).all(axis=1)]
+        shown = points[head.face][np.isfinite(points[head.face]).all(axis=1)]
         low, high = shown.min(axis=0), shown.max(axis=0)
         middle, half = (low + high) / 2, (0.5 + BORDER) * float((high - low).max())
         axes.set_xlim(middle[0] - half, middle[0] + half)

@@ -44,7 +44,14 @@ def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path):
     out = tmp_path / "out"
     assert (
         run_bench(
-            [case.folder], case.model, out, False, stream, "cpu", lineup=lineup, fineness=SHORT
+            [case.folder],
+            case.model,
+            out,
+            False,
+            stream,
+            device="cpu",
+            lineup=lineup,
+            fineness=SHORT,
         )
         == 0
     )
