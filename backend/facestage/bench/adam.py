@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.bench.settings import AdamSettings, Rates
-from facestage.bench.solver import LIGHT_PHASE, finished_track, landmark_start
+from facestage.bench.solver import finished_track, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract.errors import InputError
 from facestage.fit.energy.landmark_term import PlacedLandmarks
@@ -225,7 +225,7 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
     forward = ForwardModel(problem.geometry, problem.lights)
     snapshots: list[Snapshot] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
-        run = FitRun(problem, forward, Path(folder), schedule=Schedule().until(LIGHT_PHASE))
+        run = FitRun(problem, forward, Path(folder), schedule=Schedule(Schedule().landmark_phases))
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         phase = Phase("adam", BLOCKS, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)

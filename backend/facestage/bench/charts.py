@@ -10,13 +10,15 @@ import numpy as np
 
 from facestage.bench.settings import ADAM, FAMILIES, HARMONICS, OURS
 from facestage.bench.table import MEASURES, Final, Measure
-from facestage.bench.trace import DETAIL, Row
+from facestage.bench.trace import Row
+from facestage.fit.runs.trace import DETAIL
+from facestage.fit.stages.phases import PhaseName
 from facestage.report.figure import LIGHT, Canvas
 
 COLORS = {OURS: LIGHT.series[0], ADAM: LIGHT.series[1], HARMONICS: "#3d7d55"}
 WIDTH, PANEL_HEIGHT, LEFT, RIGHT, TOP, GAP, BOTTOM = 1080, 320, 64, 230, 92, 72, 54
 LABEL_STEP, LABEL_WIDTH = 15.0, 210.0  # pixels between labels, and of the widest
-FIRST_STAGES = ("pose", "landmarks")
+FIRST_STAGES = (PhaseName.POSE, PhaseName.LANDMARKS)
 CURVES, SETTINGS = "curves", "settings"  # kinds of pictures
 
 HEADROOM = 0.45  # of the values' range, above the points

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.bench.settings import SolverSettings
-from facestage.bench.solver import LIGHT_PHASE, landmark_start
+from facestage.bench.solver import landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
@@ -25,8 +25,8 @@ from facestage.fit.face.unknowns import SHAPE, SKIN
 from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.runs.driver import FitRun
-from facestage.fit.stages.phases import Schedule
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.passage import Passage
+from facestage.fit.stages.phases import Phase, PhaseName, Schedule
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
 
 COEFFICIENTS = 9
@@ -108,30 +108,28 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
     )
     snapshots: list[Snapshot] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as folder:
-        run = FitRun(problem, forward, Path(folder), schedule=schedule.until(LIGHT_PHASE))
+        run = FitRun(problem, forward, Path(folder), schedule=Schedule(schedule.landmark_phases))
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         deadline = began + (float("inf") if settings.budget is None else settings.budget)
         state = start.state
-        for number, phase in enumerate(schedule.phases):
-            blocks = tuple(name for name in phase.blocks if name in SHAPE + SKIN)
-            if phase.face_px is None or not blocks or "specular" in phase.name:
+        for whole in schedule.photo_phases:
+            if whole.name == PhaseName.SPECULAR:
                 continue
-            factor = problem.scale(phase.face_px)
-            if not state.lights.any():
-                state = _initial_harmonics(
-                    run, run.view.solver_stage(replace(phase, blocks=blocks), state), state, factor
-                )
             # Harmonics throw no shadows.
-            stage = run.view.solver_stage(replace(phase, blocks=blocks, shadow_edges=False), state)
-            if stage is None:
+            phase = replace(
+                whole.varied("", set(whole.blocks) - {*SHAPE, *SKIN}), shadow_edges=False
+            )
+            if not state.lights.any():
+                state = _initial_harmonics(run, phase, state)
+            passage = Passage.prepared(run.view, phase, state, keep_light=True)
+            if passage is None:
                 continue
+            stage = passage.stage
             stage.low[stage.energy.layout.slices["lights"]] = -np.inf
-            scaled = replace(state, camera=state.camera.scaled(factor))
-            for item in stage.run(scaled, problem.job.seed + number, deadline):
-                camera = replace(state.camera, focal_px=item.state.camera.focal_px / factor)
-                state = replace(item.state, camera=camera)
-                snapshots.append(Snapshot(time.monotonic() - began, phase.name, state, lit=True))
+            for _ in passage.steps(deadline):
+                state, seconds = passage.state, time.monotonic() - began
+                snapshots.append(Snapshot(seconds, phase.name, state, lit=True))
     return Track(snapshots, forward, problem.lit_stage)
 
 
@@ -146,13 +144,14 @@ def harmonic_problem(problem: Problem) -> Problem:
     )
 
 
-def _initial_harmonics(run: FitRun, stage: Stage | None, state: State, factor: float) -> State:
+def _initial_harmonics(run: FitRun, phase: Phase, state: State) -> State:
     """Coefficients by linear least squares on the current geometry and albedo; sets the scale of
     E_light.
     """
+    stage = run.view.solver_stage(phase, state)
     assert stage is not None and stage.energy.photo is not None and stage.energy.stage is not None
     photo: PhotoTerm = stage.energy.photo
-    scaled = replace(state, camera=state.camera.scaled(factor))
+    scaled = run.view.scaled(phase, state)
     evaluation: Evaluation = photo.evaluate(scaled, stage.energy.stage, run.problem.job.seed)
     image = evaluation.image
     y, x = photo.index(image.surface)

@@ -207,10 +207,7 @@ class _Timed:
 
     def fit(self) -> Fitted:
         """The whole schedule, after one of a step each that compiles the kernels."""
-        phases = Schedule().phases
-        short = Schedule(
-            tuple(phase if phase.face_px is None else replace(phase, steps=1) for phase in phases)
-        )
+        short = Schedule().limited(1)
         FitRun(self.problem, self.forward, self.folder, schedule=short).run(float("inf"))
         cpu: list[float] = []
         run = FitRun(
@@ -238,7 +235,7 @@ class _Timed:
         """
         run = FitRun(self.problem, self.forward, self.folder)
         run.view.plan, run.view.camera_to_stage = Plan(rules), fitted.camera_to_stage
-        phase = run.phases[-1]
+        phase = run.schedule.last
         stage = run.view.solver_stage(phase, fitted.state)
         assert stage is not None and phase.face_px is not None
         photo, lights, layout = stage.energy.photo, stage.energy.stage, stage.energy.layout

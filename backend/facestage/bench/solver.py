@@ -14,10 +14,9 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.result.output import finish
 from facestage.fit.runs.driver import FitRun
+from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.phases import default_schedule
-from facestage.fit.trust.fitted import Fitted, Progress
-
-LIGHT_PHASE = "light and albedo"  # the first that has lights
+from facestage.fit.trust.fitted import Fitted
 
 
 def run_solver(

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.bench.settings import ADAM, HARMONICS, OURS
-from facestage.bench.trace import DETAIL, Row
+from facestage.bench.trace import Row
+from facestage.fit.runs.trace import DETAIL
+from facestage.fit.stages.phases import PhaseName
 
-LANDMARKS = "landmarks"  # the stage where every contender starts
 # Errors people ask for: mm after similarity alignment (lower is better), dB in the photo (higher is
 # better).
 MILLIMETRES = (3.0, 2.5, 2.0, 1.75, 1.5, 1.3, 1.2, 1.1, 1.0)
@@ -166,7 +167,7 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
     fitted = [row for row in rows if row.stage != DETAIL]
     detail = [row for row in rows if row.stage == DETAIL]
     last = fitted[-1]
-    start = [row for row in rows if row.stage == LANDMARKS]
+    start = [row for row in rows if row.stage == PhaseName.LANDMARKS]
     return Final(
         last.case,
         last.family,

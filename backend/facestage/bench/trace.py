@@ -14,11 +14,11 @@ from facestage.fit.forward.shading import ForwardModel, pixel_rays
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
 from facestage.fit.given.truth import Truth
+from facestage.fit.runs.trace import DETAIL
 from facestage.images.image_io import resize
 from facestage.render.tracer import RayTracer
 
 JUDGE_SAMPLES = 4
-DETAIL = "albedo detail"
 
 
 @dataclass(frozen=True)

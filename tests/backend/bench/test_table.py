@@ -14,7 +14,8 @@ from facestage.bench.table import (
     reach_table,
     seconds_to_reach,
 )
-from facestage.bench.trace import DETAIL, Row
+from facestage.bench.trace import Row
+from facestage.fit.runs.trace import DETAIL
 
 
 def run(family: str, contender: str, *points: tuple[float, float, float | None]) -> list[Row]:

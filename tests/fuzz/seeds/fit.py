@@ -8,8 +8,9 @@ import numpy as np
 
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.state import State
-from facestage.fit.runs.checkpoint import Checkpoint, Within
+from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
+from facestage.fit.stages.passage import Within
 from facestage.fit.stages.view import Memory
 from fuzz.case import Case
 from fuzz.seeds.contract import (
@@ -72,7 +73,9 @@ def checkpoint(step: int | None = 3) -> Checkpoint:
         else Within(step, _state(), (1e-3, 2.0), np.array([False, False, True]))
     )
     trace = [{"stage": "pose", "iteration": 1, "energy": 2.5}]
-    return Checkpoint("fingerprint", 2, 12.5, _state(), _state(), memory, ledger, trace, within)
+    return Checkpoint(
+        "fingerprint", "light and albedo", 12.5, _state(), _state(), memory, ledger, trace, within
+    )
 
 
 def checkpoints() -> list[Case]:

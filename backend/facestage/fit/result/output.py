@@ -29,6 +29,8 @@ from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.result.left_out import left_out
+from facestage.fit.runs.trace import DETAIL
+from facestage.fit.stages.phases import PhaseName
 from facestage.fit.textures.refine import Refined, refine
 from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
@@ -77,7 +79,7 @@ def finish(
     errors = _errors(problem, fitted, refined.textures.albedo, picture, truth)
     last: dict[str, Any] = {
         "seconds": fitted.seconds + sum(timings.values()),
-        "stage": "albedo detail",
+        "stage": DETAIL,
         "iteration": 1,
         "energy": fitted.energy,
         "psnr": errors.get("psnr"),
@@ -144,7 +146,7 @@ def _errors(
         errors |= truth.geometry_errors(state)
         # The landmark stage's own error: a fit must never end further from the truth than its
         # start.
-        start = [row for row in fitted.trace if row["stage"] == "landmarks"]
+        start = [row for row in fitted.trace if row["stage"] == PhaseName.LANDMARKS]
         if start:
             errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
         if fitted.certainty.vertices_mm is not None:

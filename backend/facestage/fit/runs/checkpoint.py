@@ -31,35 +31,23 @@ from facestage.fit.runs.checkpoint_schema import (
     state_to_arrays,
     state_to_meta,
 )
-from facestage.fit.solve.bounded_step import Damping
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.passage import Within
+from facestage.fit.stages.phases import PHASES, Schedule
 from facestage.fit.stages.view import Memory, View
 
 SCHEMA_VERSION = 2
 AGAIN = "start again without --resume"
-
-
-@dataclass(frozen=True)
-class Within:
-    """Where a phase was after so many steps."""
-
-    step: int
-    state: State  # at the size of the phase
-    damping: tuple[float, float]
-    resting: np.ndarray  # (N,) lights that rest; none when empty
-
-    @classmethod
-    def of(cls, step: int, state: State, damping: Damping, stage: Stage) -> Within:
-        """After ``step`` of ``stage``."""
-        return cls(step, state, (damping.value, damping.growth), stage.resting)
+# How a file of this version names the phases.
+_NUMBERS = {phase.name: number for number, phase in enumerate(PHASES)}
+_NAMES = {number: str(name) for name, number in _NUMBERS.items()}
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where phase number ``phase`` of a photo began, and how far it was."""
+    """Where the phase called ``phase`` of a photo began, and how far it was."""
 
     fingerprint: str  # of the job; a checkpoint of another job must not be continued
-    phase: int
+    phase: str
     seconds: float
     start: State | None  # where the landmark stage ended, once it has
     began: State  # where the phase began, at the photo's full size
@@ -72,7 +60,7 @@ class Checkpoint:
     def of(
         cls,
         view: View,
-        phase: int,
+        phase: str,
         seconds: float,
         start: State | None,
         state: State,
@@ -107,17 +95,6 @@ class Checkpoint:
         view.memory = self.memory
         view.plan.ledger = deepcopy(self.ledger)
 
-    def enter(self, stage: Stage) -> tuple[State, int]:
-        """Let the phase's ``stage``, as it began, be where it was; the state there and the number
-        of the next step.
-        """
-        assert self.within is not None
-        stage.damping = Damping(*self.within.damping)
-        stage.counted = deepcopy(self.ledger)
-        if stage.energy.photo is not None:
-            stage.energy.photo.resting = self.within.resting if len(self.within.resting) else None
-        return self.within.state, self.within.step + 1
-
     def arrays(self) -> dict[str, np.ndarray]:
         """The checkpoint as named arrays."""
         within = self.within
@@ -129,7 +106,7 @@ class Checkpoint:
         meta = {
             "schema": SCHEMA_VERSION,
             "fingerprint": self.fingerprint,
-            "phase": self.phase,
+            "phase": _NUMBERS[self.phase],
             "seconds": self.seconds,
             "trace": self.trace,
             "ledger": ledger_to_json(self.ledger),
@@ -179,7 +156,7 @@ class Checkpoint:
                 )
             return cls(
                 str(meta["fingerprint"]),
-                int(meta["phase"]),
+                _NAMES[meta["phase"]],
                 finite(meta["seconds"]),
                 states.get("start"),
                 states["began"],
@@ -202,9 +179,9 @@ class Checkpoint:
             return None
         return cls.from_arrays(read_arrays(folder / CHECKPOINT, "checkpoint"), folder)
 
-    def check_fingerprint(self, fingerprint: str, folder: Path) -> None:
+    def check(self, fingerprint: str, schedule: Schedule, folder: Path) -> None:
         """Raise InputError when the checkpoint belongs to another job than the one of this
-        ``fingerprint``.
+        ``fingerprint``, or names a phase that the job's ``schedule`` has not.
         """
         if self.fingerprint != fingerprint:
             raise InputError(
@@ -212,6 +189,10 @@ class Checkpoint:
                 "options differ); "
                 "start again without --resume, or restore the options."
             )
+        try:
+            schedule[self.phase]
+        except KeyError as error:
+            raise damaged(folder, error) from error
 
 
 def ledger_to_json(ledger: Ledger) -> dict[str, Any]:

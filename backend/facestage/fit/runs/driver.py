@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,15 @@ from facestage.fit.face.unknowns import SHAPE, with_unknowns
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
-from facestage.fit.runs.checkpoint import Checkpoint, Within
+from facestage.fit.runs.checkpoint import Checkpoint
+from facestage.fit.runs.progress import Progress, Scale
 from facestage.fit.runs.trace import trace_row
-from facestage.fit.stages.phases import Phase, Schedule, default_schedule
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.passage import Passage, walk
+from facestage.fit.stages.phases import SHAPE_HELD, Phase, Schedule, default_schedule
+from facestage.fit.stages.stage import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
-from facestage.fit.trust.fitted import Fitted, Progress
+from facestage.fit.trust.fitted import Fitted
 
 
 class FitRun:
@@ -41,7 +42,8 @@ class FitRun:
     ) -> None:
         self.problem, self.folder = problem, folder
         self.view = View(problem, forward)
-        self.phases = (schedule or default_schedule(problem.job, problem.fineness.steps_max)).phases
+        self.schedule = schedule or default_schedule(problem.job, problem.fineness.steps_max)
+        self._scale = Scale(self.schedule)
         self.truth, self.listen = truth, listen
         self.trace: list[dict[str, Any]] = []
         self._last: Iteration | None = None
@@ -52,97 +54,62 @@ class FitRun:
         (time.monotonic).
         """
         view, self._started = self.view, time.monotonic()
-        state, first, start = view.start_state(), 0, None
+        state, rest, start = view.start_state(), self.schedule, None
         if checkpoint is not None:
-            checkpoint.check_fingerprint(self.problem.fingerprint, self.folder)
-            state, first, start = checkpoint.began, checkpoint.phase, checkpoint.start
+            checkpoint.check(self.problem.fingerprint, self.schedule, self.folder)
+            state, start = checkpoint.began, checkpoint.start
+            rest = self.schedule.since(checkpoint.phase)
             self.trace = list(checkpoint.trace)
             checkpoint.restore(view)
             self._started -= checkpoint.seconds
-        landmarks_end = max(
-            (number for number, phase in enumerate(self.phases) if phase.face_px is None),
-            default=-1,
-        )
-        for number in range(first, len(self.phases)):
-            # The step that a checkpoint was before is taken whatever the time.
-            if time.monotonic() > deadline and number > max(first, 1):
-                break
-            before = Checkpoint.of(view, number, self._seconds(), start, state, self.trace)
-            if checkpoint is not None and number == first:
-                before = checkpoint
-            state, runs = self._phase(before, deadline)
-            if runs and number == landmarks_end:
-                start = state
+        for phase in rest.phases:
+            before = checkpoint if checkpoint and checkpoint.phase == phase.name else None
+            if phase.with_photo:
+                # The step that a checkpoint was before is taken whatever the time.
+                if before is None and time.monotonic() > deadline:
+                    break
+                start = start or state
+            if before is None:
+                seconds = self._seconds()
+                before = Checkpoint.of(view, phase.name, seconds, start, state, self.trace)
+            state = self._phase(phase, before, deadline)
         start = start or state
         psnr = self.trace[-1].get("psnr") if self.trace else None
         clause, statistic = photo_doubt(view, start, state, self._last, psnr)
         if clause:
             state = self._hold_shape(start, state, deadline)
-        ending = Ending(self.phases[-1], start, state, self._last, self.trace, clause, statistic)
+        ending = Ending(self.schedule.last, start, state, self._last, self.trace, clause, statistic)
         ended = time.monotonic()
         return conclude(view, ending, ended - self._started, ended <= deadline)
 
-    def _phase(self, before: Checkpoint, deadline: float) -> tuple[State, bool]:
-        """The phase that ``before`` is at the beginning, or in the middle of: where it ends, and
-        whether it runs.
-        """
-        view, number, state = self.view, before.phase, before.began
-        phase = self.phases[number]
-        view.choose_lamps(state)
-        stage = view.solver_stage(phase, state)
-        if stage is None:
-            return state, False
-        if phase.face_px is not None:
-            state = view.with_initial_lights(stage, state)
-        scaled, step = view.scaled(phase, state), 1
+    def _phase(self, phase: Phase, before: Checkpoint, deadline: float) -> State:
+        """Where ``phase`` ends, which ``before`` is at the beginning of, or in the middle."""
+        passage = Passage.prepared(self.view, phase, before.began)
+        if passage is None:
+            return before.began
         if before.within is not None:
-            scaled, step = before.enter(stage)
-            state = view.full_size(phase, scaled, state)
-        for item in stage.run(scaled, self.problem.job.seed + number, deadline, step):
+            passage.enter(before.within, before.ledger)
+        for item in passage.steps(deadline):
             # Where an accepted step began is saved once it is accepted.
             before.save(self.folder)
-            state = self._took(phase, item, stage, state)
-            within = Within.of(item.number, item.state, item.damping, stage)
-            before = before.after(within, view, self._seconds(), self.trace)
-            self.listen(self._progress(number, item, stage, state))
-        return state, True
+            self._took(passage, item)
+            before = before.after(passage.within(item), self.view, self._seconds(), self.trace)
+            fraction = self._scale.after(passage, item)
+            self.listen(Progress.of(passage, item, self.trace[-1], fraction))
+        return passage.state
 
-    def _took(self, phase: Phase, item: Iteration, stage: Stage, state: State) -> State:
-        """A step of ``phase`` from ``state``: the state after it, at the photo's full size, put
-        into the trace.
-        """
-        state, self._last = self.view.full_size(phase, item.state, state), item
-        self.trace.append(
-            trace_row(self.problem, phase, item, stage, state, self._seconds(), self.truth)
-        )
-        return state
+    def _took(self, passage: Passage, item: Iteration) -> None:
+        """Put a step into the trace."""
+        self._last = item
+        self.trace.append(trace_row(passage, item, self._seconds(), self.truth))
 
     def _hold_shape(self, start: State, end: State, deadline: float) -> State:
         """The landmarks' shape with light and skin fitted to it, as far as time allows; not in the
         checkpoint.
         """
+        held = [phase.varied(SHAPE_HELD, SHAPE) for phase in self.schedule.photo_phases]
         state = with_unknowns(end, start, SHAPE)
-        for number, phase in enumerate(self.phases):
-            blocks = tuple(name for name in phase.blocks if name not in SHAPE)
-            if phase.face_px is None or not blocks or time.monotonic() > deadline:
-                continue
-            held = replace(phase, name=f"{phase.name}, shape held", blocks=blocks)
-            stage = self.view.solver_stage(held, state)
-            if stage is None:
-                continue
-            for item in stage.run(
-                self.view.scaled(held, state), self.problem.job.seed + number, deadline
-            ):
-                state = self._took(held, item, stage, state)
-        return state
+        return walk(self.view, held, state, deadline, self._took, keep_light=True)
 
     def _seconds(self) -> float:
         return time.monotonic() - self._started
-
-    def _progress(self, number: int, item: Iteration, stage: Stage, state: State) -> Progress:
-        phase, row = self.phases[number], self.trace[-1]
-        done = sum(earlier.share for earlier in self.phases[:number])
-        done += phase.share * (1.0 if item.finished else item.number / phase.steps)
-        photo = None if stage.energy.photo is None else stage.energy.photo.photo.color
-        rms, seconds = row.get("photo_rms"), row["seconds"]
-        return Progress(phase.name, item.number, done, seconds, rms, item.evaluation, photo, state)

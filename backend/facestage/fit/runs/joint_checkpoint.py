@@ -5,7 +5,7 @@ shape.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,18 +14,11 @@ import numpy as np
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.partial import PERSON_CHECKPOINT
 from facestage.contract.schemas.schema import decoded_meta
-from facestage.fit.runs.checkpoint import (
-    AGAIN,
-    SCHEMA_VERSION,
-    Checkpoint,
-    Within,
-    damaged,
-    other_version,
-)
+from facestage.fit.runs.checkpoint import AGAIN, SCHEMA_VERSION, Checkpoint, damaged, other_version
 from facestage.fit.runs.checkpoint_schema import finite
 from facestage.fit.runs.member import Member
 from facestage.fit.stages.joint import JointIteration
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.passage import Passage
 
 
 @dataclass(frozen=True)
@@ -42,9 +35,14 @@ class JointCheckpoint:
     joined: tuple[bool, ...]  # per photo: whether it takes part in the joint fit
     shape_held: bool  # no photo was believed: the shape is the landmarks'
 
+    @property
+    def phase(self) -> str:
+        """The name of the phase."""
+        return self.photos[0].phase
+
     @classmethod
     def of(
-        cls, members: list[Member], phase: int, seconds: float, shape_held: bool
+        cls, members: list[Member], phase: str, seconds: float, shape_held: bool
     ) -> JointCheckpoint:
         """Before anything of the phase is done."""
         return cls(
@@ -59,21 +57,14 @@ class JointCheckpoint:
         )
 
     def after(
-        self,
-        item: JointIteration,
-        stages: Mapping[int, Stage],
-        members: list[Member],
-        seconds: float,
+        self, item: JointIteration, company: Sequence[tuple[Member, Passage]], seconds: float
     ) -> JointCheckpoint:
-        """The same phase after a step of the photos that have ``stages``, by their number."""
+        """The same phase after a step of those who go through it together."""
         photos = list(self.photos)
-        for (number, stage), part in zip(stages.items(), item.parts, strict=True):
-            within, member = (
-                Within.of(item.number, part.state, item.damping, stage),
-                members[number - 1],
-            )
-            photos[number - 1] = photos[number - 1].after(
-                within, member.view, seconds, member.trace
+        for (member, passage), part in zip(company, item.parts, strict=True):
+            index = member.number - 1
+            photos[index] = photos[index].after(
+                passage.within(part), member.view, seconds, member.trace
             )
         return replace(self, photos=tuple(photos))
 

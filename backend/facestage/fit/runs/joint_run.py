@@ -18,12 +18,12 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
-from facestage.fit.runs.joint_progress import JointProgress, Teller
 from facestage.fit.runs.member import Member, MissingStepError
-from facestage.fit.solve.bounded_step import Damping
+from facestage.fit.runs.progress import Progress, Scale
 from facestage.fit.stages.joint import JointIteration, JointStage
+from facestage.fit.stages.passage import JointPassage, Passage
 from facestage.fit.stages.phases import Phase, Schedule, default_schedule
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.stage import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.same_person import Difference, combined, odd_ones
@@ -48,21 +48,23 @@ class JointRun:
         forwards: Sequence[ForwardModel],
         folder: Path,
         truths: Sequence[Truth | None],
-        listen: Callable[[JointProgress], None] = lambda progress: None,
+        listen: Callable[[Progress], None] = lambda progress: None,
         schedule: Schedule | None = None,
     ) -> None:
         """One problem, renderer and truth per photo; the problems share one face geometry."""
         self._given = tuple(zip(problems, forwards, truths, strict=True))
         self._schedule = schedule
         self.members = self._new_members()
-        self.phases = self.members[0].phases
+        self.schedule = self.members[0].schedule
         self.folder = folder
         # No photo was believed: the shape is the landmarks'.
         self.shape_held = False
         # The last step, for what all photos together say of each one's parameters.
         self._final: tuple[JointStage, JointIteration, list[Member]] | None = None
         self._started, self._deadline = 0.0, np.inf
-        self._teller = Teller(listen, self.phases, len(self.members))
+        self._scale, self.listen = Scale(self.schedule, len(self.members)), listen
+        # While what a checkpoint has seen already is done again.
+        self._quiet = False
 
     def run(self, deadline: float, checkpoint: JointCheckpoint | None = None) -> JointFitted:
         """All phases from the start, or from ``checkpoint``, until done or ``deadline``
@@ -83,30 +85,27 @@ class JointRun:
         for number, (problem, forward, truth) in enumerate(self._given, 1):
             view = View(problem, forward)
             state = view.start_state()
-            phases = (
-                self._schedule or default_schedule(problem.job, problem.fineness.steps_max)
-            ).phases
-            members.append(Member(number, view, phases, truth, state, state, state))
+            schedule = self._schedule or default_schedule(problem.job, problem.fineness.steps_max)
+            members.append(Member(number, view, schedule, truth, state, state, state))
         return members
 
     def _run(self, deadline: float, checkpoint: JointCheckpoint | None) -> JointFitted:
         self._started, self._deadline = time.monotonic(), deadline
         if checkpoint is not None:
             self._started -= checkpoint.photos[0].seconds
-        self._teller.quiet = checkpoint is not None
+        self._quiet = checkpoint is not None
         odd = self._landmarks()
-        self._teller.quiet = False
-        first = sum(phase.face_px is None for phase in self.phases)
+        self._quiet = False
+        phases = list(self.schedule.photo_phases)
         if checkpoint is not None:
-            self._restore(checkpoint, first)
+            self._restore(checkpoint)
             # The step that a checkpoint was before is taken whatever the time.
-            first = checkpoint.photos[0].phase
-            self._photo_phase(first, checkpoint)
-            first += 1
-        for number in range(first, len(self.phases)):
+            began, *phases = self.schedule.since(checkpoint.phase).phases
+            self._photo_phase(began, checkpoint)
+        for phase in phases:
             if time.monotonic() > deadline:
                 break
-            self._photo_phase(number, None)
+            self._photo_phase(phase, None)
         shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
             if not member.joined:
@@ -135,14 +134,14 @@ class JointRun:
             shared = replace(shared, identity=combined(joined)[0])
         for member in self.members:
             member.state = with_unknowns(member.state, shared, SHARED)
-        for number, phase in enumerate(self.phases):
-            if phase.face_px is None and not set(SHARED).isdisjoint(phase.blocks):
-                self._descend(number, None)
+        for phase in self.schedule.landmark_phases:
+            if not set(SHARED).isdisjoint(phase.blocks):
+                self._descend(phase, None)
         for member in self.members:
             member.together = member.state
         return odd
 
-    def _photo_phase(self, number: int, checkpoint: JointCheckpoint | None) -> None:
+    def _photo_phase(self, phase: Phase, checkpoint: JointCheckpoint | None) -> None:
         """A phase with the photos; again, without the least believed photo, when one is not
         believed after it.
         """
@@ -153,8 +152,8 @@ class JointRun:
                 for member in self.members
                 if member.joined
             ]
-            self._descend(number, checkpoint)
-            leaving = self._least_believed(self.phases[number])
+            self._descend(phase, checkpoint)
+            leaving = self._least_believed(phase)
             if leaving is None:
                 return
             self._final = final
@@ -172,65 +171,40 @@ class JointRun:
                         )
             checkpoint = None
 
-    def _descend(self, number: int, checkpoint: JointCheckpoint | None) -> None:
-        """All photos that take part, through phase ``number`` together; from ``checkpoint`` if it
-        was left there.
+    def _descend(self, phase: Phase, checkpoint: JointCheckpoint | None) -> None:
+        """All photos that take part, through ``phase`` together; from ``checkpoint`` if it was left
+        there.
         """
+        seconds = self._seconds()
         before = checkpoint or JointCheckpoint.of(
-            self.members, number, self._seconds(), self.shape_held
+            self.members, phase.name, seconds, self.shape_held
         )
-        joined = [member for member in self.members if member.joined]
-        phases = {member.number: member.phase(number, self.shape_held) for member in joined}
-        found = {member.number: self._stage(member, phases[member.number]) for member in joined}
-        stages = {photo: stage for photo, stage in found.items() if stage is not None}
-        joined = [member for member in joined if member.number in stages]
-        if not joined:
-            return
-        joint = JointStage(list(stages.values()))
-        scaled, step = [], 1
-        for member in joined:
-            phase, own = phases[member.number], before.photos[member.number - 1]
-            scaled.append(member.view.scaled(phase, member.state))
+        company = []
+        for member in self.members:
+            passage = member.passage(phase.name, self.shape_held) if member.joined else None
+            if passage is None:
+                continue
+            own = before.photos[member.number - 1]
             if own.within is not None:
-                scaled[-1], step = own.enter(stages[member.number])
-                member.state = member.view.full_size(phase, scaled[-1], member.state)
-                joint.damping = Damping(*own.within.damping)
-        for item in joint.run(
-            tuple(scaled), joined[0].problem.job.seed + number, self._deadline, step
-        ):
+                passage.enter(own.within, own.ledger)
+            member.state = passage.state
+            company.append((member, passage))
+        if not company:
+            return
+        joint = JointPassage([passage for _, passage in company])
+        for item in joint.steps(self._deadline):
             # Where an accepted step began is saved once it is accepted; landmarks are done again.
-            if self.phases[number].face_px is not None:
+            if phase.with_photo:
                 before.save(self.folder)
-            self._final = (joint, item, joined)
-            for member, part in zip(joined, item.parts, strict=True):
-                member.took(phases[member.number], part)
-                if not self._teller.quiet:
-                    member.record(
-                        phases[member.number], part, stages[member.number], self._seconds()
-                    )
-            before = before.after(item, stages, self.members, self._seconds())
+            self._final = (joint.stage, item, [member for member, _ in company])
+            for (member, passage), part in zip(company, item.parts, strict=True):
+                member.took(passage, part)
+                if not self._quiet:
+                    member.record(passage, part, self._seconds())
+            before = before.after(item, company, self._seconds())
             # Each step shows another photo.
-            shown = item.number % len(joined)
-            photo = joined[shown].number
-            self._teller.tell(
-                joined[shown],
-                number,
-                phases[photo],
-                item.parts[shown],
-                stages[photo],
-                together=True,
-            )
-
-    def _stage(self, member: Member, phase: Phase) -> Stage | None:
-        """A photo's stage for a phase, with its lamps chosen and lit where the phase looks at the
-        photo.
-        """
-        if phase.face_px is not None:
-            member.view.choose_lamps(member.state)
-        stage = member.view.solver_stage(phase, member.state)
-        if stage is not None and phase.face_px is not None:
-            member.state = member.with_initial_lights(stage)
-        return stage
+            shown = item.number % len(company)
+            self._tell(*company[shown], item.parts[shown], together=True)
 
     def _least_believed(self, phase: Phase) -> Member | None:
         """Of the photos that take part, the one that is least believed about the shape, if any is
@@ -255,13 +229,19 @@ class JointRun:
             if member.joined:
                 member.last = item.marginal(index, joint.layout, free)
 
-    def _heard_alone(
-        self, member: Member, number: int, phase: Phase, item: Iteration, stage: Stage
-    ) -> None:
+    def _heard_alone(self, member: Member, passage: Passage, item: Iteration) -> None:
         """A step that a photo took without the others."""
-        if not self._teller.quiet:
-            member.record(phase, item, stage, self._seconds())
-        self._teller.tell(member, number, phase, item, stage, together=False)
+        if not self._quiet:
+            member.record(passage, item, self._seconds())
+        self._tell(member, passage, item, together=False)
+
+    def _tell(self, member: Member, passage: Passage, item: Iteration, together: bool) -> None:
+        """A step that is the last row of the member's trace."""
+        if self._quiet:
+            return
+        number, scale = member.number, self._scale
+        fraction = scale.after(passage, item) if together else scale.alone(number)
+        self.listen(Progress.of(passage, item, member.trace[-1], fraction, number, together))
 
     def _seconds(self) -> float:
         return time.monotonic() - self._started
@@ -276,12 +256,11 @@ class JointRun:
                 "--resume."
             )
         for photo, member in zip(checkpoint.photos, self.members, strict=True):
-            photo.check_fingerprint(member.problem.fingerprint, self.folder)
+            photo.check(member.problem.fingerprint, member.schedule, self.folder)
 
-    def _restore(self, checkpoint: JointCheckpoint, first: int) -> None:
-        """Let everybody be where the checkpoint's phase began; ``first``: the first phase with the
-        photos.
-        """
+    def _restore(self, checkpoint: JointCheckpoint) -> None:
+        """Let everybody be where the checkpoint's phase began."""
+        first = self.schedule.photo_phases[0].name
         self.shape_held = checkpoint.shape_held
         for index, (photo, member) in enumerate(zip(checkpoint.photos, self.members, strict=True)):
             photo.restore(member.view)
@@ -289,4 +268,4 @@ class JointRun:
             member.joined, member.doubt = checkpoint.joined[index], checkpoint.doubts[index]
             member.statistic = checkpoint.statistics[index]
             # The landmarks' last step is known; one who left with them took no other.
-            member.missing = photo.phase > first and not member.stranger
+            member.missing = photo.phase != first and not member.stranger

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +16,8 @@ from facestage.fit.face.unknowns import SHAPE, SHARED, with_unknowns
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.trace import trace_row
-from facestage.fit.stages.phases import Phase
+from facestage.fit.stages.passage import Passage, walk
+from facestage.fit.stages.phases import SHAPE_HELD, SHAPE_SHARED, TOGETHER, Phase, Schedule
 from facestage.fit.stages.stage import Iteration, Stage
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
@@ -31,8 +32,8 @@ class MissingStepError(Exception):
     """
 
 
-# Told of each accepted step: the photo, the number of the phase, the phase, the step and its stage.
-Tell = Callable[["Member", int, Phase, Iteration, Stage], None]
+# Told of each accepted step: the photo, its way through the phase, and the step.
+Tell = Callable[["Member", Passage, Iteration], None]
 
 
 @dataclass
@@ -41,7 +42,7 @@ class Member:
 
     number: int  # 1, 2, ...
     view: View
-    phases: tuple[Phase, ...]
+    schedule: Schedule
     truth: Truth | None
     state: State
     start: State  # where its own landmark stage ended
@@ -61,44 +62,38 @@ class Member:
         """The photo's problem."""
         return self.view.problem
 
-    def phase(self, number: int, shape_held: bool) -> Phase:
-        """Phase ``number`` of all photos together, with or without the shape."""
-        phase = self.phases[number]
-        if phase.face_px is None:
-            # The name "landmarks" is the photo's own landmark stage's.
-            return replace(phase, name=f"{phase.name} together")
-        if not shape_held:
-            return phase
-        return replace(
-            phase, name=f"{phase.name}, shape held", blocks=_without(phase.blocks, SHAPE)
-        )
+    def phase(self, name: str, shape_held: bool) -> Phase:
+        """The phase called ``name`` of all photos together, with or without the shape."""
+        phase = self.schedule[name]
+        if not phase.with_photo:
+            # The photo's own phases of landmarks have the plain names.
+            return phase.varied(TOGETHER)
+        return phase.varied(SHAPE_HELD, SHAPE) if shape_held else phase
+
+    def passage(self, name: str, shape_held: bool) -> Passage | None:
+        """Where the phase called ``name`` of all photos together begins; None where the photo has
+        nothing to move.
+        """
+        with self._named():
+            return Passage.prepared(self.view, self.phase(name, shape_held), self.state)
 
     def landmarks_alone(self, tell: Tell) -> Evidence | None:
-        """Its own landmark stage; what that says of the identity, where it is fitted and has a
+        """Its own landmark phases; what they say of the identity, where it is fitted and has a
         prior.
         """
-        found: tuple[Iteration, Stage] | None = None
-        for number, phase in enumerate(self.phases):
-            stage = self.view.solver_stage(phase, self.state) if phase.face_px is None else None
-            if stage is None:
-                continue
-            for item in stage.run(self.state, self.problem.job.seed + number, np.inf):
-                self.state, found = item.state, (item, stage)
-                tell(self, number, phase, item, stage)
+        last: tuple[Iteration, Stage] | None = None
+
+        def told(passage: Passage, item: Iteration) -> None:
+            nonlocal last
+            self.state, last = passage.state, (item, passage.stage)
+            tell(self, passage, item)
+
+        walk(self.view, self.schedule.landmark_phases, self.state, told=told)
         self.start = self.state
         where = Layout(self.state).slices["identity"]
-        if found is None or not found[1].active[where].all() or not self.problem.job.weights.prior:
+        if last is None or not last[1].active[where].all() or not self.problem.job.weights.prior:
             return None
-        return Evidence.of(*found) if where.start < where.stop else None
-
-    def with_initial_lights(self, stage: Stage) -> State:
-        """See :meth:`View.with_initial_lights`; an error says which photo it is about."""
-        try:
-            return self.view.with_initial_lights(stage, self.state)
-        except InputError as error:
-            raise InputError(
-                f"Photo {self.number} ('{self.problem.job.image.name}'): {error}"
-            ) from error
+        return Evidence.of(*last) if where.start < where.stop else None
 
     def disbelief(self) -> tuple[float, str]:
         """How little the photo is believed about the shape where it stands, above 0 if not at all,
@@ -118,43 +113,31 @@ class Member:
         photo, are its own.
         """
         state = with_unknowns(self.together, shared, SHARED)
-        self.state = replace(state, lights=np.zeros_like(state.lights))
-        for number, phase in enumerate(self.phases):
-            if phase.face_px is not None and time.monotonic() > deadline:
-                return
-            blocks = _without(phase.blocks, SHARED if phase.face_px is None else SHARED + SHAPE)
-            alone = replace(phase, name=f"{phase.name}, shape shared", blocks=blocks)
-            if phase.face_px is not None:
-                self.view.choose_lamps(self.state)
-            stage = self.view.solver_stage(alone, self.state)
-            if stage is None:
-                continue
-            if phase.face_px is not None:
-                self.state = self.with_initial_lights(stage)
-            for item in stage.run(
-                self.view.scaled(alone, self.state), self.problem.job.seed + number, deadline
-            ):
-                self.took(alone, item)
-                tell(self, number, alone, item, stage)
+        state = replace(state, lights=np.zeros_like(state.lights))
+        alone = [
+            phase.varied(SHAPE_SHARED, SHARED + SHAPE if phase.with_photo else SHARED)
+            for phase in self.schedule.phases
+        ]
 
-    def took(self, phase: Phase, item: Iteration) -> None:
-        """A step of ``phase``."""
-        self.state, self.last, self.missing = (
-            self.view.full_size(phase, item.state, self.state),
-            item,
-            False,
-        )
+        def told(passage: Passage, item: Iteration) -> None:
+            self.took(passage, item)
+            tell(self, passage, item)
 
-    def record(self, phase: Phase, item: Iteration, stage: Stage, seconds: float) -> None:
+        with self._named():
+            self.state = walk(self.view, alone, state, deadline, told)
+
+    def took(self, passage: Passage, item: Iteration) -> None:
+        """A step that led to where ``passage`` is."""
+        self.state, self.last, self.missing = passage.state, item, False
+
+    def record(self, passage: Passage, item: Iteration, seconds: float) -> None:
         """Add a row to the trace."""
-        self.trace.append(
-            trace_row(self.problem, phase, item, stage, self.state, seconds, self.truth)
-        )
+        self.trace.append(trace_row(passage, item, seconds, self.truth))
 
     def concluded(self, shape_held: bool, seconds: float, in_time: bool) -> Fitted:
         """The fit as it ended, see :func:`conclude`."""
         self._need_last_step()
-        phase = self.phase(len(self.phases) - 1, shape_held)
+        phase = self.phase(self.schedule.last.name, shape_held)
         ending = Ending(
             phase, self.start, self.state, self.last, self.trace, self.doubt, self.statistic
         )
@@ -164,6 +147,12 @@ class Member:
         if self.missing:
             raise MissingStepError
 
-
-def _without(blocks: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(name for name in blocks if name not in names)
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """An error says which photo it is about."""
+        try:
+            yield
+        except InputError as error:
+            raise InputError(
+                f"Photo {self.number} ('{self.problem.job.image.name}'): {error}"
+            ) from error

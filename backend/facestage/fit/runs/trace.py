@@ -6,41 +6,32 @@ from typing import Any
 
 import numpy as np
 
-from facestage.fit.face.state import State
 from facestage.fit.given.metrics import psnr
-from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
-from facestage.fit.stages.phases import Phase
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.passage import Passage
+from facestage.fit.stages.stage import Iteration
+
+# What the trace calls the phases: those of the schedule by their titles, and at the end this.
+DETAIL = "albedo detail"
 
 
 def trace_row(
-    problem: Problem,
-    phase: Phase,
-    item: Iteration,
-    stage: Stage,
-    state: State,
-    seconds: float,
-    truth: Truth | None,
+    passage: Passage, item: Iteration, seconds: float, truth: Truth | None
 ) -> dict[str, Any]:
-    """Energy, damping and errors after step ``item``; ``state`` is the step's at the photo's full
-    size.
-    """
+    """Energy, damping and errors after step ``item``, which led to where ``passage`` is."""
     row: dict[str, Any] = {
         "seconds": seconds,
-        "stage": phase.name,
+        "stage": passage.phase.title,
         "iteration": item.number,
         "energy": item.energy,
         "condition": item.condition,
         "damping": item.damping.value,
     }
-    if item.evaluation is not None and stage.energy.photo is not None:
-        used = item.evaluation.base_weight > 0
-        photo = stage.energy.photo.photo.color
-        row["photo_rms"] = (
-            float(np.sqrt((item.evaluation.residual[used] ** 2).mean())) if used.any() else None
-        )
-        row["psnr"] = psnr(photo + item.evaluation.residual, photo, used, problem.white)
+    photo = passage.photo
+    if item.evaluation is not None and photo is not None:
+        residual, used = item.evaluation.residual, item.evaluation.base_weight > 0
+        row["photo_rms"] = float(np.sqrt((residual[used] ** 2).mean())) if used.any() else None
+        row["psnr"] = psnr(photo + residual, photo, used, passage.view.problem.white)
     if truth is not None:
-        row |= truth.geometry_errors(state)
+        row |= truth.geometry_errors(passage.state)
     return row

@@ -159,10 +159,10 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
         parts = zip(self.stages, state, evaluation, strict=True)
         return JointSystem(self.layout, [stage.system(one, answer) for stage, one, answer in parts])
 
-    def rest_lights(self, state: States, gradient: np.ndarray) -> None:
+    def rest(self, state: States, gradient: np.ndarray) -> None:
         """Each photo's lights are its own."""
         for stage, one, columns in zip(self.stages, state, self.layout.columns, strict=True):
-            stage.rest_lights(one, gradient[columns])
+            stage.rest(one, gradient[columns])
 
     def free(self) -> np.ndarray:
         """What no photo holds."""

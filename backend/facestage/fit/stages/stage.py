@@ -32,6 +32,11 @@ class Iteration:
     hessian: np.ndarray  # (size, size) of the undamped system that the step was taken from
     prior_hessian: np.ndarray  # (size, size) the priors' part of it
 
+    @property
+    def parts(self) -> tuple[Iteration, ...]:
+        """The step of each photo: of the only one."""
+        return (self,)
+
 
 class Stage(Descent[State, Evaluation | None, "System", Iteration]):
     """The solver over some blocks of one photo's parameters."""
@@ -107,6 +112,14 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
             system.prior_hessian,
         )
 
+    def resume(self, damping: Damping, resting: np.ndarray, counted: Ledger) -> None:
+        """Go on after steps that were taken before: ``resting`` (N,) bool, the lights that rest,
+        empty when none was asked yet; ``counted``: what the ledger said.
+        """
+        self.damping, self.counted = damping, counted
+        if self.energy.photo is not None:
+            self.energy.photo.resting = resting if len(resting) else None
+
     @property
     def resting(self) -> np.ndarray:
         """(N,) bool, the lights that rest; empty when none was asked yet."""
@@ -121,7 +134,7 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
             result[where] = self.energy.light_parameters.of_lights(self.resting)
         return result
 
-    def rest_lights(self, state: State, gradient: np.ndarray) -> None:
+    def rest(self, state: State, gradient: np.ndarray) -> None:
         """No light rests in a stage without a photo."""
         photo = self.energy.photo
         if photo is None:

@@ -199,7 +199,7 @@ class View:
             silhouette=self._silhouette_term(phase, layout, freeze),
         )
         low, high = layout.bounds(known)
-        return Stage(phase.name, phase.blocks, energy, phase.steps, freeze, low, high)
+        return Stage(phase.title, phase.blocks, energy, phase.steps, freeze, low, high)
 
     def with_initial_lights(self, stage: Stage, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, and the scale of

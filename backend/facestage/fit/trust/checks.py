@@ -13,10 +13,9 @@ import numpy as np
 
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.given.problem import Problem
 from facestage.fit.solve.covariance import covariance
-from facestage.fit.stages.phases import Phase
+from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
 from facestage.fit.stages.stage import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.certainty import Certainty, describe, deviations
@@ -28,7 +27,6 @@ from facestage.fit.trust.shading_doubt import shading_doubt
 from facestage.fit.trust.vertex_certainty import vertex_deviation
 
 CHANNEL_NAMES = ("red", "green", "blue")
-LENS_STEPS = 6
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def photo_doubt(
     free = view.free_shape(Layout(end))
     if last is None or last.evaluation is None or not free:
         return "", 0.0
-    stage = view.solver_stage(Phase("landmarks", SHAPE, None, 0), start)
+    stage = view.solver_stage(Schedule()[PhaseName.LANDMARKS], start)
     assert stage is not None
     statistic = landmark_statistic(stage.energy, start, end)
     width = last.evaluation.base_weight.shape[1]
@@ -95,11 +93,11 @@ def _settled(view: View, phase: Phase, trace: Sequence[dict[str, Any]]) -> bool:
     one.
     """
     if (
-        phase.face_px is None
+        not phase.with_photo
         or not Layout(view.start_state()).mask(set(phase.blocks) - view.frozen()).any()
     ):
         return True
-    errors = [row["photo_rms"] for row in trace if row["stage"] == phase.name]
+    errors = [row["photo_rms"] for row in trace if row["stage"] == phase.title]
     if len(errors) < 2:
         return bool(errors)
     if len(errors) < phase.steps or None in errors[-2:]:
@@ -112,8 +110,7 @@ def _lens(view: View, start: State) -> LensCheck | None:
     weights = view.problem.job.weights
     if view.problem.fit_focal or not weights.landmarks or not weights.prior:
         return None
-    phase = Phase("lens", SHAPE, None, LENS_STEPS)
-    return check_lens(lambda state: view.solver_stage(phase, state), start, view.problem.job.seed)
+    return check_lens(lambda state: view.solver_stage(LENS, state), start, view.problem.job.seed)
 
 
 def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:

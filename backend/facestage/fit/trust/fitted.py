@@ -1,4 +1,4 @@
-"""What a fit says while it runs, and where it ended."""
+"""Where a fit ended."""
 
 from __future__ import annotations
 
@@ -8,25 +8,10 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.light_stage import LightStage
-from facestage.fit.energy.photo_term import Evaluation
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.lens_check import LensCheck
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a listener hears after each step."""
-
-    phase: str
-    iteration: int
-    fraction: float
-    seconds: float
-    photo_rms: float | None
-    evaluation: Evaluation | None
-    photo: np.ndarray | None  # (h, w, 3) at the phase's resolution
-    state: State  # at the photo's full size
 
 
 @dataclass(frozen=True)

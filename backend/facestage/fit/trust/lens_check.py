@@ -64,7 +64,6 @@ def _energy_through(
     state = replace(start, camera=camera, translation=start.translation * [1.0, 1.0, ratio])
     stage = stage_of(state)
     assert stage is not None
-    for item in stage.run(state, seed, np.inf):
-        state = item.state
-    energy = landmark_energy(stage.energy, state)
+    last = stage.last(state, seed)
+    energy = landmark_energy(stage.energy, state if last is None else last.state)
     return energy if np.isfinite(energy) else np.inf

@@ -25,9 +25,9 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import read_problem
 from facestage.fit.result.left_out import amount, left_out, saved_sentence
 from facestage.fit.runs.driver import FitRun
-from facestage.fit.stages import phases
+from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.phases import Schedule
-from facestage.fit.trust.fitted import Fitted, Progress
+from facestage.fit.trust.fitted import Fitted
 from reference.known import known
 from reference.synthetic_case import write_case
 from reference.synthetic_scene import Scene, plain_photo
@@ -36,9 +36,7 @@ RULES = [rule.name for rule in fields(Rules)]
 LIGHTS = 12
 # Of a parameter's own standard deviation: what rounding in other orders may do over a few steps.
 TOLERANCE = 0.002
-SHORT = Schedule(
-    tuple(p if p.face_px is None else replace(p, steps=min(p.steps, 2)) for p in phases.PHASES)
-)
+SHORT = Schedule().limited(2)
 
 
 class Fits:

@@ -38,7 +38,7 @@ from facestage.fit.given.fineness import Fineness
 from facestage.fit.given.problem import read_problem
 from facestage.fit.result.left_out import left_out
 from facestage.fit.runs.driver import FitRun
-from facestage.fit.stages.phases import Schedule, default_schedule
+from facestage.fit.stages.phases import PhaseName, Schedule, default_schedule
 from facestage.fit.stages.view import View
 from facestage.render.light_terms import PLAIN, Asked
 from reference.known import known
@@ -424,7 +424,9 @@ def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_map
             view = View(problem, forward, minimum)
             view.strong = first
             state = replace(view.start_state(), lights=np.ones(problem.lights.size))
-            stage = view.solver_stage(Schedule().with_shadow_edges(edges).phases[3], state)
+            stage = view.solver_stage(
+                Schedule().with_shadow_edges(edges)[PhaseName.GEOMETRY], state
+            )
             assert stage is not None and stage.energy.photo is not None
             found[name, edges, minimum] = (view.penumbra, stage.energy.photo.casting)
     for name, casting in (("lattice", first), ("placed", np.ones(4, bool))):

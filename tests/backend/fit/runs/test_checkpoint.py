@@ -21,10 +21,12 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import read_problem
-from facestage.fit.runs.checkpoint import Checkpoint, Within
+from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.driver import FitRun
+from facestage.fit.runs.progress import Progress
+from facestage.fit.stages.passage import Within
 from facestage.fit.stages.view import Memory
-from facestage.fit.trust.fitted import Fitted, Progress
+from facestage.fit.trust.fitted import Fitted
 from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
@@ -158,6 +160,14 @@ def test_the_budget_may_change(case: Case, tmp_path: Path):
     assert found.trace[:1] == checkpoint.trace and len(found.trace) > 1
 
 
+def test_a_checkpoint_of_a_phase_that_the_schedule_has_not_is_refused(case: Case, tmp_path: Path):
+    interrupted(job_of(case), tmp_path, 2)
+    checkpoint = Checkpoint.load(tmp_path)
+    assert checkpoint is not None
+    with pytest.raises(InputError, match=r"damaged.*lens.*--resume"):
+        run_of(job_of(case), tmp_path).run(FOREVER, replace(checkpoint, phase="lens"))
+
+
 @pytest.mark.parametrize("budget", [0.0, FOREVER])
 def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
     case: Case, whole: Fitted, tmp_path: Path, budget: float
@@ -173,7 +183,9 @@ def a_checkpoint(scene: Scene) -> Checkpoint:
     ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
     row = {"stage": "pose", "seconds": 0.1}
     within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
-    return Checkpoint("abc", 3, 7.25, scene.state, scene.state, memory, ledger, [row], within)
+    return Checkpoint(
+        "abc", "geometry", 7.25, scene.state, scene.state, memory, ledger, [row], within
+    )
 
 
 def test_round_trip(scene: Scene, tmp_path: Path):
@@ -212,6 +224,7 @@ def test_the_layout_of_the_file_is_that_of_every_version_with_this_number(scene:
     }
     meta = json.loads(str(arrays["meta"]))
     assert meta["schema"] == 2
+    assert meta["phase"] == 3, "geometry"
     camera = json.loads(json.dumps(scene.state.camera.to_json()))
     for name in ("began", "start", "within"):
         assert meta["states"][name] == {"camera": camera, "roughness": scene.state.roughness}
@@ -219,7 +232,7 @@ def test_the_layout_of_the_file_is_that_of_every_version_with_this_number(scene:
 
 def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Path):
     memory = Memory(1.0, None, None, np.zeros(4, bool), None)
-    Checkpoint("abc", 0, 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
+    Checkpoint("abc", "pose", 0.0, None, scene.state, memory, Ledger(), []).save(tmp_path)
     loaded = Checkpoint.load(tmp_path)
     assert loaded is not None and loaded.start is None and loaded.within is None
     assert (
@@ -238,7 +251,8 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     arrays = read_arrays(tmp_path / CHECKPOINT, "checkpoint")
     meta = json.loads(str(arrays["meta"]))
     del meta["ledger"]
-    for text in (json.dumps(meta), "{", "[]", '{"schema": 2, "trace": ' + "[" * 5000):
+    unknown = json.dumps(json.loads(str(arrays["meta"])) | {"phase": -1})
+    for text in (json.dumps(meta), unknown, "{", "[]", '{"schema": 2, "trace": ' + "[" * 5000):
         change = {"meta": np.array(text)}
         write_arrays(tmp_path / CHECKPOINT, arrays | change)
         with pytest.raises(InputError, match=r"damaged.*without --resume"):

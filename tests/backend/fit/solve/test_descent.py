@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.solve.bounded_step import Damping
-from facestage.fit.solve.descent import CONVERGED_SHARE, Descent, asks_lights
+from facestage.fit.solve.descent import CONVERGED_SHARE, Descent, wakes
 
 FOREVER = float("inf")
 
@@ -58,7 +58,7 @@ class Toy(Descent[float, float, Model, Told]):
             np.eye(1), np.array([self.slope(state)]), here, lambda there: here - self.energy(there)
         )
 
-    def rest_lights(self, state: float, gradient: np.ndarray) -> None:
+    def rest(self, state: float, gradient: np.ndarray) -> None:
         self.asked.append(state)
 
     def free(self) -> np.ndarray:
@@ -146,7 +146,7 @@ def test_a_refused_step_is_taken_when_it_is_short_enough():
 
 
 def test_lights_are_asked_at_the_first_step_and_every_fourth():
-    assert [number for number in range(1, 14) if asks_lights(number)] == [1, 5, 9, 13]
+    assert [number for number in range(1, 14) if wakes(number)] == [1, 5, 9, 13]
     toy = shallow(3.0)
     found = list(toy.run(0.0, 0, FOREVER))
     assert len(found) == 9
@@ -154,7 +154,7 @@ def test_lights_are_asked_at_the_first_step_and_every_fourth():
     assert toy.asked == [states[0], states[4], states[8]]
     # What a step starts from is evaluated before it, and with every light where the step asks.
     assert [everything for _, everything in toy.evaluated] == [
-        asks_lights(number) for number in range(1, 11)
+        wakes(number) for number in range(1, 11)
     ]
 
 
@@ -194,3 +194,10 @@ def test_the_damping_follows_what_a_step_gained_of_what_it_promised():
 def test_what_is_too_little_is_a_share_of_the_energy(total: float, tries: int):
     toy = Toy(lambda state: total + abs(state), lambda state: -0.5)
     assert list(toy.run(0.0, 0, FOREVER)) == [] and len(toy.evaluated) == 1 + tries
+
+
+def test_the_last_step_is_where_all_lead():
+    steps = list(shallow(3.0).run(0.0, 0, FOREVER))
+    assert shallow(3.0).last(0.0, 0) == steps[-1]
+    assert uphill(1.0).last(0.0, 0) is None
+    assert shallow(3.0).last(0.0, 0, time.monotonic() - 1.0) == steps[0]

@@ -52,7 +52,7 @@ def test_a_light_rests_that_is_dark_and_that_the_energy_holds_there(dim: Scene):
     assert len(stage.resting) == 0, "nobody has asked yet"
     gradient = np.zeros(layout.size)
     gradient[layout.slices["lights"]] = GRADIENT.ravel()
-    stage.rest_lights(dim.state, gradient)
+    stage.rest(dim.state, gradient)
     # Blue of the fourth would grow, the fifth is at the foot of the slope, the last is not dark.
     np.testing.assert_array_equal(stage.resting, [False, True, False, False, False, False])
     rests = layout.slices["lights"].start + np.arange(3, 6)
@@ -62,14 +62,14 @@ def test_a_light_rests_that_is_dark_and_that_the_energy_holds_there(dim: Scene):
 
 def test_where_lights_may_not_move_every_dark_one_rests(dim: Scene):
     stage = stage_of(dim, "pose")
-    stage.rest_lights(dim.state, np.zeros(Layout(dim.state).size))
+    stage.rest(dim.state, np.zeros(Layout(dim.state).size))
     np.testing.assert_array_equal(stage.resting, DARK)
 
 
 def test_resting_lights_are_not_traced_unless_everything_is_asked_for(dim: Scene):
     stage = stage_of(dim, "pose")
     first = known(stage.evaluate(dim.state, 1)).image.terms.diffuse
-    stage.rest_lights(dim.state, np.zeros(Layout(dim.state).size))
+    stage.rest(dim.state, np.zeros(Layout(dim.state).size))
     found = known(stage.evaluate(dim.state, 1)).image.terms.diffuse
     np.testing.assert_array_equal(found.any(axis=0), ~np.array(DARK))
     everything = known(stage.evaluate(dim.state, 1, everything=True)).image.terms.diffuse
@@ -79,7 +79,7 @@ def test_resting_lights_are_not_traced_unless_everything_is_asked_for(dim: Scene
 def test_without_a_photo_nothing_is_seen_and_nothing_rests(dim: Scene):
     stage = landmark_stage(dim, "pose", "lights")
     assert stage.evaluate(dim.state, 1) is None
-    stage.rest_lights(dim.state, np.ones(Layout(dim.state).size))
+    stage.rest(dim.state, np.ones(Layout(dim.state).size))
     assert len(stage.resting) == 0
     np.testing.assert_array_equal(stage.free(), stage.active)
 
