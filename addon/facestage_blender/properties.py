@@ -14,7 +14,7 @@ from bpy.props import (
 )
 
 from facestage.contract.face_model import PARTS
-from facestage.contract.job import DEVICES, LIGHT_COLORS
+from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
 from facestage.contract.light_stage import (
     DEFAULT_COUNT,
     DEFAULT_RADIUS,
@@ -189,11 +189,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         min=1,
         soft_max=10,
     )
-    model: StringProperty(
-        name="Face model",
-        description="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
-        default="default",
-    )
+    model: StringProperty(name="Face model", description=MODEL_FORMS, default=DEFAULT_MODEL)
     light_count: IntProperty(
         name="Lights",
         description="Number of area lights on the hemisphere",

@@ -7,29 +7,20 @@ import bpy
 from . import preferences, properties
 from .landmarks import overlay as landmark_overlay
 from .preview import live as preview
-from .ui import (
-    operators,
-    operators_fit,
-    operators_landmarks,
-    operators_model,
-    operators_preview,
-    operators_rig,
-    panels,
-    panels_photo,
-)
+from .ui import backend_task, face, fit, landmarks, light_stage, own_mesh, photo, result
 
 # Panels stand in the sidebar in the order in which they are registered.
 MODULES = (
     properties,
     preferences,
-    operators,
-    operators_fit,
-    operators_landmarks,
-    operators_model,
-    operators_preview,
-    panels_photo,
-    panels,
-    operators_rig,
+    backend_task,
+    landmarks,
+    photo,
+    light_stage,
+    face,
+    own_mesh,
+    fit,
+    result,
 )
 
 
@@ -45,7 +36,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
-    operators_fit.stop_running()
+    backend_task.stop_running()
     landmark_overlay.unregister()
     preview.unregister()
     properties.detach()

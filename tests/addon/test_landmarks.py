@@ -270,7 +270,7 @@ def refused(operator: Callable[..., set[str]], match: str, **options: object) ->
 def test_detect_edit_done(ready, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.exchange.scene_read import read_landmarks
+    from facestage_blender.landmarks.editing import read_landmarks
     from facestage_blender.landmarks.empties import landmark_empties
 
     ready.facestage.face_number = 3
@@ -594,7 +594,7 @@ def test_followers_move_smoothly() -> None:
 def test_the_panel_says_where_landmarks_come_from(ready, landmark_file: Path) -> None:
     import bpy
 
-    from facestage_blender.ui.panels_photo import landmark_lines
+    from facestage_blender.ui.photo import landmark_lines
 
     settings = ready.facestage
     assert landmark_lines(settings) == ["Landmarks: found automatically"]

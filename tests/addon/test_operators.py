@@ -76,7 +76,7 @@ def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
 
     from facestage_blender.rig.face_rig import build_rig
     from facestage_blender.scene.stage import build_stage, default_stage
-    from facestage_blender.ui.operators import choose_photo
+    from facestage_blender.ui.photo import choose_photo
 
     by_operators = describe(ready)
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -198,7 +198,7 @@ def test_failed_fit_leaves_the_scene_alone(ready, stand_in, mood: str, sentence:
 def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.ui.operators_fit import Running
+    from facestage_blender.ui.backend_task import Running
 
     before = describe(ready)
     stand_in("hangs in fit")
@@ -222,7 +222,7 @@ def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: 
 
 def test_disabling_the_addon_stops_the_backend(scene, stand_in) -> None:
     from facestage_blender.backend.process import BackendProcess
-    from facestage_blender.ui.operators_fit import Running, stop_running
+    from facestage_blender.ui.backend_task import Running, stop_running
 
     Running.process = child = BackendProcess([*stand_in("hangs"), "fit"])
     stop_running()
@@ -275,12 +275,16 @@ def test_all_properties_and_operators_explain_themselves(scene) -> None:
     for cls in registered:
         assert cls.__doc__
         assert hasattr(bpy.types, cls.__name__)
+        if issubclass(cls, bpy.types.Operator):
+            operator = getattr(bpy.ops.facestage, cls.bl_idname.split(".")[1])
+            tooltip = operator.get_rna_type().description
+            assert tooltip == " ".join(tooltip.split()), f"{cls.__name__} breaks its tooltip"
 
 
 def test_face_model_is_chosen_with_its_license(ready, tmp_path: Path) -> None:
     import bpy
 
-    from facestage_blender.ui.operators_model import KINDS, model_label, model_license
+    from facestage_blender.rig.model_kinds import KINDS, model_label, model_license
 
     assert model_license(ready) == "CC0-1.0"  # as the model of the rig says
     file = tmp_path / "somebody.npz"

@@ -108,8 +108,8 @@ def test_the_face_of_a_real_photo_is_found(
     import skimage.data
 
     from facestage.contract.landmarks import Landmarks
-    from facestage_blender.exchange.scene_read import read_landmarks
-    from facestage_blender.headless.demo import LANDMARKS
+    from facestage_blender.headless.demo import SHIPPED_LANDMARKS
+    from facestage_blender.landmarks.editing import read_landmarks
     from facestage_blender.landmarks.scheme import MEDIAPIPE_AS_IBUG
 
     monkeypatch.setenv("FACESTAGE_DATA", str(shared_data))
@@ -123,7 +123,7 @@ def test_the_face_of_a_real_photo_is_found(
         bpy.ops.facestage.detect_landmarks()
     scene.facestage.face_number = 1
     assert bpy.ops.facestage.detect_landmarks() == {"FINISHED"}
-    found, known = read_landmarks(scene, 512, 512), Landmarks.read(LANDMARKS)
+    found, known = read_landmarks(scene, 512, 512), Landmarks.read(SHIPPED_LANDMARKS)
     assert found is not None
     inner = slice(17, 68)  # the jaws of the two schemes are not quite the same
     off = np.linalg.norm(found.points[list(MEDIAPIPE_AS_IBUG)] - known.points, axis=1)[inner]

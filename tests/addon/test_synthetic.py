@@ -100,14 +100,14 @@ def test_polygon_covers_its_pixels() -> None:
 def test_crop_is_a_square_inside_the_picture() -> None:
     from facestage_blender.headless import demo
 
-    crop = demo.head_crop(Landmarks.read(demo.LANDMARKS), Camera.default(512, 512))
+    crop = demo.head_crop(Landmarks.read(demo.SHIPPED_LANDMARKS), Camera.default(512, 512))
     left, top, right, bottom = crop.box
     assert right - left == bottom - top
     assert left >= 0
     assert top >= 0
     assert right <= 512
     assert bottom <= 512
-    points = Landmarks.read(demo.LANDMARKS).points
+    points = Landmarks.read(demo.SHIPPED_LANDMARKS).points
     assert (points > [left, top]).all()
     assert (points < [right, bottom]).all()
 

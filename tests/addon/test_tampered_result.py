@@ -148,7 +148,7 @@ def test_paths_that_no_machine_has_are_said(fitted) -> None:
     import bpy
 
     from facestage_blender.scene.paths import result_folder
-    from facestage_blender.ui.panels import existing
+    from facestage_blender.ui.sidebar import existing
 
     scene, _ = fitted
     photo = scene.facestage.photo

@@ -22,6 +22,7 @@ BLENDER = {"bpy", "mathutils"}
         "facestage_blender",
         "facestage_blender.batch",
         "facestage_blender.cases",
+        "facestage_blender.demo",
     ],
 )
 def test_starting_is_cheap(module: str) -> None:

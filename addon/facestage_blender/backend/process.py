@@ -17,11 +17,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from facestage.contract.errors import BackendUnavailableError
+from facestage.contract.errors import BackendUnavailableError, CancelledError, InputError
 from facestage.contract.events import FAILED, Event
 from facestage.contract.online import with_online_access
 
-DONE, BAD_INPUT, CANCELLED, UNAVAILABLE = 0, 2, 3, 4
+DONE = 0
+BAD_INPUT, CANCELLED = InputError.exit_code, CancelledError.exit_code
+UNAVAILABLE = BackendUnavailableError.exit_code
 KILL_AFTER_SECONDS = 10.0  # a backend that has not stopped by then is killed
 
 

@@ -5,26 +5,21 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from facestage.contract.errors import InputError
 from facestage.contract.job import Job, Weights
-from facestage.contract.landmarks import Landmarks
 
-from ..landmarks.empties import edited_landmarks, shown_plane
-from ..landmarks.plane import photo_size
+from ..landmarks.editing import read_landmarks
 from ..pictures.images import load_image
 from ..rig.face_rig import read_weights, require_rig, rig_axes
 from ..scene import frames
 from ..scene.camera import read_camera, require_camera
-from ..scene.paths import absolute
+from ..scene.paths import require_photo
 from ..scene.stage import read_stage, relative_matrix, require_stage
 
 
 def read_job(scene: bpy.types.Scene) -> Job:
     """The scene's job. Raises InputError naming what is missing or wrong and what to do."""
     settings = scene.facestage
-    if not settings.photo:
-        raise InputError("No photo is chosen; press Choose Photo first.")
-    photo = absolute(settings.photo)
+    photo = require_photo(scene)
     width, height = load_image(photo).size
     empty, rig = require_stage(scene), require_rig(scene)
     frozen = tuple(sorted(settings.freeze))
@@ -55,29 +50,6 @@ def read_job(scene: bpy.types.Scene) -> Job:
         seed=settings.seed,
         device=settings.device,
     )
-
-
-def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks | None:
-    """The landmarks of the ``width`` x ``height`` photo: the empties' while they are shown, else
-    the file's, else None.
-
-    Raises InputError when they are not of this photo.
-    """
-    plane = shown_plane(scene)
-    if plane is not None:
-        if photo_size(plane) != (width, height):
-            raise InputError(
-                f"The landmarks shown are of a photo of {photo_size(plane)[0]} x "
-                f"{photo_size(plane)[1]} pixels, the "
-                f"photo has {width} x {height}; press Done, then Detect Landmarks again."
-            )
-        landmarks = edited_landmarks(scene)
-    elif scene.facestage.landmarks:
-        landmarks = Landmarks.read(absolute(scene.facestage.landmarks))
-    else:
-        return None
-    landmarks.check_inside(width, height)
-    return landmarks
 
 
 def read_camera_to_stage(scene: bpy.types.Scene) -> np.ndarray:

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     import bpy
 
-from facestage.contract.errors import FacestageError, InputError
-from facestage.contract.job import DEVICES, LIGHT_COLORS
+from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
+from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.machine import machine_trouble
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
@@ -60,11 +61,7 @@ def parser() -> argparse.ArgumentParser:
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
-    result.add_argument(
-        "--model",
-        default="default",
-        help="default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, rig:FILE or npz:FILE",
-    )
+    result.add_argument("--model", default=DEFAULT_MODEL, help=MODEL_FORMS)
     result.add_argument(
         "--rig-blend",
         type=Path,
@@ -72,7 +69,9 @@ def parser() -> argparse.ArgumentParser:
         help="a scene with a face mesh of your own, instead of --model",
     )
     result.add_argument("--rig-object", default="", metavar="NAME", help="the mesh in --rig-blend")
-    result.add_argument("--lights", type=int, default=20, help="number of lights on the stage")
+    result.add_argument(
+        "--lights", type=int, default=DEFAULT_COUNT, help="number of lights on the stage"
+    )
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
     result.add_argument(
         "--freeze",
@@ -90,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"seconds that the fit may take, or {', '.join(QUALITIES)}",
     )
     result.add_argument("--seed", type=int, default=0)
-    result.add_argument("--device", choices=DEVICES, default="auto")
+    result.add_argument("--device", choices=DEVICES, default=DEVICES[0])
     result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
     result.add_argument(
         "--resume", action="store_true", help="go on from the last checkpoint in --out"
@@ -135,7 +134,7 @@ def main(arguments: list[str] | None = None) -> int:
             "facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.",
             file=sys.stderr,
         )
-        return 3
+        return CancelledError.exit_code
     except OSError as error:
         print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
         return InputError.exit_code

@@ -14,8 +14,9 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.job import DEFAULT_MODEL
 
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
@@ -39,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--only", nargs="*", default=[], metavar="NAME", help="only cases of these names"
     )
-    result.add_argument("--model", default="default", help="default, ict:PATH or npz:FILE")
+    result.add_argument("--model", default=DEFAULT_MODEL, help="default, ict:PATH or npz:FILE")
     result.add_argument("--size", type=int, default=256, help="side of the photos in pixels")
     result.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel")
     result.add_argument(
@@ -92,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except KeyboardInterrupt:
         print("facestage: cancelled; the finished cases are kept.", file=sys.stderr)
-        return 3
+        return CancelledError.exit_code
     return 0
 
 

@@ -16,11 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from facestage.contract.camera import Camera
-from facestage.contract.errors import FacestageError, InputError
+from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
+from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.files.storage import read_json
+from facestage.contract.job import DEFAULT_MODEL
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.machine import machine_trouble
-from facestage.contract.result import Result
+from facestage.contract.result import RENDER, Result
+from facestage.contract.result_files import REPORT
 
 from ..pictures.texture import inside_polygon
 
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 
     from ..pictures.render import Crop
 
-LANDMARKS = Path(__file__).parent / "data" / "astronaut_landmarks.json"
+SHIPPED_LANDMARKS = Path(__file__).parent / "data" / "astronaut_landmarks.json"
 SKIN = Path(__file__).parent / "data" / "astronaut_skin.json"
 SEED = 7
 BUDGET_SECONDS = 75.0  # for each fit, so that the demo ends within its four minutes on any machine
@@ -68,7 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
         return error.exit_code
     except KeyboardInterrupt:
         print("facestage: cancelled.", file=sys.stderr)
-        return 3
+        return CancelledError.exit_code
     except OSError as error:
         print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
         return InputError.exit_code
@@ -83,6 +86,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
 
     from ..backend.commands import find_backend
     from ..pictures import render
+    from ..scene.paths import RESULT_FOLDER
     from . import pipeline
 
     print(
@@ -96,7 +100,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     landmarks, origin = astronaut_landmarks(photo, out / "astronaut_landmarks.json", backend)
     order = pipeline.Order(image=photo, out=out / "astronaut", landmarks=landmarks, budget=budget)
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
-    crop = head_crop(Landmarks.read(LANDMARKS), result.camera)
+    crop = head_crop(Landmarks.read(SHIPPED_LANDMARKS), result.camera)
     match = agreement(scene, result, crop, samples)
     sheet = _pictures(scene, result, photo, crop, out / "astronaut", samples)
     return [
@@ -105,7 +109,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
         f"  {result.advice}",
         f"  Cycles and the fit's own renderer agree to {match:.1f} dB in the face (direct light).",
         f"  pictures  {sheet}",
-        f"  report    {out / 'astronaut' / 'result' / 'report.html'}",
+        f"  report    {out / 'astronaut' / RESULT_FOLDER / REPORT}",
         f"  scene     {out / 'astronaut' / pipeline.SCENE_FILE}",
     ]
 
@@ -121,13 +125,14 @@ def astronaut_landmarks(photo: Path, out: Path, backend: list[str]) -> tuple[Pat
         run_backend(detect_command(backend, photo, out), lambda _event: None)
     except InputError as error:
         print(f"The landmarks that come with the demo are used. {error}", file=sys.stderr)
-        return LANDMARKS, "from the file that comes with the demo"
+        return SHIPPED_LANDMARKS, "from the file that comes with the demo"
     return out, f"found in the photo ({len(Landmarks.read(out).points)} points)"
 
 
 def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
     """Photograph a made-up person, fit the photo, and compare with the truth."""
     from ..backend.commands import find_backend
+    from ..scene.paths import RESULT_FOLDER
     from ..synthetic.cases.person import random_person
     from ..synthetic.photograph import render_person
     from . import pipeline
@@ -136,21 +141,21 @@ def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
     folder = out / "synthetic"
     folder.mkdir(parents=True, exist_ok=True)
     backend, show = find_backend(), pipeline.progress_printer()
-    model = pipeline.face_model("default", backend, show)
+    model = pipeline.face_model(DEFAULT_MODEL, backend, show)
     case = folder / "case"
     render_person(pipeline.empty_scene(), model, random_person(model, SEED), case, seed=SEED)
     scene = pipeline.empty_scene()
     order = pipeline.Order(
-        image=case / "photo.png",
+        image=case / PHOTO,
         out=folder,
-        landmarks=case / "landmarks.json",
-        camera=case / "camera.json",
-        truth=case / "truth.npz",
+        landmarks=case / LANDMARKS,
+        camera=case / CAMERA,
+        truth=case / TRUTH,
         budget=budget,
     )
     result = pipeline.fit_photo(scene, order, backend, show)
-    crop = head_crop(Landmarks.read(case / "landmarks.json"), result.camera)
-    sheet = _pictures(scene, result, case / "photo.png", crop, folder, samples)
+    crop = head_crop(Landmarks.read(case / LANDMARKS), result.camera)
+    sheet = _pictures(scene, result, case / PHOTO, crop, folder, samples)
     rows = [
         f"  {meaning:<36}{result.errors[name]:8.3f} {unit}"
         for name, meaning, unit in ERRORS
@@ -160,7 +165,7 @@ def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
         "Synthetic photo against its truth",
         *rows,
         f"  pictures  {sheet}",
-        f"  report    {folder / 'result' / 'report.html'}",
+        f"  report    {folder / RESULT_FOLDER / REPORT}",
         f"  scene     {folder / pipeline.SCENE_FILE}",
     ]
 
@@ -173,7 +178,7 @@ def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) 
 
     if result.folder is None:
         raise InputError("The result is not on disk; run the fit again.")
-    theirs = read_pixels(result.folder / "render.exr")[..., :3]
+    theirs = read_pixels(result.folder / RENDER)[..., :3]
     left, top, right, bottom = crop.box
     theirs = theirs[top:bottom, left:right]
     ours = render_linear(scene, max(samples, 64), direct_only=True, crop=replace(crop, scale=1))

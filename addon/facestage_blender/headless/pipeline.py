@@ -22,26 +22,28 @@ from facestage.contract.errors import (
 )
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
+from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.quality import GOOD
 from facestage.contract.result import Result
 
-from ..backend import process
 from ..backend.commands import fit_command, model_command
 from ..backend.process import BackendProcess
 from ..exchange.scene_read import read_job
 from ..exchange.write_back import apply_result
-from ..landmarks.empties import remember_landmarks
+from ..landmarks.editing import remember_landmarks
 from ..pictures.images import load_image
 from ..pictures.render import quiet
 from ..preferences import online_access
 from ..rig.face_rig import build_rig
 from ..rig.own_rig import adopt, export_mesh
 from ..scene.camera import ensure_camera, show_photo, write_camera
+from ..scene.paths import JOB_FOLDER, RESULT_FOLDER
 from ..scene.stage import build_stage, default_stage, facestage_collection
 from ..scene.user_state import preserved
 
-SCENE_FILE, JOB_FOLDER, RESULT_FOLDER = "scene.blend", "job", "result"
+SCENE_FILE = "scene.blend"
 
 
 @dataclass(frozen=True)
@@ -53,14 +55,14 @@ class Order:
     landmarks: Path | None = None
     camera: Path | None = None
     focal_px: float | None = None
-    model: str = "default"
-    lights: int = 20
-    light_color: str = "multi"
+    model: str = DEFAULT_MODEL
+    lights: int = DEFAULT_COUNT
+    light_color: str = LIGHT_COLORS[0]
     freeze: tuple[str, ...] = ()
     budget: float | None = None
     quality: str = GOOD
     seed: int = 0
-    device: str = "auto"
+    device: str = DEVICES[0]
     truth: Path | None = None
     resume: bool = False
     face: int = 1  # which face of a photo without landmarks; 1 is the largest
@@ -214,8 +216,10 @@ def run_backend(command: list[str], on_event: Callable[[Event], None]) -> None:
         raise
     if outcome.ok:
         return
-    errors = {process.BAD_INPUT: InputError, process.CANCELLED: CancelledError}
-    kind: type[FacestageError] = errors.get(outcome.code, BackendUnavailableError)
+    kinds: dict[int, type[FacestageError]] = {
+        kind.exit_code: kind for kind in (InputError, CancelledError)
+    }
+    kind = kinds.get(outcome.code, BackendUnavailableError)
     raise kind(outcome.message)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from facestage.contract.result import Result
+from facestage.contract.result import LIGHT_PROBE, Result
 
 from ..pictures.images import image_pixels, load_image
 from ..pictures.render import Crop, linear, read_pixels, render_linear, srgb
@@ -62,7 +62,7 @@ def showcase(
 def light_probe(result: Result) -> np.ndarray:
     """(h, w, 3) the fitted light as a lat-long map, its brightest light just below white."""
     assert result.folder is not None
-    pixels = read_pixels(result.folder / "light_probe.exr")[..., :3]
+    pixels = read_pixels(result.folder / LIGHT_PROBE)[..., :3]
     return srgb((pixels / max(1e-9, float(pixels.max()))) ** 0.5)
 
 

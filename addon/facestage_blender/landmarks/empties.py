@@ -5,8 +5,6 @@ in pixels.
 from __future__ import annotations
 
 import json
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -14,10 +12,8 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.files.json_text import decode_json
-from facestage.contract.files.paths import is_file
 from facestage.contract.files.storage import finite
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.result import Result
 
 from ..scene.camera import put_photo_in_front, require_camera
 from ..scene.stage import facestage_collection
@@ -33,7 +29,6 @@ from .plane import (
 )
 from .scheme import Handle, follow, handles, nearest_handle
 
-FOUND = "landmarks.json"  # in a result's folder: the landmarks that were fitted
 COLLECTION, BASE = "Facestage Landmarks", "facestage_landmarks"
 VISIBLE, HIDDEN, IGNORED = "VISIBLE", "HIDDEN", "IGNORED"
 EMPTY_SHARE = 0.011  # size of an empty as a share of the face's
@@ -190,18 +185,6 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
     for collection in collections:
         if collection.name.split(".")[0] == COLLECTION and not collection.all_objects:
             bpy.data.collections.remove(collection)
-
-
-def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
-    """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and
-    edited.
-    """
-    path = (result.folder or Path()) / FOUND
-    if scene.facestage.landmarks or shown_plane(scene) is not None or not is_file(path):
-        return
-    with suppress(InputError):  # the result is none the worse without them
-        Landmarks.read(path)
-        scene.facestage.landmarks, scene.facestage.landmarks_from = str(path), "DETECTED"
 
 
 def _starts(base: Landmarks, editable: tuple[Handle, ...], width: int, height: int) -> np.ndarray:

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import bpy
 
+from facestage.contract.errors import InputError
 from facestage.contract.files.paths import user_path
+
+JOB_FOLDER, RESULT_FOLDER = "job", "result"  # in the work folder
 
 
 def absolute(path: str) -> Path:
@@ -36,4 +39,11 @@ def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
 
     Raises InputError for what can be no path.
     """
-    return absolute(given or scene.facestage.result or str(work_folder(scene) / "result"))
+    return absolute(given or scene.facestage.result or str(work_folder(scene) / RESULT_FOLDER))
+
+
+def require_photo(scene: bpy.types.Scene) -> Path:
+    """The photo's file. Raises InputError when none is chosen."""
+    if not scene.facestage.photo:
+        raise InputError("No photo is chosen; press Choose Photo first.")
+    return absolute(scene.facestage.photo)

@@ -31,6 +31,19 @@ def default_stage(count: int, radius: float, side: float) -> LightStage:
     )
 
 
+def ensure_stage(scene: bpy.types.Scene) -> bpy.types.Object:
+    """The scene's stage, made as its settings say where there is none."""
+    empty = scene.facestage.stage
+    return new_stage(scene) if empty is None or empty.name not in scene.objects else empty
+
+
+def new_stage(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Build the stage anew, as the scene's settings say."""
+    settings = scene.facestage
+    stage = default_stage(settings.light_count, settings.light_radius, settings.light_side)
+    return build_stage(scene, stage)
+
+
 def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
     """Make the scene's light stage equal to ``stage`` (stage frame) and return its empty.
 

@@ -13,9 +13,19 @@ import numpy as np
 from mathutils import Matrix
 
 from facestage.contract.camera import Camera
+from facestage.contract.case_files import (
+    CAMERA,
+    COMPRESSED_PHOTO,
+    LANDMARKS,
+    LINEAR_PHOTO,
+    PHOTO,
+    SKIN,
+    TRUTH,
+)
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.storage import write_arrays, write_json
+from facestage.contract.job import DEFAULT_MODEL
 
 from ..pictures.images import texture_image
 from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
@@ -85,18 +95,17 @@ def render_person(
     with atomic_folder(folder) as unfinished:
         encoded = srgb(picture)
         if person.optics.jpeg_quality is not None:
-            save_jpeg(unfinished / "photo.jpg", encoded, person.optics.jpeg_quality)
-            encoded = read_pixels(unfinished / "photo.jpg")[..., :3]
-        save_png(unfinished / "photo.png", encoded)
+            save_jpeg(unfinished / COMPRESSED_PHOTO, encoded, person.optics.jpeg_quality)
+            encoded = read_pixels(unfinished / COMPRESSED_PHOTO)[..., :3]
+        save_png(unfinished / PHOTO, encoded)
         save_png(
-            unfinished / "skin.png",
-            np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3),
+            unfinished / SKIN, np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3)
         )
-        save_exr(unfinished / "photo.exr", picture)
-        write_json(unfinished / "camera.json", camera.to_json())
-        write_json(unfinished / "landmarks.json", landmarks)
+        save_exr(unfinished / LINEAR_PHOTO, picture)
+        write_json(unfinished / CAMERA, camera.to_json())
+        write_json(unfinished / LANDMARKS, landmarks)
         write_arrays(
-            unfinished / "truth.npz",
+            unfinished / TRUTH,
             {
                 "vertices": vertices.astype(np.float32),
                 "identity": person.identity,
@@ -148,7 +157,7 @@ def _build(
 ) -> None:
     """Make the scene show the person to the camera."""
     empty = build_stage(scene, person.stage)
-    rig = build_rig(scene, model, "default", empty)
+    rig = build_rig(scene, model, DEFAULT_MODEL, empty)
     set_weights(
         rig,
         dict(zip(model.identity_names, person.identity, strict=True)),

@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.camera import Camera
+from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
 from facestage.contract.files.storage import write_arrays, write_json
-from facestage.contract.job import Job
+from facestage.contract.job import DEFAULT_MODEL, Job
 from facestage.contract.landmarks import Landmarks
 
-PHOTO, LANDMARKS, CAMERA, TRUTH = "photo.png", "landmarks.json", "camera.json", "truth.npz"
 ICT_ARCHIVE = "ict-facekit.tar.xz"
-DEFAULT_MODEL = "default"
 SYNTHETIC, SYNTHETIC_SIDE_PX = "synthetic", 192
 
 

@@ -42,6 +42,8 @@ from facestage.contract.schemas.schema import (
 )
 
 SCHEMA_VERSION = 1
+DEFAULT_MODEL = "default"
+MODEL_FORMS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
 SEED_MAX = 10**9
@@ -79,7 +81,7 @@ class Job:
     """
 
     image: Path
-    model: str = "default"
+    model: str = DEFAULT_MODEL
     landmarks: Landmarks | None = None
     camera: Camera | None = None
     stage: LightStage | None = None
@@ -228,7 +230,7 @@ class JobSchema(HandWritten):
 
     schema = Whole(SCHEMA_VERSION, SCHEMA_VERSION)
     image = PathText()
-    model = Name(load_default="default")
+    model = Name(load_default=DEFAULT_MODEL)
     landmarks = Table(Plain(), load_default=None)
     camera = Part(CameraSchema, "a camera", load_default=None)
     light_color = Choice(LIGHT_COLORS, load_default="multi")

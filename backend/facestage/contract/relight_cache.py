@@ -17,14 +17,14 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
 from facestage.contract.files.reading import GIB, read_bytes
 from facestage.contract.files.storage import finite, read_arrays, write_arrays
-from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
+from facestage.contract.result import ALBEDO, ROUGHNESS, SPECULAR, TEXTURE_MAX, Result
 from facestage.contract.schemas.array_field import WHOLE, Array, Words
 from facestage.contract.schemas.schema import FileSchema, checked
 
 RELIGHT_CACHE = "relight.npz"
 # Raise it when the forward model changes, so that no cache of the former one is used.
 VERSION = 1
-TEXTURES = ("albedo.exr", "specular.exr")
+TEXTURES = (ALBEDO, SPECULAR)
 ARRAYS = ("size", "pixels", "coverage", "images", "scale", "samples", "fingerprint")
 CACHE_ARRAYS_MAX = 2 * GIB
 # Coverage and images are rounded to half floats; an image's brightest value is 1.

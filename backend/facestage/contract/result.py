@@ -41,7 +41,9 @@ STATUSES = (CONVERGED, BUDGET_SPENT, STOPPED)
 RESULT_ARRAYS_MAX = 512 * MIB
 TEXTURE_MAX = 512 * MIB  # of a picture's file
 VERTICES_MAX, NAMES_MAX = 5_000_000, 10_000
-PICTURES = ("albedo.exr", "specular.exr", "render.exr", "light_probe.exr")
+ALBEDO, SPECULAR = "albedo.exr", "specular.exr"
+RENDER, LIGHT_PROBE = "render.exr", "light_probe.exr"
+PICTURES = (ALBEDO, SPECULAR, RENDER, LIGHT_PROBE)
 # Maps that older results lack: they have one roughness, and say nothing of where their texels are
 # from.
 ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"

@@ -10,17 +10,17 @@ from pathlib import PurePath
 from facestage.contract import person
 from facestage.contract.result import COVERAGE, PICTURES, ROUGHNESS
 
-RESULT = "result.json"
+RESULT, LANDMARKS, REPORT = "result.json", "landmarks.json", "report.html"
 FILES = frozenset(
     {
         RESULT,
         "result.npz",
         "job.json",
         "job.npz",
-        "landmarks.json",
+        LANDMARKS,
         "trace.jsonl",
         "relight.npz",
-        "report.html",
+        REPORT,
         *PICTURES,
         ROUGHNESS,
         COVERAGE,

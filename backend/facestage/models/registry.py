@@ -12,6 +12,7 @@ from facestage import __version__
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.paths import user_path
+from facestage.contract.job import DEFAULT_MODEL, MODEL_FORMS
 from facestage.contract.wording import quoted
 from facestage.system.folders import cache_folder
 
@@ -28,13 +29,12 @@ _BESIDE = (
     "../../landmarks/head_sparse_68.txt",
 )
 _MODEL_SUFFIXES = (".pkl", ".npz", ".mat", ".h5")
-KINDS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 
 
 def load_model(specification: str) -> FaceModel:
     """The face model a job names. Raises InputError for an unknown kind or an unreadable file."""
     kind, _, argument = specification.partition(":")
-    if kind == "default" and not argument:
+    if kind == DEFAULT_MODEL and not argument:
         return _cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
         return FaceModel.load(_path(argument))
@@ -49,12 +49,12 @@ def load_model(specification: str) -> FaceModel:
         path = _path(argument)
         key = f"{path}|{_fingerprint(path)}|{_source_fingerprint()}"
         return _cached(kind, key, lambda: _converted(loaders[kind], path))
-    raise InputError(f"The face model '{specification}' is unknown; expected {KINDS}.")
+    raise InputError(f"The face model '{specification}' is unknown; expected {MODEL_FORMS}.")
 
 
 def default_model() -> FaceModel:
     """The default head."""
-    return load_model("default")
+    return load_model(DEFAULT_MODEL)
 
 
 def _path(text: str) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from facestage.contract.files.atomic import atomic_file
+from facestage.contract.result_files import REPORT
 from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
@@ -22,8 +23,6 @@ from facestage.report.pictures import (
     save_linear,
 )
 from facestage.report.report_data import ReportData
-
-PAGE = "report.html"
 
 
 def write_report(folder: Path, data: ReportData) -> None:
@@ -58,5 +57,5 @@ def write_report(folder: Path, data: ReportData) -> None:
     draw_weights(folder / "weights.png", data.result)
     if DEVIATION in data.result.arrays:
         draw_certainty(folder / CERTAINTY, data)
-    with atomic_file(folder / PAGE) as temporary:
+    with atomic_file(folder / REPORT) as temporary:
         temporary.write_text(build_page(folder, data), encoding="utf-8")

@@ -18,7 +18,16 @@ from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
-from facestage.contract.result import COVERAGE, ROUGHNESS, Result
+from facestage.contract.result import (
+    ALBEDO,
+    COVERAGE,
+    LIGHT_PROBE,
+    RENDER,
+    ROUGHNESS,
+    SPECULAR,
+    Result,
+)
+from facestage.contract.result_files import LANDMARKS
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import kept
@@ -198,19 +207,19 @@ def write_result(
     result.write_into(folder)
     problem.job.write_into(folder, copy_image=False)
     assert problem.job.landmarks is not None
-    write_json(folder / "landmarks.json", problem.job.landmarks.to_json())
+    write_json(folder / LANDMARKS, problem.job.landmarks.to_json())
     textures = finished.refined.textures
-    write_exr(folder / "albedo.exr", textures.albedo)
-    write_exr(folder / "specular.exr", textures.specular)
+    write_exr(folder / ALBEDO, textures.albedo)
+    write_exr(folder / SPECULAR, textures.specular)
     if textures.roughness is not None:
         write_exr(folder / ROUGHNESS, textures.roughness)
     write_png(folder / COVERAGE, finished.refined.coverage)
-    write_exr(folder / "render.exr", problem.window.enlarged(finished.picture.color))
+    write_exr(folder / RENDER, problem.window.enlarged(finished.picture.color))
     cache = finished.picture.relight_cache(relight_fingerprint(result))
     if cache is not None:
         cache.save(folder)
     probe = light_probe(stage)
-    write_exr(folder / "light_probe.exr", probe)
+    write_exr(folder / LIGHT_PROBE, probe)
     lines = [json.dumps(finite(row)) for row in finished.trace]
     (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
     write_report(folder, _report_data(problem, fitted, finished, result, probe))

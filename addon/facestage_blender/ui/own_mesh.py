@@ -10,16 +10,14 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, RigFile
 
-from ..backend.commands import model_command
-from ..backend.process import BackendProcess
-from ..preferences import backend_command
 from ..rig.own_mesh import MARK_GROUP, OwnMesh, clear_mark, mark
 from ..rig.own_rig import adopt, export_mesh
 from ..scene.paths import work_folder
-from ..scene.stage import build_stage, default_stage
+from ..scene.stage import ensure_stage
 from ..scene.user_state import preserved
-from .operators import reported
-from .operators_fit import BackendTask
+from .action import Action
+from .backend_task import ModelTask
+from .sidebar import SidebarPanel
 
 MARK_ITEMS = [
     (name, words, f"{words}; left and right are the face's own")
@@ -32,49 +30,51 @@ def _active_mesh(context: bpy.types.Context) -> bpy.types.Object | None:
     return item if item is not None and item.type == "MESH" else None
 
 
-class FACESTAGE_OT_use_my_mesh(BackendTask, bpy.types.Operator):
-    """Make the active mesh the face to fit: its shape keys become the sliders of the fit.
+class _OnMesh:
+    """Mixin of what needs an active mesh."""
 
-    The mesh is not moved yet
-    """
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only with an active mesh."""
+        return _active_mesh(context) is not None
+
+
+class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
+    """Makes the active mesh the face to fit."""
 
     bl_idname = "facestage.use_my_mesh"
     bl_label = "Use My Mesh"
+    bl_description = (
+        "Make the active mesh the face to fit: its shape keys become the sliders of the fit. "
+        "The mesh is not moved yet"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     task = "Finding the face on the mesh"
     exported: ClassVar[tuple[str, Path, RigFile, OwnMesh, list[str]] | None] = None
 
-    def command(self, context: bpy.types.Context) -> list[str]:
-        """Export the mesh and ask the backend for the face model that it makes."""
-        backend = backend_command(context)
+    def specification(self, context: bpy.types.Context) -> str:
+        """Export the mesh: the backend makes a face model of it."""
         item = _active_mesh(context)
         with preserved(context.view_layer):
             exported = export_mesh(item, work_folder(context.scene))
         assert item is not None  # export_mesh has refused it otherwise
         FACESTAGE_OT_use_my_mesh.exported = (item.name, *exported)
-        return model_command(backend, f"rig:{exported[0]}", self._file())
+        return f"rig:{exported[0]}"
 
-    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+    def use(self, context: bpy.types.Context, model: FaceModel) -> None:
         """Tie the mesh to its model, and build the stage when there is none."""
         assert self.exported is not None
         name, path, rig, own, notes = self.exported
         FACESTAGE_OT_use_my_mesh.exported = None
-        model = FaceModel.load(self._file())
-        self._file().unlink()
         scene = context.scene
-        settings = scene.facestage
         item = scene.objects.get(name)
         if item is None:
             raise InputError(
                 f"The mesh '{name}' is gone; make the mesh of a face active and press Use My "
                 "Mesh again."
             )
-        if settings.stage is None or settings.stage.name not in scene.objects:
-            build_stage(
-                scene,
-                default_stage(settings.light_count, settings.light_radius, settings.light_side),
-            )
+        ensure_stage(scene)
         adopt(scene, item, f"rig:{path}", model, rig, own)
         sliders = (
             f"{len(own.expression)} expressions, "
@@ -82,60 +82,42 @@ class FACESTAGE_OT_use_my_mesh(BackendTask, bpy.types.Operator):
         )
         self.report({"INFO"}, "; ".join([f"'{name}' is the face now: {sliders}", *notes]) + ".")
 
-    def _file(self) -> Path:
-        return Path(bpy.app.tempdir) / "facestage_own_model.npz"
 
-
-class FACESTAGE_OT_mark_landmark(bpy.types.Operator):
+class FACESTAGE_OT_mark_landmark(_OnMesh, Action, bpy.types.Operator):
     """Say where a landmark is on the active mesh: at the middle of the selected vertices"""
 
     bl_idname = "facestage.mark_landmark"
     bl_label = "Mark Landmark"
-    bl_options = {"REGISTER", "UNDO"}
 
     landmark: EnumProperty(
         name="Landmark", description="What the selected vertices are", items=MARK_ITEMS
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only with an active mesh."""
-        return _active_mesh(context) is not None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         """Keep the selected vertices as the landmark's place."""
-        return reported(self, context, lambda: mark(_active_mesh(context), self.landmark))
+        mark(_active_mesh(context), self.landmark)
 
 
-class FACESTAGE_OT_clear_landmark(bpy.types.Operator):
+class FACESTAGE_OT_clear_landmark(_OnMesh, Action, bpy.types.Operator):
     """Forget where this landmark is on the active mesh"""
 
     bl_idname = "facestage.clear_landmark"
     bl_label = "Clear Landmark"
-    bl_options = {"REGISTER", "UNDO"}
 
     landmark: EnumProperty(
         name="Landmark", description="Which landmark to forget", items=MARK_ITEMS
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only with an active mesh."""
-        return _active_mesh(context) is not None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         """Remove the landmark's mark."""
-        return reported(self, context, lambda: clear_mark(_active_mesh(context), self.landmark))
+        clear_mark(_active_mesh(context), self.landmark)
 
 
-class FACESTAGE_PT_own_mesh(bpy.types.Panel):
+class FACESTAGE_PT_own_mesh(SidebarPanel, bpy.types.Panel):
     """A mesh of the user's as the face."""
 
     bl_label = "My Own Mesh"
     bl_parent_id = "FACESTAGE_PT_face"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Facestage"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -162,20 +144,12 @@ class FACESTAGE_PT_own_mesh(bpy.types.Panel):
         layout.operator("facestage.use_my_mesh", icon="FILE_REFRESH" if used else "ADD")
 
 
-class FACESTAGE_PT_mesh_landmarks(bpy.types.Panel):
+class FACESTAGE_PT_mesh_landmarks(_OnMesh, SidebarPanel, bpy.types.Panel):
     """Landmarks of a mesh of the user's, all of them optional."""
 
     bl_label = "Landmarks on the Mesh"
     bl_parent_id = "FACESTAGE_PT_own_mesh"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Facestage"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only with an active mesh."""
-        return _active_mesh(context) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw a row for each landmark, ticked where it is marked."""

@@ -1,6 +1,4 @@
-"""Choosing the face model: a menu of the kinds there are, each with its license, and a file
-browser.
-"""
+"""The kinds of face models, and the one that the scene has chosen."""
 
 from __future__ import annotations
 
@@ -8,16 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file, is_folder
+from facestage.contract.job import DEFAULT_MODEL
 
 from ..scene.paths import absolute
-from .operators import reported
-
-DEFAULT = "default"
 
 
 @dataclass(frozen=True)
@@ -35,7 +29,7 @@ class ModelKind:
 
 # By the word that the backend's specification begins with.
 KINDS = {
-    DEFAULT: ModelKind(
+    DEFAULT_MODEL: ModelKind(
         "Built-in Head",
         "GPL-3.0-or-later",
         "A head made by code from published body measurements",
@@ -80,66 +74,13 @@ KINDS = {
 }
 
 
-class FACESTAGE_OT_choose_model(bpy.types.Operator, ImportHelper):
-    """Choose the face model that the rig is built from"""
-
-    bl_idname = "facestage.choose_model"
-    bl_label = "Choose Face Model"
-    bl_options = {"REGISTER", "UNDO"}
-
-    kind: EnumProperty(
-        name="Kind",
-        description="Kind of face model",
-        items=[
-            (name, kind.label, f"{kind.help}. License: {kind.license}")
-            for name, kind in KINDS.items()
-        ],
-    )
-    filter_glob: StringProperty(default="*", options={"HIDDEN", "SKIP_SAVE"})
-
-    @classmethod
-    def description(
-        cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
-    ) -> str:
-        """The tooltip: what this kind is, and under which license."""
-        kind = KINDS[properties.kind]
-        return f"{kind.help}. License: {kind.license}"
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the file; the built-in head needs none."""
-        if self.kind == DEFAULT:
-            return self.execute(context)
-        self.filter_glob = KINDS[self.kind].patterns
-        return ImportHelper.invoke(self, context, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Remember the model."""
-        return reported(
-            self, context, lambda: choose_model(context.scene, self.kind, self.filepath)
-        )
-
-
-class FACESTAGE_MT_model(bpy.types.Menu):
-    """The kinds of face models."""
-
-    bl_idname = "FACESTAGE_MT_model"
-    bl_label = "Face Model"
-    bl_description = "Choose the face model that the rig is built from"
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        """One entry for each kind."""
-        for name, kind in KINDS.items():
-            text = kind.label if name == DEFAULT else f"{kind.label} ..."
-            self.layout.operator("facestage.choose_model", text=text, icon=kind.icon).kind = name
-
-
 def choose_model(scene: bpy.types.Scene, kind: str, filepath: str = "") -> None:
     """Make a kind's model in a file or folder the scene's. Raises InputError when it is not there.
 
     Whether it is such a model, the backend says when the rig is built.
     """
-    if kind == DEFAULT:
-        scene.facestage.model = DEFAULT
+    if kind == DEFAULT_MODEL:
+        scene.facestage.model = DEFAULT_MODEL
         return
     path = absolute(filepath) if filepath else Path()
     if not filepath or not (is_file(path) or is_folder(path)):
@@ -172,6 +113,3 @@ def model_license(scene: bpy.types.Scene) -> str:
         return str(rig.data["facestage_license"])
     kind = KINDS.get(specification.partition(":")[0])
     return kind.license if kind is not None else "unknown"
-
-
-CLASSES = (FACESTAGE_OT_choose_model, FACESTAGE_MT_model)

@@ -1,20 +1,55 @@
-"""Step 1 in the sidebar: the photo, and the landmarks of its face."""
+"""Step 1: the photo and what is known of it."""
 
 from functools import lru_cache
 from pathlib import Path
 
 import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 
+from ..landmarks.editing import forget_landmarks
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
+from ..scene.camera import ensure_camera, show_photo
 from ..scene.paths import absolute
-from .operators_landmarks import FACESTAGE_OT_detect_landmarks
-from .panels import SidebarPanel, draw_progress
+from ..scene.stage import facestage_collection
+from .action import Action
+from .landmarks import FACESTAGE_OT_detect_landmarks
+from .sidebar import SidebarPanel, draw_progress
 
 FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
 MARKS = ((VISIBLE, "HIDE_OFF"), (HIDDEN, "HIDE_ON"), (IGNORED, "X"))
+
+
+class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
+    """Asks for the photo."""
+
+    bl_idname = "facestage.choose_photo"
+    bl_label = "Choose Photo"
+    bl_description = (
+        "Choose the photo. It is shown behind the camera's view; renders get its size and no "
+        "tone curve"
+    )
+
+    filter_glob: StringProperty(default="*.png;*.jpg;*.jpeg;*.exr", options={"HIDDEN"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Remember the photo and show it."""
+        choose_photo(context.scene, Path(self.filepath))
+
+
+def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
+    """Make ``path`` the scene's photo and show it behind the camera.
+
+    Raises InputError when it is no picture.
+    """
+    path, settings = absolute(str(path)), scene.facestage
+    show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
+    if settings.photo and absolute(settings.photo) != path:
+        forget_landmarks(scene)  # they are of the photo before
+    settings.photo = str(path)
 
 
 class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
@@ -108,4 +143,4 @@ def _count(path: Path, _changed: int) -> tuple[int, int]:
     return len(landmarks.points), len(landmarks.points) - int(landmarks.counted.sum())
 
 
-CLASSES = (FACESTAGE_PT_photo,)
+CLASSES = (FACESTAGE_OT_choose_photo, FACESTAGE_PT_photo)

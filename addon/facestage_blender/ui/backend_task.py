@@ -1,29 +1,18 @@
-"""What runs the backend: build the rig (which asks it for the face model), fit, check.
-
-Modal, never blocking.
-"""
+"""Operators that run the backend: started, watched from a timer, cancelled; never blocking."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
 
 import bpy
-from bpy.props import BoolProperty
 
 from facestage.contract.errors import FacestageError
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
-from facestage.contract.result import CONVERGED, Result
 
-from ..backend.commands import doctor_command, fit_command, model_command
+from ..backend.commands import doctor_command, model_command
 from ..backend.process import CANCELLED, BackendProcess, Outcome
-from ..exchange.scene_read import read_job
-from ..exchange.write_back import apply_result
-from ..landmarks.empties import remember_landmarks
 from ..preferences import addon_preferences, backend_command, online_access
-from ..rig.face_rig import build_rig
-from ..scene.paths import work_folder
-from ..scene.stage import build_stage, default_stage
 from ..scene.user_state import preserved
 
 POLL_SECONDS = 0.1
@@ -149,82 +138,31 @@ class BackendTask:
         self.report({"ERROR"}, sentence)
 
 
-class FACESTAGE_OT_build_rig(BackendTask, bpy.types.Operator):
-    """Build the face rig: a mesh with identity and expression sliders and a skin material.
+class ModelTask(BackendTask):
+    """Mixin of tasks for which the backend exports a face model."""
 
-    Replaces the present one
-    """
+    def specification(self, context: bpy.types.Context) -> str:
+        """What the backend calls the model. Raises FacestageError when something is missing."""
+        raise NotImplementedError
 
-    bl_idname = "facestage.build_rig"
-    bl_label = "Build Face Rig"
-    bl_options = {"REGISTER", "UNDO"}
-
-    task = "Loading the face model"
+    def use(self, context: bpy.types.Context, model: FaceModel) -> None:
+        """Use the model. Raises FacestageError when that is not possible."""
+        raise NotImplementedError
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """Ask the backend for the model as one file."""
-        return model_command(
-            backend_command(context), context.scene.facestage.model, self._file(context)
-        )
-
-    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
-        """Build the rig, and the stage when there is none."""
-        scene = context.scene
-        settings = scene.facestage
-        model = FaceModel.load(self._file(context))
-        self._file(context).unlink()
-        stage = settings.stage
-        if stage is None or stage.name not in scene.objects:
-            stage = build_stage(
-                scene,
-                default_stage(settings.light_count, settings.light_radius, settings.light_side),
-            )
-        build_rig(scene, model, settings.model, stage)
-
-    def _file(self, context: bpy.types.Context) -> Path:
-        return Path(bpy.app.tempdir) / "facestage_model.npz"
-
-
-class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
-    """Fit the face and the lights to the photo. Blender stays usable; Escape or Cancel stops"""
-
-    bl_idname = "facestage.fit"
-    bl_label = "Fit to Photo"
-    bl_options = {"REGISTER", "UNDO"}
-
-    task = "Fitting"
-    resumable = True
-
-    resume: BoolProperty(
-        name="Resume",
-        description="Go on from the last checkpoint of a fit that was stopped",
-        options={"SKIP_SAVE"},
-    )
-    apply: BoolProperty(
-        name="Apply",
-        description="Put the result into the scene when the fit is done",
-        default=True,
-        options={"SKIP_SAVE"},
-    )
-
-    def command(self, context: bpy.types.Context) -> list[str]:
-        """Write the job and say how to fit it."""
-        folder = work_folder(context.scene)
         backend = backend_command(context)
-        if not self.resume:
-            read_job(context.scene).save(folder / "job")
-        return fit_command(backend, folder / "job", folder / "result", self.resume)
+        return model_command(backend, self.specification(context), self._file())
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
-        """Remember the result and apply it."""
-        result = Result.load(work_folder(context.scene) / "result")
-        context.scene.facestage.result = str(result.folder)
-        remember_landmarks(context.scene, result)
-        state = context.window_manager.facestage
-        state.message, state.doubtful = result.advice, result.status != CONVERGED
-        self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
-        if self.apply:
-            apply_result(context.scene, result)
+        """Load the file, and remove it."""
+        model = FaceModel.load(self._file())
+        self._file().unlink()
+        self.use(context, model)
+
+    @staticmethod
+    def _file() -> Path:
+        return Path(bpy.app.tempdir) / "facestage_model.npz"
 
 
 class FACESTAGE_OT_cancel(bpy.types.Operator):
@@ -287,9 +225,4 @@ def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:
                     region.tag_redraw()
 
 
-CLASSES = (
-    FACESTAGE_OT_build_rig,
-    FACESTAGE_OT_fit,
-    FACESTAGE_OT_cancel,
-    FACESTAGE_OT_check_backend,
-)
+CLASSES = (FACESTAGE_OT_cancel, FACESTAGE_OT_check_backend)

@@ -1,0 +1,130 @@
+"""Step 4: the fit, its options, its progress and its errors."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from facestage.contract.files.paths import is_folder
+from facestage.contract.partial import partial_folder
+from facestage.contract.result import CONVERGED, Result
+
+from ..backend.commands import fit_command
+from ..backend.process import BackendProcess
+from ..exchange.scene_read import read_job
+from ..exchange.write_back import apply_result
+from ..landmarks.editing import remember_landmarks
+from ..preferences import backend_command, draw_wrapped
+from ..scene.paths import JOB_FOLDER, RESULT_FOLDER, work_folder
+from .backend_task import BackendTask
+from .sidebar import SidebarPanel, draw_progress, existing, line_length
+
+
+class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
+    """Fit the face and the lights to the photo. Blender stays usable; Escape or Cancel stops"""
+
+    bl_idname = "facestage.fit"
+    bl_label = "Fit to Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    task = "Fitting"
+    resumable = True
+
+    resume: BoolProperty(
+        name="Resume",
+        description="Go on from the last checkpoint of a fit that was stopped",
+        options={"SKIP_SAVE"},
+    )
+    apply: BoolProperty(
+        name="Apply",
+        description="Put the result into the scene when the fit is done",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Write the job and say how to fit it."""
+        folder = work_folder(context.scene)
+        backend = backend_command(context)
+        if not self.resume:
+            read_job(context.scene).save(folder / JOB_FOLDER)
+        return fit_command(backend, folder / JOB_FOLDER, folder / RESULT_FOLDER, self.resume)
+
+    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+        """Remember the result and apply it."""
+        result = Result.load(work_folder(context.scene) / RESULT_FOLDER)
+        context.scene.facestage.result = str(result.folder)
+        remember_landmarks(context.scene, result)
+        state = context.window_manager.facestage
+        state.message, state.doubtful = result.advice, result.status != CONVERGED
+        self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
+        if self.apply:
+            apply_result(context.scene, result)
+
+
+class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
+    """Step 4: the fit, its progress and its errors."""
+
+    bl_label = "4  Fit"
+
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Draw the step's icon."""
+        self.layout.label(icon="MOD_SHRINKWRAP")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the fit's button or its progress."""
+        layout, settings, state = (
+            self.layout,
+            context.scene.facestage,
+            context.window_manager.facestage,
+        )
+        if state.task:
+            draw_progress(layout, state)
+        else:
+            ready = bool(settings.photo and settings.stage and settings.rig)
+            row = layout.row(align=True)
+            row.enabled, row.scale_y = ready, 1.5
+            row.operator("facestage.fit", icon="PLAY")
+            folder = existing(work_folder, context.scene)
+            if ready and folder is not None and is_folder(partial_folder(folder / RESULT_FOLDER)):
+                row.operator("facestage.fit", icon="RECOVER_LAST", text="Resume").resume = True
+            if not ready:
+                missing = [
+                    name
+                    for name, value in (
+                        ("photo", settings.photo),
+                        ("light stage", settings.stage),
+                        ("face", settings.rig),
+                    )
+                    if not value
+                ]
+                layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
+        if state.failure:
+            draw_wrapped(layout.box(), state.failure, "ERROR", line_length(context))
+
+
+class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
+    """What the fit may change, and how long it may take."""
+
+    bl_label = "Options"
+    bl_parent_id = "FACESTAGE_PT_fit"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the fit's options."""
+        layout, settings = self.layout, context.scene.facestage
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(settings, "start_from_rig")
+        layout.prop(settings, "quality")
+        layout.prop(settings, "budget")
+        layout.prop(settings, "device")
+        layout.prop(settings, "seed")
+        layout.prop(settings, "output")
+        layout.label(text="Keep as is")
+        grid = layout.grid_flow(columns=2, align=True, row_major=True)
+        grid.use_property_split = False
+        grid.prop(settings, "freeze")
+        column = layout.column(align=True, heading="Trust")
+        for name in ("photo", "landmarks", "prior", "light"):
+            column.prop(settings, f"weight_{name}")
+
+
+CLASSES = (FACESTAGE_OT_fit, FACESTAGE_PT_fit, FACESTAGE_PT_options)

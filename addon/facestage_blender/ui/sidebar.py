@@ -1,0 +1,54 @@
+"""What the panels of Facestage's sidebar have in common."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.errors import InputError
+
+CHARACTERS_PER_PIXEL = 1 / 8.0
+
+
+class SidebarPanel:
+    """Where all panels of Facestage live."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Facestage"
+
+
+def existing(folder: Callable[[bpy.types.Scene], Path], scene: bpy.types.Scene) -> Path | None:
+    """A folder of the scene's; None where what is set can be none: the operators say what is wrong,
+    a panel draws.
+    """
+    try:
+        return folder(scene)
+    except InputError:
+        return None
+
+
+def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
+    """The running task's bar, what it says of itself, and Cancel."""
+    text = f"{state.task}: {state.stage}" if state.stage else state.task
+    row = layout.row(align=True)
+    if hasattr(row, "progress"):
+        row.progress(text=f"{state.fraction:.0%}  {text}", factor=state.fraction, type="BAR")
+    else:
+        row.prop(state, "fraction", text=text, slider=True)
+    row.operator("facestage.cancel", icon="CANCEL", text="")
+    details = []
+    if state.photo_error >= 0:
+        details.append(f"photo error {state.photo_error:.4f}")
+    if state.seconds_left >= 0:
+        details.append(f"about {state.seconds_left:.0f} s left")
+    if state.cancel:
+        details = ["Stopping ..."]
+    if details:
+        layout.label(text=", ".join(details), icon="TIME")
+
+
+def line_length(context: bpy.types.Context) -> int:
+    """About how many characters go into a line of the sidebar."""
+    scale = context.preferences.system.ui_scale
+    return max(20, int((context.region.width / scale - 40) * CHARACTERS_PER_PIXEL))
