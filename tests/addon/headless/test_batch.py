@@ -197,18 +197,3 @@ def test_backends_refusal_and_absence_have_their_codes(
     assert "photo is of a cat" in said
     monkeypatch.setenv("FACESTAGE_BACKEND", "/no/such/program")
     assert run("--image", photo, "--out", tmp_path / "out")[0] == 4
-
-
-def test_the_demo_detects_or_takes_what_is_shipped(
-    stand_in, photo: Path, tmp_path: Path, capfd
-) -> None:
-    from facestage_blender.headless.demo import SHIPPED_LANDMARKS, astronaut_landmarks
-
-    out = tmp_path / "found.json"
-    assert astronaut_landmarks(photo, out, stand_in("works")) == (
-        out,
-        "found in the photo (478 points)",
-    )
-    path, origin = astronaut_landmarks(photo, out, stand_in("sees no face"))
-    assert (path, origin) == (SHIPPED_LANDMARKS, "from the file that comes with the demo")
-    assert "No face was found" in capfd.readouterr().err

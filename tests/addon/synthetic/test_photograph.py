@@ -87,39 +87,3 @@ def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> No
     ).read_text()
     other = random_person(head, 4)
     assert not np.allclose(other.identity, random_person(head, 3).identity)
-
-
-def test_polygon_covers_its_pixels() -> None:
-    from facestage_blender.pictures.texture import inside_polygon
-
-    inside = inside_polygon(np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]), 8, 6)
-    assert inside.sum() == 12
-    assert inside[1:4, 1:5].all()
-
-
-def test_crop_is_a_square_inside_the_picture() -> None:
-    from facestage_blender.headless import demo
-
-    crop = demo.head_crop(Landmarks.read(demo.SHIPPED_LANDMARKS), Camera.default(512, 512))
-    left, top, right, bottom = crop.box
-    assert right - left == bottom - top
-    assert left >= 0
-    assert top >= 0
-    assert right <= 512
-    assert bottom <= 512
-    points = Landmarks.read(demo.SHIPPED_LANDMARKS).points
-    assert (points > [left, top]).all()
-    assert (points < [right, bottom]).all()
-
-
-def test_contact_sheet_shows_every_picture(tmp_path: Path) -> None:
-    import cv2
-
-    from facestage_blender.headless.contact_sheet import contact_sheet
-
-    colors = np.eye(3)
-    pictures = {f"picture {k}": np.full((20, 20 + 30 * (k == 2), 3), colors[k]) for k in range(3)}
-    contact_sheet(pictures, tmp_path / "sheet.png")
-    sheet = cv2.imread(str(tmp_path / "sheet.png"))[..., ::-1] / 255.0
-    for color in colors:
-        assert (np.abs(sheet - color).max(axis=2) < 0.05).mean() > 0.05

@@ -16,7 +16,7 @@ from facestage_blender.backend import commands as backend
 from facestage_blender.backend.process import CANCELLED, BackendProcess, explain
 from facestage_blender.headless import pipeline
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+REPOSITORY = Path(__file__).resolve().parents[3]
 SAY = "import os; print(os.environ.get('FACESTAGE_OFFLINE'), os.environ['PYTHONSAFEPATH'])"
 
 
