@@ -12,8 +12,9 @@ from facestage.contract.result import Result
 
 from ..rig.face_rig import move_sliders, require_rig, rig_axes, slider_values
 from ..rig.material import set_textures
-from ..rig.own_mesh import OwnMesh, write_shape
+from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
+from ..rig.own_sliders import write_shape
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage

@@ -139,43 +139,21 @@ def make(chosen: dict[str, Recipe], options: argparse.Namespace) -> None:
     model = pipeline.face_model(options.model, find_backend(), lambda _event: None)
     for name, recipe in chosen.items():
         started = time.monotonic()
-        make_case(
-            model,
-            name,
-            recipe,
-            options.out.resolve(),
-            options.size,
-            options.samples,
-            options.seed,
-            options.person,
-        )
+        make_case(model, name, recipe, options)
         print(f"{name:<20}{time.monotonic() - started:5.1f} s", flush=True)
 
 
-def make_case(
-    model: FaceModel,
-    name: str,
-    recipe: Recipe,
-    out: Path,
-    size: int,
-    samples: int,
-    seed: int,
-    person: int | None = None,
-) -> None:
-    """Photograph one case into ``out``/``name``; ``person``: the seed of who it is, else that of
-    the case.
+def make_case(model: FaceModel, name: str, recipe: Recipe, options: argparse.Namespace) -> None:
+    """Photograph one case into the folder NAME of ``--out``.
+
+    Who it is: the person of ``--person``, else one of the case's own.
     """
     from ..synthetic.cases.person import person_of
     from ..synthetic.photograph import render_person
     from . import pipeline
 
-    drawn = case_seed(name if person is None else f"{person}/{name}", seed)
-    render_person(
-        pipeline.empty_scene(),
-        model,
-        person_of(model, recipe, drawn, person),
-        out / name,
-        samples,
-        drawn,
-        size,
-    )
+    same, folder = options.person, options.out.resolve() / name
+    seed = case_seed(name if same is None else f"{same}/{name}", options.seed)
+    scene = pipeline.empty_scene()
+    person = person_of(model, recipe, seed, same)
+    render_person(scene, model, person, folder, options.samples, seed, options.size)

@@ -16,7 +16,8 @@ from ..pictures.texture import paint_vertices
 from ..scene import frames
 from ..scene.stage import facestage_collection
 from .material import part_materials, set_textures
-from .own_mesh import OwnMesh, own_slider_values, read_own_weights
+from .own_record import OwnMesh
+from .own_sliders import own_slider_values, read_own_weights
 
 NAME = "Facestage Face"
 IDENTITY = "identity/"

@@ -15,7 +15,10 @@ from facestage.contract.rig_file import RigFile
 from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
 from .material import GROUP, part_materials, set_textures
-from .own_mesh import OwnMesh, model_frame, read_mesh, read_shapes, slot_parts
+from .own_marks import slot_parts
+from .own_mesh import model_frame, read_mesh
+from .own_record import OwnMesh
+from .own_sliders import read_shapes
 
 TEXTURE_SIZE = 512
 SPECULAR_SIZE = 32

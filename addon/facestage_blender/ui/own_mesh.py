@@ -10,7 +10,8 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, RigFile
 
-from ..rig.own_mesh import MARK_GROUP, OwnMesh, clear_mark, mark
+from ..rig.own_marks import MARK_GROUP, clear_mark, mark
+from ..rig.own_record import OwnMesh
 from ..rig.own_rig import adopt, export_mesh
 from ..scene.paths import work_folder
 from ..scene.stage import ensure_stage

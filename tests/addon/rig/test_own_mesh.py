@@ -123,8 +123,10 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
     import bpy
 
     from facestage_blender.rig.face_rig import read_weights, rig_axes, set_weights
-    from facestage_blender.rig.own_mesh import SHAPE_KEY, OwnMesh, read_mesh, write_shape
+    from facestage_blender.rig.own_mesh import read_mesh
+    from facestage_blender.rig.own_record import OwnMesh
     from facestage_blender.rig.own_rig import adopt, borrowed_shape
+    from facestage_blender.rig.own_sliders import SHAPE_KEY, write_shape
     from facestage_blender.scene.stage import build_stage, place
 
     rig, own, _ = read_mesh(alice)
@@ -164,7 +166,7 @@ def test_a_fit_is_written_back_as_the_fit_had_it(scene, alice, head: FaceModel) 
 
 
 def test_marks_are_kept_replaced_and_cleared(alice) -> None:
-    from facestage_blender.rig.own_mesh import clear_mark, mark, read_marks
+    from facestage_blender.rig.own_marks import clear_mark, mark, read_marks
 
     for vertex in alice.data.vertices:
         vertex.select = vertex.index in (5, 9)

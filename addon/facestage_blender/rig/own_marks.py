@@ -1,0 +1,91 @@
+"""What a user's mesh says of its face: the landmarks marked on it, the parts its materials name."""
+
+from __future__ import annotations
+
+import re
+
+import bpy
+import numpy as np
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import EYES, MOUTH, OTHER, PARTS, SKIN, TEETH
+from facestage.contract.rig_file import MARKS, UNKNOWN_PART
+
+MARK_GROUP = "facestage/"
+
+# What a material's name says; the first that fits counts.
+_PART_WORDS = (
+    (
+        OTHER,
+        r"lash|brow|hair|beard|tear|cornea|occlusion|wet|cloth|shirt|glass|transparent|\bother\b",
+    ),
+    (EYES, r"eye(?!lid)|iris|sclera|pupil"),
+    (TEETH, r"teeth|tooth|denture"),
+    (MOUTH, r"mouth|gum|tongue|saliva"),
+    (SKIN, r"skin|face|head|body"),
+)
+
+
+def read_marks(item: bpy.types.Object) -> dict[str, np.ndarray]:
+    """Marked landmarks: name in MARKS -> vertex indices.
+
+    They are vertex groups, so that they survive editing.
+    """
+    group_name = {
+        group.index: group.name[len(MARK_GROUP) :]
+        for group in item.vertex_groups
+        if group.name.startswith(MARK_GROUP)
+    }
+    found: dict[str, list[int]] = {}
+    if group_name:
+        for vertex in item.data.vertices:
+            for member in vertex.groups:
+                if member.group in group_name and member.weight > 0:
+                    found.setdefault(group_name[member.group], []).append(vertex.index)
+    return {name: np.array(indices, np.int32) for name, indices in found.items() if name in MARKS}
+
+
+def mark(item: bpy.types.Object, name: str) -> int:
+    """Make the selected vertices a landmark's place; returns how many.
+
+    Raises InputError when none is selected.
+    """
+    chosen = [vertex.index for vertex in item.data.vertices if vertex.select]
+    if not chosen:
+        raise InputError(
+            f"No vertex of '{item.name}' is selected; select the vertex of the landmark in "
+            "Edit Mode."
+        )
+    clear_mark(item, name)
+    item.vertex_groups.new(name=MARK_GROUP + name).add(chosen, 1.0, "REPLACE")
+    return len(chosen)
+
+
+def clear_mark(item: bpy.types.Object, name: str) -> None:
+    """Forget a landmark's place."""
+    group = item.vertex_groups.get(MARK_GROUP + name)
+    if group is not None:
+        item.vertex_groups.remove(group)
+
+
+def guessed_part(name: str) -> int:
+    """The part of the face that a material's name speaks of, or UNKNOWN_PART."""
+    for part, words in _PART_WORDS:
+        if re.search(words, name, re.IGNORECASE):
+            return part
+    return UNKNOWN_PART
+
+
+def slot_parts(item: bpy.types.Object) -> list[int]:
+    """The part of the face in each material slot: as the user marked the material, else by its
+    name.
+    """
+    parts = []
+    for slot in item.material_slots:
+        material = slot.material
+        marked = material.facestage_part if material is not None else "AUTO"
+        if marked != "AUTO":
+            parts.append(PARTS.index(marked.lower()))
+        else:
+            parts.append(guessed_part(material.name) if material is not None else UNKNOWN_PART)
+    return parts
