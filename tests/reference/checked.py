@@ -15,7 +15,12 @@ from beartype import BeartypeConf, BeartypeHintOverrides, beartype
 from jaxtyping import install_import_hook
 
 # Packages whose calls are checked.
-CHECKED = ("facestage.contract", "facestage.fit.textures")
+CHECKED = (
+    "facestage.contract",
+    "facestage.fit.face",
+    "facestage.fit.forward",
+    "facestage.fit.textures",
+)
 
 # numpy's numbers are no Python numbers, and a member of an archive is no IO: both are meant.
 _MEANT = cast(Any, BeartypeHintOverrides)(

@@ -20,9 +20,22 @@ if TYPE_CHECKING or "jaxtyping" not in sys.modules:
     from typing import Annotated as Int64
     from typing import Annotated as Integer
     from typing import Annotated as Num
+    from typing import Annotated as Shaped
     from typing import Annotated as UInt8
 else:
-    from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, Int64, Integer, Num, UInt8
+    from jaxtyping import (
+        Bool,
+        Float,
+        Float32,
+        Float64,
+        Int,
+        Int32,
+        Int64,
+        Integer,
+        Num,
+        Shaped,
+        UInt8,
+    )
 
 __all__ = [
     "Bool",
@@ -34,5 +47,6 @@ __all__ = [
     "Int64",
     "Integer",
     "Num",
+    "Shaped",
     "UInt8",
 ]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Int
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 
@@ -27,15 +28,19 @@ LINE_START = 0.22
 class ContourLines:
     """k lines of c candidates, the last of each the landmark itself; rendered-vertex indices."""
 
-    corners: np.ndarray  # (k, c, 3) int
-    weights: np.ndarray  # (k, c, 3) barycentric
-    centre: np.ndarray  # (3,) m, model frame: on the axis of the face
-    # (k, 3) unit, model frame: from the axis to the landmark, at right angles to the axis
-    outward: np.ndarray
+    corners: Int[np.ndarray, "lines candidates 3"]
+    weights: Float[np.ndarray, "lines candidates 3"]  # barycentric
+    centre: Float[np.ndarray, " 3"]  # m, model frame: on the axis of the face
+    # unit, model frame: from the axis to the landmark, at right angles to the axis
+    outward: Float[np.ndarray, "lines 3"]
 
 
-def contour_lines(geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarray) -> ContourLines:
-    """Lines on the mean face to the landmarks ``corners`` (k, 3) int with ``weights`` (k, 3)."""
+def contour_lines(
+    geometry: FaceGeometry,
+    corners: Int[np.ndarray, "lines 3"],
+    weights: Float[np.ndarray, "lines 3"],
+) -> ContourLines:
+    """Lines on the mean face to the landmarks ``corners`` with ``weights``."""
     points = np.einsum("ki,kix->kx", weights, geometry.mean[corners])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = np.array([*(0.5 * (low + high))[:2], low[2]])
@@ -68,11 +73,12 @@ def contour_lines(geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarr
 
 
 def _outermost(
-    vertices: np.ndarray, triangles: np.ndarray, origin: np.ndarray, rays: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Index (r,) of the last triangle that each ray (r, 3) in one plane hits, -1 for none, and its
-    weights (r, 3).
-    """
+    vertices: Float[np.ndarray, "vertices 3"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    origin: Float[np.ndarray, " 3"],
+    rays: Float[np.ndarray, "rays 3"],
+) -> tuple[Int[np.ndarray, " rays"], Float[np.ndarray, "rays 3"]]:
+    """Index of the last triangle that each ray in one plane hits, -1 for none, and its weights."""
     across = np.cross(rays[0], rays[-1])
     side = ((vertices - origin) @ across)[triangles]
     index = np.flatnonzero((side.min(axis=1) <= 0) & (side.max(axis=1) >= 0))

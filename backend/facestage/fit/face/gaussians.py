@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Float
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 
 # E_light, relative to the mean light: how much the channels of one light differ, and how bright it
@@ -22,7 +23,7 @@ class Gaussian:
     """The residuals A x - b of the values x (n,); the energy is half the sum of their squares."""
 
     operator: sp.spmatrix  # A (r, n)
-    offset: np.ndarray  # b (r,)
+    offset: Float[np.ndarray, " residuals"]  # b (r,)
 
     @cached_property
     def normal(self) -> sp.spmatrix:
@@ -30,12 +31,12 @@ class Gaussian:
         return (self.operator.T @ self.operator).tocsr()
 
     @property
-    def hessian(self) -> np.ndarray:
-        """(n, n) A^T A, dense."""
+    def hessian(self) -> Float[np.ndarray, "values values"]:
+        """A^T A, dense."""
         return np.asarray(self.normal.toarray())
 
-    def residuals(self, values: np.ndarray) -> np.ndarray:
-        """(r,) of the ``values`` (n,)."""
+    def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
+        """The residuals of the ``values``."""
         return np.asarray(self.operator @ values - self.offset)
 
     def scaled(self, factor: float) -> Gaussian:
@@ -43,7 +44,7 @@ class Gaussian:
         return Gaussian(self.operator * factor, self.offset * factor)
 
 
-def independent(count: int, mean: float, sigma: float | np.ndarray) -> Gaussian:
+def independent(count: int, mean: float, sigma: float | Float[np.ndarray, " ..."]) -> Gaussian:
     """Each of ``count`` values has this ``mean``; ``sigma`` of all of them, or of each (count,)."""
     inverse = np.broadcast_to(1.0 / np.asarray(sigma), count)
     return Gaussian(sp.diags(inverse, format="csr"), mean * inverse)

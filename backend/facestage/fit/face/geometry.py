@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Bool, Float, Float32, Float64, Int
 from facestage.contract.face_model import OTHER, SKIN, FaceModel
 
 # Metres per standard deviation or unit weight: a mode that moves a vertex less does not move it.
@@ -17,7 +18,7 @@ class FaceGeometry:
     """A face model reduced to the m vertices that are rendered, with stacked shape bases.
 
     ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0,
-    x1, ...). ``fitted`` (t,) bool marks the triangles whose pixels are compared with the photo.
+    x1, ...). ``fitted`` marks the triangles whose pixels are compared with the photo.
     """
 
     def __init__(self, model: FaceModel) -> None:
@@ -46,32 +47,40 @@ class FaceGeometry:
         self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
 
     @cached_property
-    def influence(self) -> np.ndarray:
-        """(m, k + e) bool: which modes move a vertex by more than INFLUENCE_MIN per unit weight."""
+    def influence(self) -> Bool[np.ndarray, "vertices modes"]:
+        """Which modes move a vertex by more than INFLUENCE_MIN per unit weight."""
         return np.abs(self.basis).reshape(len(self.mean), 3, -1).max(axis=1) > INFLUENCE_MIN
 
     @cached_property
-    def fitted_vertices(self) -> np.ndarray:
-        """(k,) int: the vertices of the triangles that are compared with the photo."""
+    def fitted_vertices(self) -> Int[np.ndarray, " _"]:
+        """The vertices of the triangles that are compared with the photo."""
         return np.unique(self.triangles[self.fitted])
 
     @cached_property
-    def albedo_columns(self) -> np.ndarray:
-        """(3, m, d) float32: the albedo modes by channel, contiguous for sparse products."""
+    def albedo_columns(self) -> Float32[np.ndarray, "3 vertices albedos"]:
+        """The albedo modes by channel, contiguous for sparse products."""
         return np.ascontiguousarray(self.albedo_basis.transpose(2, 1, 0), np.float32)
 
-    def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
-        """(m, 3) float64 model-frame positions."""
+    def vertices(
+        self,
+        identity: Float[np.ndarray, " identities"],
+        expression: Float[np.ndarray, " expressions"],
+    ) -> Float64[np.ndarray, "vertices 3"]:
+        """Model-frame positions."""
         weights = np.concatenate([identity, expression]).astype(np.float32)
         return self.mean + (self.basis @ weights).reshape(-1, 3)
 
-    def face_normals(self, vertices: np.ndarray) -> np.ndarray:
-        """(t, 3) normals of length twice the triangle's area."""
+    def face_normals(
+        self, vertices: Float[np.ndarray, "vertices 3"]
+    ) -> Float[np.ndarray, "triangles 3"]:
+        """Normals of length twice the triangle's area."""
         a, b, c = (vertices[self.triangles[:, corner]] for corner in range(3))
         return np.cross(b - a, c - a)
 
-    def vertex_normals(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Unit normals (m, 3), area-weighted, and the lengths (m,) before normalising."""
+    def vertex_normals(
+        self, vertices: Float[np.ndarray, "vertices 3"]
+    ) -> tuple[Float[np.ndarray, "vertices 3"], Float[np.ndarray, " vertices"]]:
+        """Unit normals, area-weighted, and the lengths before normalising."""
         faces = self.face_normals(vertices)
         total = np.zeros_like(vertices)
         for axis in range(3):
@@ -82,10 +91,12 @@ class FaceGeometry:
         length = np.linalg.norm(total, axis=1)
         return total / np.maximum(length, 1e-20)[:, None], length
 
-    def normal_operator(self, vertices: np.ndarray, wanted: np.ndarray) -> sp.csr_matrix:
+    def normal_operator(
+        self, vertices: Float[np.ndarray, "vertices 3"], wanted: Bool[np.ndarray, " vertices"]
+    ) -> sp.csr_matrix:
         """(3 m, 3 m) sparse derivative of the unnormalised vertex normals by the positions.
 
-        Rows are filled for the vertices of triangles that touch ``wanted`` (m,) bool. A triangle's
+        Rows are filled for the vertices of triangles that touch ``wanted``. A triangle's
         normal is a x b + b x c + c x a, so moving a adds da x (b - c), and so on around.
         """
         triangles = self.triangles[wanted[self.triangles].any(axis=1)]

@@ -8,16 +8,12 @@ two; the geometry would bend to make up for them.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.light_stage import LightStage
-
-if TYPE_CHECKING:
-    pass
-
 
 # A light with less than this share of the flux casts no highlight or shadow worth following.
 STRONG_SHARE, STRONG_MAX = 0.12, 4
@@ -28,8 +24,10 @@ def spacing(count: int) -> float:
     return float(min(np.sqrt(2.0 * np.pi / max(count, 1)), np.pi / 2))
 
 
-def turned(stage: LightStage, angles: np.ndarray, pivot: np.ndarray) -> LightStage:
-    """``stage`` with light j turned by ``angles`` (N, 2) about ``pivot`` (3,), same frame:
+def turned(
+    stage: LightStage, angles: Float[np.ndarray, "lights 2"], pivot: Float[np.ndarray, " 3"]
+) -> LightStage:
+    """``stage`` with light j turned by ``angles`` about ``pivot``, same frame:
     sideways, then up.
     """
     if not angles.any():
@@ -43,10 +41,10 @@ def turned(stage: LightStage, angles: np.ndarray, pivot: np.ndarray) -> LightSta
     )
 
 
-def strong_lights(stage: LightStage, radiance: np.ndarray, fitted: np.ndarray) -> np.ndarray:
-    """(N,) bool: the fitted lights whose place matters, by their share of the flux of ``radiance``
-    (N, 3).
-    """
+def strong_lights(
+    stage: LightStage, radiance: Float[np.ndarray, "lights 3"], fitted: Bool[np.ndarray, " lights"]
+) -> Bool[np.ndarray, " lights"]:
+    """The fitted lights whose place matters, by their share of the flux of ``radiance``."""
     flux = radiance.mean(axis=1) * stage.side**2
     share = np.where(fitted, flux, 0.0) / max(float(flux.sum()), 1e-30)
     weakest = np.sort(share)[::-1][min(STRONG_MAX, len(share)) - 1]

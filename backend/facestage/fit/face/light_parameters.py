@@ -6,22 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float, Int
+
 CHANNELS = 3
 
 
 @dataclass(frozen=True)
 class LightParameters:
-    """How the light parameters become radiance (N, 3); a light that is not fitted has none.
+    """How the light parameters become radiance; a light that is not fitted has none.
 
     multi: one parameter per light and channel. uniform: one intensity per light and one color for
     all (three more parameters; the product's scale is held by a prior on the color's mean).
     """
 
-    fitted: np.ndarray  # (N,) bool
-    fixed_radiance: np.ndarray  # (N, 3), zero where fitted or off
+    fitted: Bool[np.ndarray, " lights"]
+    fixed_radiance: Float[np.ndarray, "lights 3"]  # zero where fitted or off
     uniform: bool
-    # (N,) int, what names a light when others come or go; None: 0, 1, 2, ...
-    numbers: np.ndarray | None = None
+    # what names a light when others come or go; None: 0, 1, 2, ...
+    numbers: Int[np.ndarray, " lights"] | None = None
 
     @property
     def size(self) -> int:
@@ -30,8 +32,10 @@ class LightParameters:
         # A color that no fitted light has is no parameter.
         return count + CHANNELS if self.uniform and count else count * CHANNELS
 
-    def radiance(self, parameters: np.ndarray) -> np.ndarray:
-        """(N, 3) radiance of every light."""
+    def radiance(
+        self, parameters: Float[np.ndarray, " parameters"]
+    ) -> Float[np.ndarray, "lights 3"]:
+        """Radiance of every light."""
         result = self.fixed_radiance.copy()
         if self.uniform and self.size:
             result[self.fitted] = parameters[:-CHANNELS, None] * parameters[-CHANNELS:]
@@ -39,8 +43,10 @@ class LightParameters:
             result[self.fitted] = parameters.reshape(-1, CHANNELS)
         return result
 
-    def jacobian(self, parameters: np.ndarray) -> np.ndarray:
-        """(fitted lights, 3, size) derivative of the fitted lights' radiance."""
+    def jacobian(
+        self, parameters: Float[np.ndarray, " parameters"]
+    ) -> Float[np.ndarray, "fitted 3 parameters"]:
+        """Derivative of the fitted lights' radiance."""
         count = int(self.fitted.sum())
         result = np.zeros((count, CHANNELS, self.size))
         if not count:
@@ -54,10 +60,12 @@ class LightParameters:
                 result[light, channel, light * CHANNELS + channel] = 1.0
         return result
 
-    def dark(self, parameters: np.ndarray, settled: np.ndarray) -> np.ndarray:
-        """(N,) bool: lights of radiance 0 that nothing will turn on.
+    def dark(
+        self, parameters: Float[np.ndarray, " parameters"], settled: Bool[np.ndarray, " parameters"]
+    ) -> Bool[np.ndarray, " lights"]:
+        """Lights of radiance 0 that nothing will turn on.
 
-        ``settled`` (size,) bool marks the parameters that are at their bound and want to stay
+        ``settled`` marks the parameters that are at their bound and want to stay
         there, or may not move.
         """
         result = (self.radiance(parameters) == 0).all(axis=1)
@@ -65,15 +73,17 @@ class LightParameters:
         result[self.fitted] &= own.any(axis=1) & ~(own & ~settled).any(axis=1)
         return result
 
-    def of_lights(self, chosen: np.ndarray) -> np.ndarray:
-        """(size,) bool, the parameters that belong to the ``chosen`` (N,) lights alone."""
+    def of_lights(self, chosen: Bool[np.ndarray, " lights"]) -> Bool[np.ndarray, " parameters"]:
+        """The parameters that belong to the ``chosen`` lights alone."""
         own = chosen[self.fitted]
         if not self.uniform or not self.size:
             return np.repeat(own, CHANNELS)
         return np.concatenate([own, np.zeros(CHANNELS, bool)])
 
-    def from_radiance(self, radiance: np.ndarray) -> np.ndarray:
-        """Parameters whose radiance is nearest to (N, 3) ``radiance``."""
+    def from_radiance(
+        self, radiance: Float[np.ndarray, "lights 3"]
+    ) -> Float[np.ndarray, " parameters"]:
+        """Parameters whose radiance is nearest to ``radiance``."""
         wanted = radiance[self.fitted]
         if not self.uniform or not self.size:
             return wanted.ravel().astype(float)

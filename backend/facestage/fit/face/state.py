@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.camera import Camera
 
 
@@ -15,21 +16,21 @@ class State:
     files without it mean. What is done with each is its row in unknowns.py.
     """
 
-    rotation: np.ndarray  # (3, 3) model to camera
-    translation: np.ndarray  # (3,) m
+    rotation: Float[np.ndarray, "3 3"]  # model to camera
+    translation: Float[np.ndarray, " 3"]  # m
     camera: Camera
-    identity: np.ndarray  # (k,) alpha
-    expression: np.ndarray  # (e,) beta
-    lights: np.ndarray  # (light parameters,), see LightParameters
-    # (N, 2) radians that each light is turned by about the stage's centre
-    light_position: np.ndarray
-    albedo: np.ndarray  # (d,) delta
+    identity: Float[np.ndarray, " identities"]  # alpha
+    expression: Float[np.ndarray, " expressions"]  # beta
+    lights: Float[np.ndarray, " parameters"]  # see LightParameters
+    # radians that each light is turned by about the stage's centre
+    light_position: Float[np.ndarray, "lights 2"]
+    albedo: Float[np.ndarray, " albedos"]  # delta
     roughness: float
-    specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
+    specular: Float[np.ndarray, "texels texels"]  # c_spec, row 0 at v = 1
 
     @property
-    def model_to_camera(self) -> np.ndarray:
-        """(4, 4) rigid transform."""
+    def model_to_camera(self) -> Float[np.ndarray, "4 4"]:
+        """The head's pose as a rigid transform."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix

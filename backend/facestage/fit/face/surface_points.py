@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Int, Shaped
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -14,32 +15,37 @@ from facestage.fit.face.state import State
 class SurfacePoints:
     """m points of the rendered mesh, each three vertices with barycentric weights."""
 
-    def __init__(self, geometry: FaceGeometry, corners: np.ndarray, weights: np.ndarray) -> None:
-        """``corners`` (m, 3) rendered-vertex indices and ``weights`` (m, 3)."""
+    def __init__(
+        self,
+        geometry: FaceGeometry,
+        corners: Int[np.ndarray, "points 3"],
+        weights: Float[np.ndarray, "points 3"],
+    ) -> None:
+        """``corners`` rendered-vertex indices and ``weights``."""
         rows = (3 * corners[..., None] + np.arange(3)).reshape(-1)
         basis = geometry.basis[rows].reshape(*corners.shape, 3, geometry.basis.shape[1])
         self._basis = np.einsum("mi,mixk->mxk", weights, basis, optimize=True)
         self._mean = np.einsum("mi,mix->mx", weights, geometry.mean[corners])
         self._identity_count = geometry.identity_count
 
-    def part(self, chosen: np.ndarray) -> SurfacePoints:
+    def part(self, chosen: Shaped[np.ndarray, " _"]) -> SurfacePoints:
         """Some of the points (indices or a mask)."""
         result = object.__new__(SurfacePoints)
         result._basis, result._mean = self._basis[chosen], self._mean[chosen]
         result._identity_count = self._identity_count
         return result
 
-    def positions(self, state: State) -> np.ndarray:
-        """(m, 3) metres in the camera frame."""
+    def positions(self, state: State) -> Float[np.ndarray, "points 3"]:
+        """Where the points are, metres in the camera frame."""
         weights = np.concatenate([state.identity, state.expression])
         return (self._mean + self._basis @ weights) @ state.rotation.T + state.translation
 
-    def project(self, state: State) -> np.ndarray:
-        """(m, 2) pixels."""
+    def project(self, state: State) -> Float[np.ndarray, "points 2"]:
+        """Where the points show, in pixels."""
         return state.camera.project(self.positions(state))
 
-    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
-        """(m, 2, size) derivative of :meth:`project` by every parameter; only pose, focal and shape
+    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "points 2 unknowns"]:
+        """Derivative of :meth:`project` by every parameter; only pose, focal and shape
         are not 0.
         """
         points = self.positions(state)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import FAR
 from facestage.contract.parameters import KEPT, TABLE, Values
@@ -44,8 +45,8 @@ class Known:
     lights: LightParameters
     focal_px: float
     focal_sigma: float = FOCAL_SIGMA  # standard deviation of the logarithm of the focal length
-    # Which expressions (e,), or whether all, have weights in 0..1; others are Gaussian.
-    expression_box: bool | np.ndarray = True
+    # Which expressions, or whether all, have weights in 0..1; others are Gaussian.
+    expression_box: bool | Bool[np.ndarray, " expressions"] = True
     # The mean radiance that E_light is relative to. Fixed, so that black is no escape.
     light_scale: float = 1.0
     # Lights of the whole stage, those that are off too; None: as many as ``lights`` has.
@@ -76,7 +77,7 @@ class Unknown:
     counted: bool = True  # among the directions that the data see or do not see
     # The state's fields that it is made of, with their numbers; None: an object, not numbers.
     parts: Mapping[str, Values | None] | None = None
-    # Its values (n,), to which a step is added, and the fields of the state that has other values.
+    # Its values, to which a step is added, and the fields of the state that has other values.
     read: Callable[[State], np.ndarray] | None = None
     write: Callable[[State, np.ndarray], Mapping[str, Any]] | None = None
 
@@ -85,12 +86,12 @@ class Unknown:
         """The state's fields that it is made of, with their numbers in a checkpoint."""
         return {self.name: KEPT[self.name]} if self.parts is None else self.parts
 
-    def values(self, state: State) -> np.ndarray:
-        """(n,) its values at ``state``."""
+    def values(self, state: State) -> Float[np.ndarray, " values"]:
+        """Its values at ``state``."""
         return np.ravel(getattr(state, self.name)) if self.read is None else self.read(state)
 
-    def changes(self, state: State, values: np.ndarray) -> Mapping[str, Any]:
-        """The fields of ``state`` that change for its ``values`` (n,) to be those."""
+    def changes(self, state: State, values: Float[np.ndarray, " values"]) -> Mapping[str, Any]:
+        """The fields of ``state`` that change for its ``values`` to be those."""
         if self.write is not None:
             return self.write(state, values)
         return {self.name: _plain(values.reshape(np.shape(getattr(state, self.name))))}
@@ -105,17 +106,17 @@ def normal(mean: float, sigma: float) -> Prior:
     return lambda known, count: independent(count, mean, sigma)
 
 
-def _turned(state: State, increment: np.ndarray) -> Mapping[str, Any]:
-    """``increment`` (6,): by SO(3) about the model's origin, then by metres."""
+def _turned(state: State, increment: Float[np.ndarray, " 6"]) -> Mapping[str, Any]:
+    """``increment``: by SO(3) about the model's origin, then by metres."""
     turn = Rotation.from_rotvec(increment[:3]).as_matrix()
     return {"rotation": turn @ state.rotation, "translation": state.translation + increment[3:]}
 
 
-def _log_focal(state: State) -> np.ndarray:
+def _log_focal(state: State) -> Float[np.ndarray, " 1"]:
     return np.array([np.log(state.camera.focal_px)])
 
 
-def _with_log_focal(state: State, values: np.ndarray) -> Mapping[str, Any]:
+def _with_log_focal(state: State, values: Float[np.ndarray, " 1"]) -> Mapping[str, Any]:
     return {"camera": replace(state.camera, focal_px=float(np.exp(values[0])))}
 
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.contract.light_stage import LightStage
-
-if TYPE_CHECKING:
-    from facestage.fit.face.state import State
-    from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.face.lamps import turned
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel, Surface
 
 AXES = 2  # sideways and up, radians
 
@@ -25,9 +23,9 @@ HALF_STEP = 0.02
 class PositionDerivatives:
     """How the strong lights' terms change as they turn: unit radiance, shadows included."""
 
-    lights: np.ndarray  # (K,) numbers of the lights
-    diffuse: np.ndarray  # (P, K, 2)
-    specular: np.ndarray  # (P, K, 2)
+    lights: Int[np.ndarray, " strong"]  # numbers of the lights
+    diffuse: Float[np.ndarray, "pixels strong 2"]
+    specular: Float[np.ndarray, "pixels strong 2"]
 
 
 def position_derivatives(
@@ -35,14 +33,14 @@ def position_derivatives(
     state: State,
     surface: Surface,
     stage: LightStage,
-    pivot: np.ndarray,
-    strong: np.ndarray,
+    pivot: Float[np.ndarray, " 3"],
+    strong: Bool[np.ndarray, " lights"],
     samples: int,
     seed: int,
 ) -> PositionDerivatives:
     """Central differences by ``state.light_position``, the same random numbers on both sides.
 
-    ``stage`` is in the camera frame and not yet turned; ``strong`` (N,) bool selects the lights.
+    ``stage`` is in the camera frame and not yet turned; ``strong`` selects the lights.
     """
     number = np.flatnonzero(strong)
     diffuse = np.zeros((len(surface.pixels), len(number), AXES), np.float32)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Int
 from facestage.contract.camera import Camera
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.forward.reflectance import Skin
@@ -23,15 +24,20 @@ class OneLightImages:
     Albedo, c_spec and irradiance vary together within a pixel: only their product may be averaged.
     """
 
-    def __init__(self, camera: Camera, pixels: np.ndarray, lights: int) -> None:
-        """``pixels`` (P, 2) int columns and rows of the head's bounding box, row by row."""
-        self.pixels = pixels[:, 1] * camera.width + pixels[:, 0]  # (P,) int, ascending
+    def __init__(self, camera: Camera, pixels: Int[np.ndarray, "pixels 2"], lights: int) -> None:
+        """``pixels`` columns and rows of the head's bounding box, row by row."""
+        self.pixels = pixels[:, 1] * camera.width + pixels[:, 0]  # ascending
         self.colors = np.zeros((3, len(pixels), lights), np.float32)
         self._corner = pixels.min(axis=0, initial=camera.width + camera.height)
         self._box_width = int(np.ptp(pixels[:, 0])) + 1 if len(pixels) else 0
 
     def add(
-        self, x: np.ndarray, y: np.ndarray, share: float, terms: LightTerms, skin: Skin
+        self,
+        x: Int[np.ndarray, " points"],
+        y: Int[np.ndarray, " points"],
+        share: float,
+        terms: LightTerms,
+        skin: Skin,
     ) -> None:
         """Add ``share`` of what the pixels (``x``, ``y``) (p,) see."""
         place = (y - self._corner[1]) * self._box_width + x - self._corner[0]
@@ -39,8 +45,10 @@ class OneLightImages:
         for color, image in zip(self.colors, images, strict=True):
             color[place] += image
 
-    def cache(self, coverage: np.ndarray, samples: int, fingerprint: str) -> RelightCache:
-        """The images as a file's contents; ``coverage`` (h, w) says which pixels see the head."""
+    def cache(
+        self, coverage: Float[np.ndarray, "height width"], samples: int, fingerprint: str
+    ) -> RelightCache:
+        """The images as a file's contents; ``coverage`` says which pixels see the head."""
         height, width = coverage.shape
         seen = coverage.ravel()[self.pixels] > 0
         images = np.stack([channel[seen].T for channel in self.colors])

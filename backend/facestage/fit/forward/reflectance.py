@@ -15,16 +15,17 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from facestage.contract import brdf
+from facestage.contract.arrays import Float, Shaped
 
 
 @dataclass(frozen=True)
 class Skin:
     """Reflectance of P points; the roughness is in the lobe."""
 
-    albedo: np.ndarray  # (P, 3) 0..ALBEDO_MAX
-    c_spec: np.ndarray  # (P,) 0..SPECULAR_MAX
+    albedo: Float[np.ndarray, "points 3"]  # 0..ALBEDO_MAX
+    c_spec: Float[np.ndarray, " points"]  # 0..SPECULAR_MAX
 
-    def part(self, where: np.ndarray | slice) -> Skin:
+    def part(self, where: Shaped[np.ndarray, " _"] | slice) -> Skin:
         """Some of the points (a mask, indices or a slice)."""
         return Skin(self.albedo[where], self.c_spec[where])
 
@@ -32,21 +33,28 @@ class Skin:
         """Skin that sends back ``share`` of the light."""
         return Skin(share * self.albedo, share * self.c_spec)
 
-    def matte(self, irradiance: np.ndarray) -> np.ndarray:
-        """(P, 3, ...) radiance from below the surface; ``irradiance`` (P, 3, ...)."""
+    def matte(
+        self, irradiance: Float[np.ndarray, "points ..."]
+    ) -> Float[np.ndarray, "points 3 ..."]:
+        """Radiance from below the surface; ``irradiance`` (P, 3, ...)."""
         return brdf.matte(_beside(self.albedo, irradiance), irradiance)
 
-    def gloss(self, lobe: np.ndarray) -> np.ndarray:
-        """(P, 3, ...) radiance from the surface; ``lobe`` (P, 3, ...)."""
+    def gloss(self, lobe: Float[np.ndarray, "points ..."]) -> Float[np.ndarray, "points ..."]:
+        """Radiance from the surface; ``lobe`` (P, 3, ...)."""
         return brdf.gloss(_beside(self.c_spec, lobe), lobe)
 
-    def radiance(self, irradiance: np.ndarray, lobe: np.ndarray) -> np.ndarray:
-        """(P, 3, ...) towards the viewer; both (P, 3, ...), or (P, 1, ...) for white light."""
+    def radiance(
+        self, irradiance: Float[np.ndarray, "points ..."], lobe: Float[np.ndarray, "points ..."]
+    ) -> Float[np.ndarray, "points 3 ..."]:
+        """Radiance towards the viewer; both (P, 3, ...), or (P, 1, ...) for white light."""
         return self.matte(irradiance) + self.gloss(lobe)
 
     def by_light(
-        self, irradiance: np.ndarray, lobe: np.ndarray, dtype: DTypeLike = np.float64
-    ) -> Iterator[np.ndarray]:
+        self,
+        irradiance: Float[np.ndarray, "points ..."],
+        lobe: Float[np.ndarray, "points ..."],
+        dtype: DTypeLike = np.float64,
+    ) -> Iterator[Float[np.ndarray, "points ..."]]:
         """For each color channel (P, ...) radiance under white light of radiance 1, in ``dtype``.
 
         ``irradiance`` and ``lobe`` (P, ...), such as one column for each light. A channel at a
@@ -58,39 +66,49 @@ class Skin:
             color += glossy
             yield color
 
-    def by_log_albedo(self, irradiance: np.ndarray) -> np.ndarray:
-        """(P, 3) d radiance / d log albedo before :func:`albedo_of` limits it."""
+    def by_log_albedo(
+        self, irradiance: Float[np.ndarray, "points ..."]
+    ) -> Float[np.ndarray, "points 3"]:
+        """The radiance's derivative by log albedo before :func:`albedo_of` limits it."""
         return self.matte(irradiance) * (self.albedo < brdf.ALBEDO_MAX)
 
 
-def by_albedo(irradiance: np.ndarray) -> np.ndarray:
+def by_albedo(irradiance: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     """D radiance / d albedo: what a white diffuser sends back. Any shape."""
     return brdf.matte(1.0, irradiance)
 
 
-def by_c_spec(lobe: np.ndarray) -> np.ndarray:
+def by_c_spec(lobe: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     """D radiance / d c_spec. Any shape."""
     return brdf.gloss(1.0, lobe)
 
 
-def albedo_seen(color: np.ndarray, white: np.ndarray, glossy: np.ndarray) -> np.ndarray:
-    """(P, 3) the albedo that makes radiance ``color``, not limited.
+def albedo_seen(
+    color: Float[np.ndarray, "points 3"],
+    white: Float[np.ndarray, "points 3"],
+    glossy: Float[np.ndarray, "points 3"],
+) -> Float[np.ndarray, "points 3"]:
+    """The albedo that makes radiance ``color``, not limited.
 
     ``white`` as of :func:`by_albedo`, ``glossy`` the radiance from the surface.
     """
     return (color - glossy) / np.maximum(white, 1e-9)
 
 
-def albedo_of(log_albedo: np.ndarray) -> np.ndarray:
+def albedo_of(log_albedo: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     """The albedo of a logarithm that may be too bright, any shape."""
     return np.minimum(np.exp(log_albedo), brdf.ALBEDO_MAX)
 
 
-def by_log(by_albedo: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+def by_log(
+    by_albedo: Float[np.ndarray, " ..."], albedo: Float[np.ndarray, " ..."]
+) -> Float[np.ndarray, " ..."]:
     """A derivative by ``albedo``, through :func:`albedo_of`."""
     return by_albedo * albedo * (albedo < brdf.ALBEDO_MAX)
 
 
-def _beside(values: np.ndarray, wide: np.ndarray) -> np.ndarray:
+def _beside(
+    values: Float[np.ndarray, " ..."], wide: Float[np.ndarray, " ..."]
+) -> Float[np.ndarray, " ..."]:
     """``values`` with axes of length 1 behind, as many as ``wide`` has."""
     return values.reshape(values.shape + (1,) * (wide.ndim - values.ndim))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.face.state import State
@@ -26,19 +27,21 @@ PROBE_HEIGHT = 128
 class Textures:
     """The maps of the atlas, row 0 at v = 1."""
 
-    albedo: np.ndarray  # (S, S, 3)
-    specular: np.ndarray  # (s, s) c_spec
-    roughness: np.ndarray | None = None  # (r, r); None: the state's one value
+    albedo: Float[np.ndarray, "_ _ 3"]
+    specular: Float[np.ndarray, "_ _"]  # c_spec
+    roughness: Float[np.ndarray, "_ _"] | None = None  # ; None: the state's one value
 
 
 @dataclass(frozen=True)
 class Picture:
     """A rendered photo-sized image."""
 
-    color: np.ndarray  # (h, w, 3) float32 linear, 0 where nothing is hit
-    coverage: np.ndarray  # (h, w) float32, share of the pixel that the head covers
-    fitted: np.ndarray  # (h, w) bool: skin of the face all over the pixel
-    relit: dict[str, np.ndarray]  # (h, w, 3) float32 by name: the same face under other radiance
+    color: Float32[np.ndarray, "height width 3"]  # linear, 0 where nothing is hit
+    coverage: Float32[np.ndarray, "height width"]  # share of the pixel that the head covers
+    fitted: Bool[np.ndarray, "height width"]  # skin of the face all over the pixel
+    relit: dict[
+        str, Float32[np.ndarray, "height width 3"]
+    ]  # by name: the same face under other radiance
     samples: int = 0  # shadow rays per light and sub-pixel
     by_light: OneLightImages | None = None  # when asked for
 
@@ -51,8 +54,8 @@ class Picture:
         )
 
 
-def face_pixels(forward: ForwardModel, state: State) -> np.ndarray:
-    """(P, 2) int columns and rows of the pixels in the head's bounding box."""
+def face_pixels(forward: ForwardModel, state: State) -> Int[np.ndarray, "pixels 2"]:
+    """Columns and rows of the pixels in the head's bounding box."""
     width, height = state.camera.width, state.camera.height
     projected = state.camera.project(forward.pose(state)[1])
     projected = projected[np.isfinite(projected).all(1)]
@@ -71,13 +74,13 @@ def render_picture(
     textures: Textures,
     seed: int = 0,
     samples: int | None = None,
-    relight: Mapping[str, np.ndarray] | None = None,
+    relight: Mapping[str, Float[np.ndarray, "lights 3"]] | None = None,
     by_light: bool = False,
 ) -> Picture:
     """Render every part of the head with its textures and the direct light of ``stage``.
 
     ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light
-    and sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances (N, 3) by name,
+    and sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances by name,
     which cost no further rays because the image is linear in the lights. ``by_light`` keeps each
     light's image as well.
     """
@@ -117,8 +120,10 @@ def render_picture(
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
 
 
-def light_probe(stage: LightStage, height: int = PROBE_HEIGHT) -> np.ndarray:
-    """(height, 2 height, 3) lat-long map of what the stage's centre sees; stage frame, +Z at the
+def light_probe(
+    stage: LightStage, height: int = PROBE_HEIGHT
+) -> Float32[np.ndarray, "height width 3"]:
+    """Lat-long map of what the stage's centre sees; stage frame, +Z at the
     middle, +Y up.
 
     To the right of +Z lies -X, as one sees it from inside and as environment maps have it. Each

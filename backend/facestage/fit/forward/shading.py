@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float, Int, Shaped
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
@@ -20,22 +21,22 @@ from facestage.render.tracer import Hits, RayTracer
 class Surface:
     """What the pixels see, in the camera frame. P pixels; 3 corners of each hit triangle."""
 
-    pixels: np.ndarray  # (P, 2) float, x and y
-    rays: np.ndarray  # (P, 3) unit, away from the camera
-    triangle: np.ndarray  # (P,) int
-    corners: np.ndarray  # (P, 3) int, vertex indices
-    weights: np.ndarray  # (P, 3) barycentric
-    depth: np.ndarray  # (P,) m along the ray
-    points: np.ndarray  # (P, 3) m
-    normals: np.ndarray  # (P, 3) unit shading normals
-    normal_length: np.ndarray  # (P,) of the interpolated normal before normalising
-    facing: np.ndarray  # (P, 3) unit geometric normal on the viewer's side
-    corner_normals: np.ndarray  # (P, 3, 3) unit vertex normals
-    vertices: np.ndarray  # (m, 3) camera frame
-    model_vertices: np.ndarray  # (m, 3) model frame
-    normal_scale: np.ndarray  # (m,) lengths of the unnormalised vertex normals
+    pixels: Float[np.ndarray, "pixels 2"]  # x and y
+    rays: Float[np.ndarray, "pixels 3"]  # unit, away from the camera
+    triangle: Int[np.ndarray, " pixels"]
+    corners: Int[np.ndarray, "pixels 3"]  # vertex indices
+    weights: Float[np.ndarray, "pixels 3"]  # barycentric
+    depth: Float[np.ndarray, " pixels"]  # m along the ray
+    points: Float[np.ndarray, "pixels 3"]  # m
+    normals: Float[np.ndarray, "pixels 3"]  # unit shading normals
+    normal_length: Float[np.ndarray, " pixels"]  # of the interpolated normal before normalising
+    facing: Float[np.ndarray, "pixels 3"]  # unit geometric normal on the viewer's side
+    corner_normals: Float[np.ndarray, "pixels 3 3"]  # unit vertex normals
+    vertices: Float[np.ndarray, "vertices 3"]  # camera frame
+    model_vertices: Float[np.ndarray, "vertices 3"]  # model frame
+    normal_scale: Float[np.ndarray, " vertices"]  # lengths of the unnormalised vertex normals
 
-    def part(self, where: np.ndarray | slice) -> Surface:
+    def part(self, where: Shaped[np.ndarray, " _"] | slice) -> Surface:
         """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is
         kept.
         """
@@ -51,12 +52,12 @@ class Image:
 
     surface: Surface
     terms: LightTerms
-    albedo: np.ndarray  # (P, 3)
-    c_spec: np.ndarray  # (P,)
-    radiance: np.ndarray  # (N, 3) of the lights
-    diffuse: np.ndarray  # (P, 3) irradiance
-    specular: np.ndarray  # (P, 3)
-    color: np.ndarray  # (P, 3)
+    albedo: Float[np.ndarray, "pixels 3"]
+    c_spec: Float[np.ndarray, " pixels"]
+    radiance: Float[np.ndarray, "lights 3"]  # of the lights
+    diffuse: Float[np.ndarray, "pixels 3"]  # irradiance
+    specular: Float[np.ndarray, "pixels 3"]
+    color: Float[np.ndarray, "pixels 3"]
 
     @property
     def skin(self) -> Skin:
@@ -72,13 +73,17 @@ class ForwardModel:
         self.lights = lights
         self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
 
-    def pose(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (m, 3) in the model frame and in the camera frame."""
+    def pose(
+        self, state: State
+    ) -> tuple[Float[np.ndarray, "vertices 3"], Float[np.ndarray, "vertices 3"]]:
+        """Vertices in the model frame and in the camera frame."""
         model_vertices = self.geometry.vertices(state.identity, state.expression)
         return model_vertices, model_vertices @ state.rotation.T + state.translation
 
-    def surface(self, state: State, pixels: np.ndarray, only_fitted: bool = False) -> Surface:
-        """What ``pixels`` (P, 2) see; pixels that see nothing (or nothing that is fitted) are
+    def surface(
+        self, state: State, pixels: Float[np.ndarray, "pixels 2"], only_fitted: bool = False
+    ) -> Surface:
+        """What ``pixels`` see; pixels that see nothing (or nothing that is fitted) are
         dropped.
         """
         model_vertices, vertices = self.pose(state)
@@ -121,8 +126,8 @@ class ForwardModel:
             normal_scale=normal_scale,
         )
 
-    def hits(self, state: State, pixels: np.ndarray) -> Hits:
-        """What ``pixels`` (P, 2) see first of the rendered mesh at ``state``."""
+    def hits(self, state: State, pixels: Float[np.ndarray, "pixels 2"]) -> Hits:
+        """What ``pixels`` see first of the rendered mesh at ``state``."""
         self.tracer.update(self.pose(state)[1] - state.translation)
         return self.tracer.first_hits(-state.translation, pixel_rays(state.camera, pixels))
 
@@ -135,15 +140,15 @@ class ForwardModel:
         seed: int,
         asked: Asked = PLAIN,
         *,
-        traced: np.ndarray | None = None,
-        pairs: tuple[np.ndarray, np.ndarray] | None = None,
-        roughness: np.ndarray | None = None,
+        traced: Bool[np.ndarray, " lights"] | None = None,
+        pairs: tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]] | None = None,
+        roughness: Float[np.ndarray, " points"] | None = None,
     ) -> LightTerms:
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
 
-        Derivatives, where ``asked``, are those of the state's own radiance. ``traced`` (N,) bool
+        Derivatives, where ``asked``, are those of the state's own radiance. ``traced``
         leaves lights out; ``pairs`` of (K,) pixels and (K,) lights leave out all others, see
-        :meth:`RayTracer.light_terms`. ``roughness`` (P,) replaces the state's one value.
+        :meth:`RayTracer.light_terms`. ``roughness`` replaces the state's one value.
         """
         lit = self.lit_points(state, surface, stage)
         if roughness is not None:
@@ -175,11 +180,11 @@ class ForwardModel:
         state: State,
         surface: Surface,
         terms: LightTerms,
-        albedo: np.ndarray | None = None,
-        radiance: np.ndarray | None = None,
-        c_spec: np.ndarray | None = None,
+        albedo: Float[np.ndarray, "pixels 3"] | None = None,
+        radiance: Float[np.ndarray, "lights 3"] | None = None,
+        c_spec: Float[np.ndarray, " pixels"] | None = None,
     ) -> Image:
-        """Radiance towards the camera; ``albedo`` (P, 3), ``radiance`` (N, 3), ``c_spec`` (P,)
+        """Radiance towards the camera; ``albedo``, ``radiance``, ``c_spec``
         replace the state's.
         """
         if radiance is None:
@@ -192,41 +197,45 @@ class ForwardModel:
         color = Skin(albedo, c_spec).radiance(diffuse, specular)
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
 
-    def log_albedo(self, state: State) -> np.ndarray:
-        """(m, 3) log of the vertex albedo, not yet clipped."""
+    def log_albedo(self, state: State) -> Float[np.ndarray, "vertices 3"]:
+        """Log of the vertex albedo, not yet clipped."""
         return self.geometry.log_albedo + np.tensordot(
             state.albedo.astype(np.float32), self.geometry.albedo_basis, 1
         )
 
-    def albedo(self, state: State, surface: Surface) -> np.ndarray:
-        """(P, 3) diffuse albedo from the coefficients: logs are interpolated, then clipped below
+    def albedo(self, state: State, surface: Surface) -> Float[np.ndarray, "pixels 3"]:
+        """Diffuse albedo from the coefficients: logs are interpolated, then clipped below
         1.
         """
         logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
         return albedo_of(logs)
 
-    def uvs(self, surface: Surface) -> np.ndarray:
-        """(P, 2) texture coordinates."""
+    def uvs(self, surface: Surface) -> Float[np.ndarray, "pixels 2"]:
+        """Texture coordinates."""
         corners = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle]]
         return np.einsum("pi,pix->px", surface.weights, corners)
 
 
-def _pixel_keys(pixels: np.ndarray) -> np.ndarray:
-    """(P,) a number for each pixel, the same whichever other pixels see the face."""
+def _pixel_keys(pixels: Float[np.ndarray, "pixels 2"]) -> Int[np.ndarray, " pixels"]:
+    """A number for each pixel, the same whichever other pixels see the face."""
     x, y = pixels.astype(np.int64).T
     return (y << 16) + x
 
 
-def pixel_rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """(P, 3) unit directions in the camera frame through ``pixels`` (P, 2)."""
+def pixel_rays(
+    camera: Camera, pixels: Float[np.ndarray, "pixels 2"]
+) -> Float[np.ndarray, "pixels 3"]:
+    """Unit directions in the camera frame through ``pixels``."""
     x = (pixels[:, 0] - camera.principal_px[0]) / camera.focal_px
     y = -(pixels[:, 1] - camera.principal_px[1]) / camera.focal_px
     rays = np.stack([x, y, -np.ones_like(x)], axis=1)
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def bilinear_weights(uvs: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Texel indices (P, 4) into a (size, size) texture and their weights (P, 4); edges clamp."""
+def bilinear_weights(
+    uvs: Float[np.ndarray, "pixels 2"], size: int
+) -> tuple[Int[np.ndarray, "pixels 4"], Float[np.ndarray, "pixels 4"]]:
+    """Texel indices into a (size, size) texture and their weights; edges clamp."""
     x = np.clip(uvs[:, 0] * size - 0.5, 0, size - 1)
     y = np.clip((1 - uvs[:, 1]) * size - 0.5, 0, size - 1)
     x0, y0 = (
@@ -239,8 +248,10 @@ def bilinear_weights(uvs: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray
     return index, np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=1)
 
 
-def sample_bilinear(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    """(P, ...) values of a square texture (row 0 at v = 1) at ``uvs`` (P, 2)."""
+def sample_bilinear(
+    texture: Float[np.ndarray, "texels texels ..."], uvs: Float[np.ndarray, "pixels 2"]
+) -> Float[np.ndarray, "pixels ..."]:
+    """Values of a square texture (row 0 at v = 1) at ``uvs``."""
     index, weight = bilinear_weights(uvs, texture.shape[0])
     flat = texture.reshape(texture.shape[0] ** 2, *texture.shape[2:])
     return np.einsum("pi,pi...->p...", weight, flat[index])
