@@ -32,7 +32,7 @@ from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.render.light_terms import Asked, LightTerms
-from facestage.render.shadow_edges import Cells, shadow_cells, shadow_crossings
+from facestage.render.shadow_crossings import Cells, shadow_cells, shadow_crossings
 from facestage.render.tracer import SHADOW_OFFSET
 
 # Scan lines along each side of a light.

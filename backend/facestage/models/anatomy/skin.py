@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from facestage.models.mesh.harmonics import surface_harmonics
+from facestage.models.mesh.surface_harmonics import surface_harmonics
 
 # Population mean and spread, as natural logarithms of volume fractions (ranges of Jacques 1998:
 # 1.3-43 % melanosomes in the epidermis, 0.2-7 % blood in the dermis).

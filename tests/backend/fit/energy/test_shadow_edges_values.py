@@ -30,7 +30,7 @@ from facestage.fit.energy.shadow_edges import (
 )
 from facestage.fit.forward.shading import Image, Surface
 from facestage.render.light_terms import Asked
-from facestage.render.shadow_edges import shadow_crossings
+from facestage.render.shadow_crossings import shadow_crossings
 from facestage.render.tracer import SHADOW_OFFSET
 from reference.shadow_scene import shadow_scene
 from reference.synthetic_scene import Scene

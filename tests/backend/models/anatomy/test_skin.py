@@ -13,7 +13,7 @@ from facestage.models.anatomy.skin import (
     pigment_directions,
     skin_albedo,
 )
-from facestage.models.mesh.harmonics import laplacian_and_mass, surface_harmonics
+from facestage.models.mesh.surface_harmonics import laplacian_and_mass, surface_harmonics
 
 
 def _sphere(rows: int = 14, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
