@@ -11,7 +11,7 @@ VENV := .venv/bin/python
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test fuzz mutants lint format types ci doctor extension clean
+.PHONY: help setup demo test fuzz mutants lint format types rooms ci doctor extension clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,7 @@ lint: setup ## Check style, and the walls between the rooms
 	@$(VENV) -m ruff check .
 	@$(VENV) -m ruff format --check .
 	@$(dir $(VENV))lint-imports --no-logo --no-cache
+	@$(VENV) tools/draw_rooms.py --check
 
 format: setup ## Rewrite the code in the project's style
 	@$(VENV) -m ruff check --fix .
@@ -46,6 +47,9 @@ format: setup ## Rewrite the code in the project's style
 
 types: setup ## Check types
 	@$(VENV) -m mypy
+
+rooms: setup ## Draw who imports whom into docs/images (docs/architecture.md)
+	@$(VENV) tools/draw_rooms.py
 
 ci: ## What continuous integration runs: set-up, style, types, tests
 	@.ci/run

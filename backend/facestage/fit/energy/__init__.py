@@ -1,5 +1,4 @@
-"""Energy: the terms, one a file, their noise and normal equations, and the plan of what to leave
-out.
+"""The terms of the energy, one a file, their noise, and the plan of what to leave out.
 
-May import given and what those may import.
+May import given and what that may import.
 """

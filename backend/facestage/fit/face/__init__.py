@@ -1,4 +1,4 @@
-"""Face: the unknowns, and the mesh that they move.
+"""The unknowns, and the mesh that they move.
 
 Imports no other room of the fit.
 """

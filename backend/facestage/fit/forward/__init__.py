@@ -1,4 +1,4 @@
-"""Forward: from a state to radiance: shading, one-light images, pictures.
+"""From a state to radiance: shading, reflectance, one-light images, pictures.
 
-May import face and what those may import.
+May import face.
 """

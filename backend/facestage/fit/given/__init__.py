@@ -1,4 +1,4 @@
-"""Given: one job, read and checked: photo, window, skin mask, occluders, truth.
+"""One job, read and checked: photo, window, skin mask, what hides the face, truth.
 
-May import forward and what those may import.
+May import forward and what that may import.
 """

@@ -1,4 +1,4 @@
-"""Result: a fitted face to its folder, and a finished one rendered again.
+"""A fitted face to its folder, and a finished one rendered again.
 
 May import textures, runs and what those may import.
 """

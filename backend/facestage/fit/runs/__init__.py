@@ -1,4 +1,4 @@
-"""Runs: phases with deadline, checkpoint, progress and trace; one photo or several.
+"""One run from start to end: deadline, checkpoint, progress, trace; one photo or several.
 
-May import trust and what those may import.
+May import trust and what that may import.
 """

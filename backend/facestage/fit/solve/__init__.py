@@ -1,4 +1,4 @@
-"""Solve: bounded Gauss-Newton, damping, line search, covariance; knows no face.
+"""Bounded Gauss-Newton: steps, damping, line search, covariance. Knows no face.
 
 Imports no other room of the fit.
 """

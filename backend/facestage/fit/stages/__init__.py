@@ -1,5 +1,4 @@
-"""Stages: what moves when: phases, the view of one photo, start values, the joint stage of several
-photos.
+"""What moves when: phases, the view of one photo, start values, the steps of one or several.
 
 May import energy, solve and what those may import.
 """

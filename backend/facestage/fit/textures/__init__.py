@@ -1,4 +1,4 @@
-"""Textures: texel maps: albedo, gloss, symmetry, parts, merging.
+"""Texel maps: albedo, gloss, symmetry, parts, merging of several photos.
 
-May import trust, forward and what those may import.
+May import trust and what that may import.
 """

@@ -1,4 +1,4 @@
-"""Trust: what an answer is worth: deviations, null directions, guards, lens, same person, verdict.
+"""What an answer is worth: deviations, null directions, guards, lens, same person, verdict.
 
-May import stages and what those may import.
+May import stages and what that may import.
 """
