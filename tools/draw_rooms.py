@@ -76,7 +76,7 @@ def main() -> int:
 
 
 def rooms_of(graph: grimp.ImportGraph, house: str) -> list[Room]:
-    """The rooms of a house, those of inner houses in place of these; single modules are left out."""
+    """The rooms of a house, those of inner houses in their place; single modules are left out."""
     found = []
     for name in sorted(graph.find_children(house)):
         folder = SOURCES[name.split(".")[0]].joinpath(*name.split("."))
