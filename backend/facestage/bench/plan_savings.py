@@ -14,7 +14,8 @@ from typing import TextIO
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from facestage.contract.errors import InputError
+from facestage.contract.case_files import PHOTO
+from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.light_stage import OFF, ON
@@ -41,7 +42,6 @@ from facestage.stress.scene import (
     write_png,
 )
 
-EXIT_DONE = 0
 TABLE = "plan.txt"
 SIDE_PX, QUICK_SIDE_PX, SPECULAR_SIZE = 256, 112, 32
 ROUNDS = 3  # of timing each rule; the shortest counts
@@ -159,8 +159,8 @@ def _little(
 
 def _job(folder: Path, scene: Scene, device: str, seed: int) -> Job:
     folder.mkdir(parents=True, exist_ok=True)
-    write_png(folder / "photo.png", render(scene))
-    return replace(job_of(folder, scene, folder / "photo.png"), device=device, seed=seed)
+    write_png(folder / PHOTO, render(scene))
+    return replace(job_of(folder, scene, folder / PHOTO), device=device, seed=seed)
 
 
 def measure(

@@ -30,13 +30,12 @@ from facestage.bench.solver import run_solver
 from facestage.bench.summary import summary_lines, write_qualities
 from facestage.bench.table import Final, final, reach_table
 from facestage.bench.trace import Judge, Row, Track
-from facestage.contract.errors import InputError
+from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.given.truth import Truth
 from facestage.render.variant import start_renderer
 
-EXIT_DONE = 0
 WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every kernel
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-EXIT_DONE = 0
 MODELS = (
     "default (built in), ict:PATH (ICT-FaceKit), flame:PATH, bfm:PATH (Basel Face Model), "
     "gnm:PATH (GNM Head), "

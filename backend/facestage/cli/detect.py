@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from facestage.cli.common import EXIT_DONE, add_finding
+from facestage.cli.common import add_finding
+from facestage.contract.errors import EXIT_DONE
 
 
 def add_command(commands: Any) -> None:

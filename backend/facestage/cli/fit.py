@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facestage.cli.common import EXIT_DONE, MODELS, add_finding
+from facestage.cli.common import MODELS, add_finding
 from facestage.cli.jobs import read_job, read_jobs
+from facestage.contract.errors import EXIT_DONE
 from facestage.contract.quality import GOOD, QUALITIES, describe
 
 if TYPE_CHECKING:

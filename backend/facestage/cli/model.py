@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from facestage.cli.common import EXIT_DONE, MODELS
-from facestage.contract.errors import InputError
+from facestage.cli.common import MODELS
+from facestage.contract.errors import EXIT_DONE, InputError
 
 
 def add_command(commands: Any) -> None:

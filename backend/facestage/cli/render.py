@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from facestage.cli.common import EXIT_DONE
-from facestage.contract.errors import InputError
+from facestage.contract.errors import EXIT_DONE, InputError
 
 
 def add_command(commands: Any) -> None:

@@ -2,6 +2,8 @@
 
 from facestage.contract.wording import one_line
 
+EXIT_DONE = 0  # a command's exit code; that of a failure is its error's
+
 
 class FacestageError(Exception):
     """Base class: ``str(error)`` is one sentence with what was expected, found, and what to do."""

@@ -42,6 +42,7 @@ from facestage.contract.schemas.schema import (
 )
 
 SCHEMA_VERSION = 1
+FILE, ARRAYS = "job.json", "job.npz"
 DEFAULT_MODEL = "default"
 MODEL_FORMS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 LIGHT_COLORS = ("multi", "uniform")
@@ -167,8 +168,8 @@ class Job:
             arrays["camera_to_stage"] = np.asarray(self.camera_to_stage, np.float64)
         if self.stage is not None:
             arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
-        write_json(folder / "job.json", data)
-        write_arrays(folder / "job.npz", arrays)
+        write_json(folder / FILE, data)
+        write_arrays(folder / ARRAYS, arrays)
 
     @classmethod
     def load(cls, folder: Path) -> Job:
@@ -179,12 +180,12 @@ class Job:
                 f"The job folder '{folder}' does not exist; expected a folder with job.json "
                 "and job.npz."
             )
-        path = folder / "job.json"
+        path = folder / FILE
         data = read_json(path, "job file")
         check_version(data, SCHEMA_VERSION, f"The job file '{path}'", "export it again")
         found = checked(JobSchema(), data, f"The job file '{path}'")
         arrays = sections(
-            read_arrays(folder / "job.npz", "job's arrays", JOB_ARRAYS_MAX), "stage", "initial"
+            read_arrays(folder / ARRAYS, "job's arrays", JOB_ARRAYS_MAX), "stage", "initial"
         )
         given = checked(
             JobArrays(), arrays, f"The job's arrays '{folder / 'job.npz'}'", "export the job again"

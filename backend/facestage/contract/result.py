@@ -38,6 +38,7 @@ SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.
 CONVERGED, BUDGET_SPENT, STOPPED = "converged", "budget_spent", "stopped"
 STATUSES = (CONVERGED, BUDGET_SPENT, STOPPED)
+FILE, ARRAYS = "result.json", "result.npz"
 RESULT_ARRAYS_MAX = 512 * MIB
 TEXTURE_MAX = 512 * MIB  # of a picture's file
 VERTICES_MAX, NAMES_MAX = 5_000_000, 10_000
@@ -144,7 +145,7 @@ class Result:
             "model_origin": self.model_origin,
             "versions": self.versions,
         }
-        write_json(folder / "result.json", data)
+        write_json(folder / FILE, data)
         arrays: dict[str, np.ndarray] = {
             "vertices": self.vertices.astype(np.float32),
             "triangles": self.triangles.astype(np.int32),
@@ -154,7 +155,7 @@ class Result:
         arrays |= self.parameters
         arrays |= {f"stage/{name}": getattr(self.stage, name) for name in LIGHT_ARRAYS}
         arrays |= {f"extra/{name}": value for name, value in self.arrays.items()}
-        write_arrays(folder / "result.npz", arrays)
+        write_arrays(folder / ARRAYS, arrays)
 
     @classmethod
     def load(cls, folder: Path) -> Result:
@@ -170,15 +171,13 @@ class Result:
     def _read(cls, folder: Path) -> Result:
         if not is_folder(folder):
             raise InputError(f"The result folder '{folder}' does not exist; run a fit first.")
-        data = read_json(folder / "result.json", "result file")
+        data = read_json(folder / FILE, "result file")
         subject, again = f"The result '{folder}'", "run the fit again"
         check_version(data, SCHEMA_VERSION, subject, again)
         found = checked(ResultSchema(), data, f"{subject} is damaged; its result.json", again)
         shapes = {"identity": len(found["identity"]), "expression": len(found["expression"])}
         arrays = sections(
-            read_arrays(folder / "result.npz", "result's arrays", RESULT_ARRAYS_MAX),
-            "stage",
-            "extra",
+            read_arrays(folder / ARRAYS, "result's arrays", RESULT_ARRAYS_MAX), "stage", "extra"
         )
         given = checked(
             ResultArrays(**shapes), arrays, f"{subject} is damaged; its result.npz", again

@@ -7,25 +7,27 @@ from __future__ import annotations
 import re
 from pathlib import PurePath
 
-from facestage.contract import person
-from facestage.contract.result import COVERAGE, PICTURES, ROUGHNESS
+from facestage.contract import job, person, result
+from facestage.contract.relight_cache import RELIGHT_CACHE
 
-RESULT, LANDMARKS, REPORT = "result.json", "landmarks.json", "report.html"
+RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
+TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
 FILES = frozenset(
     {
         RESULT,
-        "result.npz",
-        "job.json",
-        "job.npz",
+        result.ARRAYS,
+        job.FILE,
+        job.ARRAYS,
         LANDMARKS,
-        "trace.jsonl",
-        "relight.npz",
+        TRACE,
+        RELIGHT_CACHE,
         REPORT,
-        *PICTURES,
-        ROUGHNESS,
-        COVERAGE,
+        *result.PICTURES,
+        result.ROUGHNESS,
+        result.COVERAGE,
         person.FILE,
-        "person.html",
+        PERSON_REPORT,
+        PERSON_PICTURE,
     }
 )
 REPORT_PICTURES = frozenset(
@@ -37,7 +39,6 @@ REPORT_PICTURES = frozenset(
         "face_photo",
         "landmarks",
         "light_probe",
-        "person",
         "roughness",
         "specular",
         "texture_coverage",

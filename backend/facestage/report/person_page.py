@@ -12,11 +12,11 @@ import numpy as np
 
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.person import Person
+from facestage.contract.result_files import PERSON_PICTURE, PERSON_REPORT
 from facestage.report.figure import DARK, Canvas
 from facestage.report.page import STATUS_WORDS, data_uri
 from facestage.report.page_style import CSS
 
-PICTURE, PAGE = "person.png", "person.html"
 PANEL, GAP, MARGIN, TITLE = 300.0, 10.0, 16.0, 28.0
 
 
@@ -24,9 +24,9 @@ def write_person_report(folder: Path, person: Person) -> None:
     """Write person.png and person.html into a folder that holds the photos' own results with their
     pictures.
     """
-    with atomic_file(folder / PICTURE) as temporary:
+    with atomic_file(folder / PERSON_PICTURE) as temporary:
         _draw(folder, person, temporary)
-    with atomic_file(folder / PAGE) as temporary:
+    with atomic_file(folder / PERSON_REPORT) as temporary:
         temporary.write_text(_page(folder, person), encoding="utf-8")
 
 
@@ -74,7 +74,7 @@ def _page(folder: Path, person: Person) -> str:
     folders = " ".join(shlex.quote(photo.folder) for photo in person.photos)
     repeat = escape(f"facestage fit --job {folders} --same-person --out ../again")
     words = STATUS_WORDS.get(person.status, person.status)
-    picture = data_uri((folder / PICTURE).read_bytes())
+    picture = data_uri((folder / PERSON_PICTURE).read_bytes())
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'

@@ -12,6 +12,7 @@ import numpy as np
 
 from facestage.contract.files.storage import read_json, write_json
 from facestage.contract.result import CONVERGED, PICTURES, Result
+from facestage.contract.result_files import RESULT, TRACE
 from facestage.images.image_io import read_photograph
 from facestage.stress.case import DOUBT, FIT, REFUSAL, SLACK_MM, Case
 
@@ -115,10 +116,7 @@ def read_outcome(
     name: str, result: Result, folder: Path, seconds: float, warnings: tuple[str, ...]
 ) -> Outcome:
     """The outcome of a fit that wrote ``folder``, from its files: what a user would see."""
-    trace = [
-        json.loads(line)
-        for line in (folder / "trace.jsonl").read_text(encoding="utf-8").splitlines()
-    ]
+    trace = [json.loads(line) for line in (folder / TRACE).read_text(encoding="utf-8").splitlines()]
     errors = result.errors
     condition = float(result.arrays.get("condition", np.array(math.nan)))
     return Outcome(
@@ -144,7 +142,7 @@ def not_finite(folder: Path, trace: list[dict[str, Any]]) -> tuple[str, ...]:
     """Names of the numbers of a result folder that are NaN or infinite, pictures included."""
     result = Result.load(folder)
     bad = [name for name, array in _arrays(result).items() if not np.isfinite(array).all()]
-    data = read_json(folder / "result.json", "result file")
+    data = read_json(folder / RESULT, "result file")
     # A result's JSON has null in the place of NaN.
     for group in ("errors", "energy", "timings"):
         bad += [f"{group}.{name}" for name, value in data[group].items() if value is None]

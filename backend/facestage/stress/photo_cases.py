@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.camera import Camera
+from facestage.contract.case_files import PHOTO
 from facestage.contract.job import Job
 from facestage.stress.case import DOUBT, REFUSAL, Suite
 from facestage.stress.scene import (
@@ -24,8 +25,8 @@ suite = Suite()
 
 
 def _png_job(folder: Path, scene: Scene, photo: np.ndarray, alpha: np.ndarray | None = None) -> Job:
-    write_png(folder / "photo.png", photo, alpha)
-    return job_of(folder, scene, folder / "photo.png")
+    write_png(folder / PHOTO, photo, alpha)
+    return job_of(folder, scene, folder / PHOTO)
 
 
 @suite.add("half-clipped", "half of the face saturated", worst_mm=1.0)

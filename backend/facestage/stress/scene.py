@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
+from facestage.contract.case_files import LINEAR_PHOTO, TRUTH
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.storage import write_arrays
 from facestage.contract.job import Job
@@ -186,7 +187,7 @@ def write_job(
     """The job of fitting ``photo`` (h, w, 3) linear, with the scene's camera and stage; truth
     beside it.
     """
-    path = folder / "photo.exr"
+    path = folder / LINEAR_PHOTO
     write_float_exr(path, photo)
     return job_of(folder, scene, path, landmarks)
 
@@ -220,7 +221,7 @@ def job_of(folder: Path, scene: Scene, photo: Path, landmarks: Landmarks | None 
     vertices = (
         scene.model.shape(scene.identity, scene.expression) @ scene.rotation.T + scene.translation
     )
-    write_arrays(folder / "truth.npz", {"vertices": vertices.astype(np.float32)}, compress=False)
+    write_arrays(folder / TRUTH, {"vertices": vertices.astype(np.float32)}, compress=False)
     return Job(
         image=photo,
         model=model,
@@ -228,7 +229,7 @@ def job_of(folder: Path, scene: Scene, photo: Path, landmarks: Landmarks | None 
         camera=scene.camera,
         stage=scene.stage,
         camera_to_stage=scene.camera_to_stage,
-        truth=folder / "truth.npz",
+        truth=folder / TRUTH,
         device="cpu",
         initial={"specular": np.full((SPECULAR_SIZE, SPECULAR_SIZE), SPECULAR_MEAN)},
     )

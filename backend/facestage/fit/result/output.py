@@ -27,7 +27,7 @@ from facestage.contract.result import (
     SPECULAR,
     Result,
 )
-from facestage.contract.result_files import LANDMARKS
+from facestage.contract.result_files import LANDMARKS, TRACE
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import kept
@@ -221,7 +221,7 @@ def write_result(
     probe = light_probe(stage)
     write_exr(folder / LIGHT_PROBE, probe)
     lines = [json.dumps(finite(row)) for row in finished.trace]
-    (folder / "trace.jsonl").write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+    (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
     write_report(folder, _report_data(problem, fitted, finished, result, probe))
     return result
 

@@ -16,7 +16,7 @@ from facestage.contract.job import Job
 from facestage.contract.parameters import as_fields
 from facestage.contract.partial import forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
-from facestage.contract.result import Result
+from facestage.contract.result import ALBEDO, Result
 from facestage.contract.result_files import is_result_file
 from facestage.fit.face.unknowns import SHARED, kept
 from facestage.fit.forward.shading import ForwardModel
@@ -112,7 +112,7 @@ def _write(
         "checks": sum(one.check_seconds for one in fitted.photos),
         "results": time.monotonic() - started,
     }
-    write_exr(folder / "albedo.exr", shared.textures.albedo)
+    write_exr(folder / ALBEDO, shared.textures.albedo)
     person = _person(run, fitted, results, timings)
     person.write_into(folder)
     write_person_report(folder, person)

@@ -17,7 +17,7 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
 from facestage.contract.parameters import WEIGHT_MAX
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import NAMES_MAX, ROUGHNESS, Result
+from facestage.contract.result import ALBEDO, NAMES_MAX, ROUGHNESS, SPECULAR, Result
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Number, Table
 from facestage.contract.schemas.schema import HandWritten, checked
@@ -171,8 +171,8 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     folder = _folder(result)
     rough = folder / ROUGHNESS  # older results have one value alone
     textures = Textures(
-        read_exr(folder / "albedo.exr"),
-        read_exr(folder / "specular.exr")[..., 0],
+        read_exr(folder / ALBEDO),
+        read_exr(folder / SPECULAR)[..., 0],
         read_exr(rough)[..., 0] if is_file(rough) else None,
     )
     geometry = FaceGeometry(model)
