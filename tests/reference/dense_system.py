@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_jacobian import Jacobian
+from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.stages.stage import Stage
@@ -51,17 +53,15 @@ def data_rows(stage: Stage, state: State, seed: int) -> Rows:
     """Landmarks and photo; without lights that move or shadows' edges."""
     energy, layout = stage.energy, stage.energy.layout
     photo = energy.photo
-    assert photo is not None and energy.stage is not None
-    placed = energy.landmarks.at(state)
+    assert photo is not None
+    placed = energy.term(LandmarkTerm).at(state)
     residual = placed.residuals(state)
     landmarks = Rows(
-        placed.jacobian(state, layout),
-        residual,
-        energy.weights.landmarks * placed.robust_weights(residual),
+        placed.jacobian(state, layout), residual, placed.weight * placed.robust_weights(residual)
     )
-    evaluation = photo.evaluate(state, energy.stage, seed, everything=True)
+    evaluation = photo.evaluate(state, seed)
     y, x = photo.index(evaluation.image.surface)
-    weights = photo.weights(evaluation, photo.noise(evaluation), energy.weights.photo)[y, x]
+    weights = photo.weights(evaluation, photo.noise(evaluation))[y, x]
     jacobian = Jacobian(photo.forward, state, evaluation.image, layout, stage.active)
     pixels = Rows(
         written_out(jacobian, layout, len(weights)),
@@ -75,7 +75,7 @@ def prior_rows(stage: Stage, state: State, blocks: Sequence[str]) -> Rows:
     """The priors of ``blocks``."""
     layout, rows = stage.energy.layout, []
     values = layout.values(state)
-    for where, gaussian in stage.energy.priors.residuals.values():
+    for where, gaussian in stage.energy.term(Priors).gaussians.values():
         if not any(layout.slices[name] == where for name in blocks):
             continue
         residual = gaussian.operator @ values[where] - gaussian.offset

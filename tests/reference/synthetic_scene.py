@@ -16,10 +16,10 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.priors import Priors
-from facestage.fit.energy.terms import Energy
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
@@ -77,6 +77,13 @@ class Scene:
             Known(self.lights, self.state.camera.focal_px, expression_box=box), **changes
         )
 
+    def photo_term(
+        self, photo: np.ndarray, samples: int, clipped: np.ndarray | None = None, **changes: Any
+    ) -> PhotoTerm:
+        """Every pixel of ``photo`` (h, w, 3) against the scene's lights."""
+        given = plain_photo(photo, clipped)
+        return PhotoTerm(self.forward, given, self.stage, samples, **changes)
+
     def solver(
         self,
         photo: np.ndarray,
@@ -90,15 +97,13 @@ class Scene:
         """A stage of the schedule over ``blocks`` against ``photo``."""
         layout = Layout(self.state)
         known = self.known(light_scale=float(RADIANCE.mean()))
-        term = PhotoTerm(self.forward, plain_photo(photo, clipped), samples)
         energy = Energy(
             layout,
-            Priors(layout, known, weights),
-            LandmarkTerm(self.geometry, landmarks or self.landmarks(), 0.6),
-            weights,
-            self.lights,
-            term,
-            self.stage,
+            (
+                Priors(layout, known, weights),
+                LandmarkTerm(self.geometry, landmarks or self.landmarks(), 0.6, weights.landmarks),
+                self.photo_term(photo, samples, clipped=clipped, weight=weights.photo),
+            ),
         )
         low, high = layout.bounds(known)
         return Stage(

@@ -8,15 +8,15 @@ applied outside of automatic differentiation, which is faster.
 What differs: lamps stay in their places, by which Mitsuba does not differentiate; the specular map
 is interpolated between vertices rather than texels; a pixel is a few paths at random places in it
 rather than its middle. A pixel's weight is estimated anew every WEIGHTS_EVERY iterations, and where
-the photo has the outline every OUTLINE_EVERY, rather than at every step: an iteration moves the
-face by much less.
+the face's outline lies every ANCHORS_EVERY, rather than at every step: an iteration moves the face
+by much less.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,8 @@ from facestage.bench.settings import AdamSettings, Rates
 from facestage.bench.solver import finished_track, landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract.errors import InputError
-from facestage.fit.energy.landmark_term import PlacedLandmarks
-from facestage.fit.energy.silhouette import Silhouette
-from facestage.fit.energy.terms import Energy
+from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -38,11 +37,12 @@ from facestage.fit.forward.shading import ForwardModel, bilinear_weights
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.phases import Phase, Schedule
 from facestage.render.gradient_scene import GradientScene, SceneValues, Target
 
 WEIGHTS_EVERY = 25  # iterations between estimates of the photo's noise
-OUTLINE_EVERY = 5  # iterations between looks for the outline in the photo
+ANCHORS_EVERY = 5  # iterations between looks for what the other terms compare with what
 WEIGHT_SAMPLES = 2
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-12
 LAST_RATE = 0.1  # share of the learning rate at the end
@@ -136,84 +136,30 @@ class AdamRun:
 
     def __init__(self, energy: Energy, state: State, samples: int) -> None:
         """``state`` has the camera of the energy's resolution."""
-        assert energy.photo is not None and energy.stage is not None
-        self.energy, self.photo, self.stage, self.samples = (
-            energy,
-            energy.photo,
-            energy.stage,
-            samples,
-        )
+        assert energy.photo is not None
+        self.energy, self.photo, self.samples = energy, energy.photo, samples
+        # Mitsuba differentiates the photo; the rest has closed forms.
+        self.others = energy.without(PhotoTerm)
         forward = self.photo.forward
         self.map = SceneMap(forward, energy.layout, len(state.specular))
         self.scene = GradientScene(
-            forward.geometry.triangles, state.camera, self.stage, self.map.values(state)
+            forward.geometry.triangles, state.camera, self.photo.stage, self.map.values(state)
         )
-        self.target, self.outline = self.weigh(state, 0), self.find_outline(state)
-
-    def find_outline(self, state: State) -> Silhouette | None:
-        """Where the photo has the outline of ``state``; None where it shows too little of it."""
-        return None if self.energy.silhouette is None else self.energy.silhouette.find(state)
+        self.target, self.anchors = self.weigh(state, 0), self.others.at(state)
 
     def weigh(self, state: State, seed: int) -> Target:
         """The photo with the weights that the fit's noise model gives at ``state``."""
-        evaluation = self.photo.evaluate(state, self.stage, seed)
-        weights = self.photo.weights(
-            evaluation, self.photo.noise(evaluation), self.energy.weights.photo
-        )
+        evaluation = self.photo.evaluate(state, seed)
+        weights = self.photo.weights(evaluation, self.photo.noise(evaluation))
         return Target(self.photo.photo.color, self.photo.photo.clipped, weights)
 
     def loss(self, state: State, seed: int) -> tuple[float, np.ndarray]:
         """Energy and its gradient (size,) by the parameters."""
         values = self.map.values(state)
         photo, derivative = self.scene.gradient(values, self.target, self.samples, seed)
-        others = other_terms(
-            self.energy, state, Anchors(self.energy.landmarks.at(state), self.outline)
-        )
-        return photo + others.total, self.map.gradient(state, values, derivative) + others.gradient
-
-
-@dataclass(frozen=True)
-class Anchors:
-    """Which points of the face an iteration compares with landmarks and outline: held while it
-    differentiates.
-    """
-
-    landmarks: PlacedLandmarks
-    outline: Silhouette | None
-
-
-@dataclass(frozen=True)
-class OtherTerms:
-    """What the energy has beside the photo, by name, and the gradient (size,) of it all."""
-
-    energy: dict[str, float]
-    gradient: np.ndarray
-
-    @property
-    def total(self) -> float:
-        """Their sum."""
-        return sum(self.energy.values())
-
-
-def other_terms(energy: Energy, state: State, anchors: Anchors) -> OtherTerms:
-    """Priors, and the robust energies of landmarks and outline; exact derivatives while the anchors
-    are held.
-    """
-    prior = energy.priors.quadratic(state)
-    found, gradient = dict(prior.energy), prior.gradient
-    landmarks = anchors.landmarks
-    residual = landmarks.residuals(state)
-    weights = energy.weights.landmarks * landmarks.robust_weights(residual)
-    gradient = gradient + landmarks.jacobian(state, energy.layout).T @ (weights * residual)
-    found["landmarks"] = energy.weights.landmarks * landmarks.robust_energy(state)
-    if anchors.outline is not None:
-        residual = anchors.outline.residuals(state)
-        weights = energy.weights.photo * anchors.outline.weights(residual)
-        gradient = gradient + anchors.outline.jacobian(state, energy.layout).T @ (
-            weights * residual
-        )
-        found["silhouette"] = energy.weights.photo * anchors.outline.robust_energy(residual)
-    return OtherTerms(found, gradient)
+        others = self.anchors.system(state)
+        gradient = self.map.gradient(state, values, derivative) + others.gradient
+        return photo + sum(others.robust.values()), gradient
 
 
 def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: bool = True) -> Track:
@@ -229,12 +175,10 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         phase = Phase("adam", BLOCKS, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
-        stage = run.view.solver_stage(phase, start.state)
-        if stage is None:
+        passage = Passage.prepared(run.view, phase, start.state)
+        if passage is None:
             raise InputError("Everything is frozen; there is nothing to compare.")
-        state = run.view.with_initial_lights(stage, start.state)
-        factor = problem.scale(FINE_FACE_PX * settings.resolution)
-        state = replace(state, camera=state.camera.scaled(factor))
+        state, stage = passage.scaled, passage.stage
         layout = stage.energy.layout
         descent = Adam(learning_rates(layout, settings.rates, run.view.light_scale) * ~stage.freeze)
         # Making the scene and compiling its kernels is off the clock: nobody does it twice.
@@ -248,8 +192,8 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
                 break
             if number % WEIGHTS_EVERY == 0 and number:
                 adam.target = adam.weigh(state, number)
-            if number % OUTLINE_EVERY == 0 and number:
-                adam.outline = adam.find_outline(state)
+            if number % ANCHORS_EVERY == 0 and number:
+                adam.anchors = adam.others.at(state)
             _, gradient = adam.loss(state, problem.job.seed + 2 * number)
             done = max(elapsed / settings.budget, number / settings.iterations)
             change = descent.step(gradient, LAST_RATE**done)

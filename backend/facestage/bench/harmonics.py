@@ -18,7 +18,6 @@ from facestage.bench.settings import SolverSettings
 from facestage.bench.solver import landmark_start
 from facestage.bench.trace import Snapshot, Track
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, SKIN
@@ -149,10 +148,9 @@ def _initial_harmonics(run: FitRun, phase: Phase, state: State) -> State:
     E_light.
     """
     stage = run.view.solver_stage(phase, state)
-    assert stage is not None and stage.energy.photo is not None and stage.energy.stage is not None
-    photo: PhotoTerm = stage.energy.photo
-    scaled = run.view.scaled(phase, state)
-    evaluation: Evaluation = photo.evaluate(scaled, stage.energy.stage, run.problem.job.seed)
+    assert stage is not None and stage.energy.photo is not None
+    photo = stage.energy.photo
+    evaluation = photo.evaluate(run.view.scaled(phase, state), run.problem.job.seed)
     image = evaluation.image
     y, x = photo.index(image.surface)
     coefficients = np.zeros((COEFFICIENTS, CHANNELS))

@@ -238,22 +238,22 @@ class _Timed:
         phase = run.schedule.last
         stage = run.view.solver_stage(phase, fitted.state)
         assert stage is not None and phase.face_px is not None
-        photo, lights, layout = stage.energy.photo, stage.energy.stage, stage.energy.layout
-        assert photo is not None and lights is not None
+        photo, layout = stage.energy.photo, stage.energy.layout
+        assert photo is not None
         active = layout.mask(stage.blocks) & ~stage.freeze
         state = replace(
             fitted.state, camera=fitted.state.camera.scaled(self.problem.scale(phase.face_px))
         )
 
-        def once(everything: bool) -> np.ndarray:
-            evaluation = photo.evaluate(state, lights, self.job.seed, everything)
-            weights = photo.weights(evaluation, photo.noise(evaluation), 1.0)
+        def once(resting: np.ndarray | None) -> np.ndarray:
+            evaluation = photo.evaluate(state, self.job.seed, resting)
+            weights = photo.weights(evaluation, photo.noise(evaluation))
             return photo.normal_equations(evaluation, weights, layout, active)[1]
 
-        gradient = once(everything=True)[layout.slices["lights"]]
-        photo.resting = self.problem.lights.dark(state.lights, (state.lights <= 0) & (gradient > 0))
+        gradient = once(None)[layout.slices["lights"]]
+        resting = self.problem.lights.dark(state.lights, (state.lights <= 0) & (gradient > 0))
         began = time.process_time()
-        once(everything=False)
+        once(resting)
         return time.process_time() - began
 
 

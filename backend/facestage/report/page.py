@@ -267,7 +267,7 @@ def _numbers(data: ReportData) -> str:
     cards = [
         _rows_card("Errors on the photo", on_photo),
         _rows_card("Errors against known truth", against_truth),
-        _bars_card("Energy at the end", tables.energy_rows(result.energy), ""),
+        _bars_card("Energy at the end", tables.energy_rows(result.energy, data.energy_names), ""),
         _bars_card("Timings", tables.timing_rows(result.timings), "s"),
         _rows_card("Camera, pose and settings", tables.setup_rows(result)),
         _rows_card("Read from the photo", [Row(name, text) for name, text in result.photo.items()]),

@@ -48,6 +48,7 @@ class ReportData:
     # (f,) numbers of the face's vertices, without neck and scalp; None: all
     face: np.ndarray | None = None
     trace: Sequence[Mapping[str, Any]] = ()
+    energy_names: Mapping[str, str] = field(default_factory=dict)  # what people call each energy
     repeat_command: str = REPEAT_COMMAND
 
     def __post_init__(self) -> None:

@@ -53,18 +53,6 @@ TRUTH_WORDS = (
     "vertices",
     "roughness",
 )
-ENERGIES = {
-    "photo": "Photo",
-    "landmarks": "Landmarks",
-    "identity": "Prior on identity",
-    "expression": "Prior on expression",
-    "albedo": "Prior on albedo",
-    "roughness": "Prior on roughness",
-    "focal": "Prior on focal length",
-    "specular_level": "Prior on specular",
-    "specular_smooth": "Smoothness of specular",
-    "light": "Light color",
-}
 
 
 @dataclass(frozen=True)
@@ -169,10 +157,15 @@ def certainty_rows(result: Result, count: int = 12) -> list[CertaintyRow]:
     return sorted(rows, key=lambda row: -row.left)[:count]
 
 
-def energy_rows(energy: Mapping[str, Any]) -> list[tuple[str, float, str]]:
-    """(term, share of the total 0..1, value) of each energy term, largest first."""
+def energy_rows(
+    energy: Mapping[str, Any], names: Mapping[str, str]
+) -> list[tuple[str, float, str]]:
+    """(term, share of the total 0..1, value) of each energy term, largest first.
+
+    ``names``: what people call a term; one that has none is called by its key.
+    """
     return _shares(
-        {ENERGIES.get(key, words(key)): value for key, value in energy.items() if key != "total"}
+        {names.get(key, words(key)): value for key, value in energy.items() if key != "total"}
     )
 
 

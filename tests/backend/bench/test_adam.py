@@ -11,6 +11,7 @@ from facestage.bench.adam import Adam, AdamRun, SceneMap, learning_rates, run_ad
 from facestage.bench.settings import Rates
 from facestage.bench.trace import Judge
 from facestage.fit.energy.photo_term import common_energy
+from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, Known
@@ -18,6 +19,7 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.driver import FitRun
+from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.phases import Phase, Schedule
 from facestage.render.gradient_scene import SceneValues
 from reference.synthetic_scene import Scene
@@ -72,11 +74,9 @@ def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPat
     )
     run = FitRun(problem, forward, tmp_path_factory.mktemp("start"), schedule=schedule)
     fitted = run.run(float("inf"))
-    stage = run.view.solver_stage(Phase("adam", BLOCKS, 40.0, 0), fitted.state)
-    assert stage is not None
-    state = run.view.with_initial_lights(stage, fitted.state)
-    state = replace(state, camera=state.camera.scaled(problem.scale(40.0)))
-    return AdamRun(stage.energy, state, samples=16), state
+    passage = Passage.prepared(run.view, Phase("adam", BLOCKS, 40.0, 0), fitted.state)
+    assert passage is not None
+    return AdamRun(passage.stage.energy, passage.scaled, samples=16), passage.scaled
 
 
 def test_gradients_are_finite_and_every_block_has_one(start: Start):
@@ -92,9 +92,7 @@ def test_the_photo_costs_what_it_costs_the_fit(start: Start):
     """Half the light: a misfit that the noise of the paths does not hide."""
     adam, state = start
     dark = replace(state, lights=0.5 * state.lights)
-    photo = adam.energy.photo
-    assert photo is not None
-    evaluation = photo.evaluate(dark, adam.stage, 1)
+    evaluation = adam.photo.evaluate(dark, 1)
     wanted, _ = common_energy(evaluation, evaluation, adam.target.weights)
     found, _ = adam.scene.gradient(adam.map.values(dark), adam.target, 256, 1)
     print(f"photo: {found:.1f}, the fit's {wanted:.1f}, allowed 3 % apart")
@@ -111,7 +109,7 @@ def test_adam_lowers_the_energy(start: Start):
     # the dark.
     state = replace(state, lights=0.5 * state.lights)
     layout = adam.energy.layout
-    descent = Adam(learning_rates(layout, Rates(), adam.energy.priors.known.light_scale))
+    descent = Adam(learning_rates(layout, Rates(), adam.energy.term(Priors).known.light_scale))
     before = mean_loss(adam, state)
     for number in range(40):
         state = layout.apply(state, descent.step(adam.loss(state, seed=2 * number)[1]))

@@ -52,10 +52,9 @@ def test_errors_carry_units_and_truth_is_kept_apart() -> None:
 
 
 def test_shares_of_energy_and_time() -> None:
-    assert energy_rows({"photo": 1.0, "landmarks": 3.0, "total": 4.0}) == [
-        ("Landmarks", 0.75, "3"),
-        ("Photo", 0.25, "1"),
-    ]
+    assert energy_rows(
+        {"photo": 1.0, "specular_level": 3.0, "total": 4.0}, {"photo": "The photo"}
+    ) == [("Specular level", 0.75, "3"), ("The photo", 0.25, "1")]
     assert timing_rows({"cold_start": 1.0, "render": 1.0, "total": 4.0}) == [
         ("Cold start", 0.25, "1"),
         ("Render", 0.25, "1"),

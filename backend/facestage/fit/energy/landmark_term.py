@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import ClassVar, Self
 
 import numpy as np
 
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.robust_residuals import RobustResiduals
+from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.contour_lines import ContourLines, contour_lines
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
@@ -15,6 +19,8 @@ from facestage.fit.face.state import State
 from facestage.fit.face.surface_points import SurfacePoints
 from facestage.models.anatomy.landmark_schemes import Scheme, scheme_of
 
+# Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
+LANDMARK_SIGMA_SHARE = 0.0085
 # A point that the file marks as hidden is a guess of whoever made it.
 HIDDEN_SIGMA = 3.0
 # Cosines of normal and view between which a point turns from one that shows to one that nobody saw,
@@ -25,8 +31,6 @@ TURNED_SIGMA = 4.0
 # Cosines between which the outline is where the face ends in the picture, not on a cheek that faces
 # the camera.
 GRAZING, FRONTAL = 0.3, 0.5
-# Beyond three standard deviations a landmark is more likely wrong than unlucky.
-CAUCHY_SCALE = 3.0
 
 
 @dataclass(frozen=True)
@@ -54,34 +58,60 @@ def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
     return _Candidates(SurfacePoints(geometry, corners, weights), corners, weights, lines)
 
 
-class LandmarkTerm:
+@dataclass(frozen=True, eq=False)
+class LandmarkTerm(Term):
     """The landmarks of a photo against a face; :meth:`at` places them on it, in pixels of the
     working photo.
     """
 
-    def __init__(self, geometry: FaceGeometry, landmarks: Landmarks, sigma_px: float) -> None:
-        """``sigma_px``: standard deviation of a sharp point, such as the corner of an eye, in
-        pixels.
-        """
-        self.geometry, self.landmarks = geometry, landmarks
-        self.scheme: Scheme = scheme_of(landmarks.scheme)
-        self._candidates = _candidates(geometry, landmarks.scheme)
-        self.points = np.nan_to_num(landmarks.points)
-        sigma = sigma_px * self.scheme.deviation
+    words: ClassVar = {"landmarks": "Landmarks"}
+
+    geometry: FaceGeometry
+    landmarks: Landmarks
+    sigma_px: float  # standard deviation of a sharp point, such as the corner of an eye
+    weight: float = 1.0
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self:
+        """Of every phase."""
+        problem, factor = setup.problem, setup.factor
+        sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
+        weight = problem.job.weights.landmarks
+        return cls(problem.geometry, problem.landmarks_at(factor), sigma, weight)
+
+    @cached_property
+    def scheme(self) -> Scheme:
+        """What the landmarks stand for."""
+        return scheme_of(self.landmarks.scheme)
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(m, 2) pixels, 0 where unknown."""
+        return np.nan_to_num(self.landmarks.points)
+
+    @cached_property
+    def sigma(self) -> np.ndarray:
+        """(m,) pixels, the standard deviation of each landmark; infinite where it says nothing."""
+        landmarks = self.landmarks
+        sigma = self.sigma_px * self.scheme.deviation
         sigma[~landmarks.visible] *= HIDDEN_SIGMA
         if landmarks.weights is not None:
             sigma /= np.sqrt(np.maximum(landmarks.weights, 1e-30))
             sigma[landmarks.weights == 0] = np.inf
         sigma[~np.isfinite(landmarks.points).all(1)] = np.inf
         sigma[self.scheme.behind_closed_lids(landmarks.points)] = np.inf
-        self.sigma = sigma
+        return np.asarray(sigma)
+
+    @cached_property
+    def _candidates(self) -> _Candidates:
+        return _candidates(self.geometry, self.landmarks.scheme)
 
     @property
     def observations(self) -> float:
         """How many independent points the landmarks amount to."""
         return float(self.scheme.share[np.isfinite(self.sigma)].sum())
 
-    def at(self, state: State) -> PlacedLandmarks:
+    def at(self, state: State, evaluation: Evaluation | None = None) -> PlacedLandmarks:
         """The term around ``state``: which point of the skin each landmark is there, and how well
         it shows.
         """
@@ -105,7 +135,7 @@ class LandmarkTerm:
         whitening[contour] = (
             across + along / (self.scheme.along**grazing)[:, None, None]
         ) @ whitening[contour]
-        return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share)
+        return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share, self.weight)
 
     def _outermost(self, lines: ContourLines, state: State) -> np.ndarray:
         """(k,) which candidate shows furthest from the axis of the face, in each line; itself where
@@ -156,19 +186,20 @@ def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) 
     return LandmarkTerm(geometry, landmarks, 1.0).at(state).project(state)
 
 
-class PlacedLandmarks:
+@dataclass(frozen=True, eq=False)
+class PlacedLandmarks(RobustResiduals):
     """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the
     skin.
     """
 
-    def __init__(
-        self, on_face: SurfacePoints, points: np.ndarray, whitening: np.ndarray, share: np.ndarray
-    ) -> None:
-        """``points`` (m, 2) pixels; ``whitening`` (m, 2, 2) takes pixels to standard deviations.
+    name: ClassVar = "landmarks"
+    components: ClassVar = 2
 
-        ``share`` (m,): of an independent point that each stands for.
-        """
-        self.on_face, self.points, self.whitening, self.share = on_face, points, whitening, share
+    on_face: SurfacePoints
+    points: np.ndarray  # (m, 2) pixels
+    whitening: np.ndarray  # (m, 2, 2) takes pixels to standard deviations
+    share: np.ndarray  # (m,) of an independent point that each stands for
+    weight: float = 1.0
 
     def project(self, state: State) -> np.ndarray:
         """(m, 2) pixels of the model's landmarks."""
@@ -178,19 +209,6 @@ class PlacedLandmarks:
         """(2 m,) standard deviations."""
         return np.einsum("mxy,my->mx", self.whitening, self.project(state) - self.points).ravel()
 
-    def robust_weights(self, residuals: np.ndarray) -> np.ndarray:
-        """(2 m,) Cauchy weights, one per point, times the share that neighbors leave it."""
-        return np.repeat(self.share / (1.0 + _squared(residuals) / CAUCHY_SCALE**2), 2)
-
-    def robust_energy(self, state: State) -> float:
-        """The Cauchy energy that :meth:`robust_weights` belong to."""
-        squared = _squared(self.residuals(state))
-        return 0.5 * CAUCHY_SCALE**2 * float(self.share @ np.log1p(squared / CAUCHY_SCALE**2))
-
     def jacobian(self, state: State, layout: Layout) -> np.ndarray:
         """(2 m, size) derivative of :meth:`residuals`."""
         return (self.whitening @ self.on_face.jacobian(state, layout)).reshape(-1, layout.size)
-
-
-def _squared(residuals: np.ndarray) -> np.ndarray:
-    return (residuals.reshape(-1, 2) ** 2).sum(axis=1)

@@ -1,15 +1,15 @@
-"""The photometric term: residuals of the photo over the skin, and their normal equations."""
+"""The photo term: residuals of the photo over the skin, and their normal equations."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import KW_ONLY, dataclass, field
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.ndimage import binary_erosion
 
 from facestage.contract.light_stage import LightStage
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import NoiseModel, estimate_noise
 from facestage.fit.energy.normal_equations import NormalEquations
 from facestage.fit.energy.photo_jacobian import Jacobian
@@ -23,69 +23,65 @@ from facestage.fit.energy.shadow_edges import (
     refined,
     shadow_edges,
 )
+from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
 from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SHAPE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
-from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.render.light_terms import Asked, LightTerms
-
-if TYPE_CHECKING:
-    pass
+from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.given.photo import Photo
+from facestage.render.light_terms import Asked, LightTerms
 
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
 VIEW_COSINE_ZERO, VIEW_COSINE_FULL = 0.15, 0.45
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """The model's answer at one state, and how it compares to the photo."""
-
-    state: State
-    image: Image
-    residual: np.ndarray  # (h, w, 3) model minus photo, 0 where unused
-    highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
-    base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
-    stage: LightStage  # camera frame, on the lattice
-    seed: int
-    penumbra: Penumbra | None = None  # found where the motion of shadows counts
-
-
-class PhotoTerm:
+@dataclass(frozen=True, eq=False)
+class PhotoTerm(Term):
     """Residuals of the photo over the skin pixels, with weights from the noise they show."""
 
-    def __init__(
-        self,
-        forward: ForwardModel,
-        photo: Photo,
-        samples: int,
-        blocks: Collection[str] = BLOCKS,
-        plan: Plan | None = None,
-        held: int = 0,
-        pivot: np.ndarray | None = None,
-        casting: np.ndarray | None = None,
-    ) -> None:
-        """``blocks`` of parameters are those whose derivatives will be asked for; ``held``
-        parameters are frozen.
+    words: ClassVar = {"photo": "Photo"}
 
-        ``pivot`` (3,): the stage's centre in the camera frame, about which lights turn. ``casting``
-        (N,) bool: the lights whose shadows the derivatives know to move; None: no light's do.
-        """
-        self.pivot = np.zeros(3) if pivot is None else pivot
-        self.forward, self.photo, self.samples, self.blocks = (
-            forward,
-            photo,
-            samples,
-            frozenset(blocks),
+    forward: ForwardModel
+    photo: Photo
+    stage: LightStage  # camera frame, before its lights are turned by a state's light_position
+    samples: int  # per light and pixel
+    blocks: frozenset[str] = frozenset(BLOCKS)  # whose derivatives will be asked for
+    _: KW_ONLY
+    plan: Plan = field(default_factory=Plan)
+    held: int = 0  # parameters that have no column because they are frozen
+    pivot: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) about which lights turn
+    # (N,) bool, lights whose shadows the derivatives know to move; None: no light's do.
+    casting: np.ndarray | None = None
+    weight: float = 1.0
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self | None:
+        """Of every phase that sees the photo, with derivatives by what the phase may move."""
+        if setup.photo is None or setup.stage is None:
+            return None
+        layout, plan = setup.layout, setup.plan
+        wanted = layout.mask(setup.blocks)
+        free = wanted & ~setup.freeze if plan.rules.columns else wanted
+        held = int((wanted & setup.freeze & ~layout.mask(["specular"])).sum())
+        return cls(
+            setup.forward,
+            setup.photo,
+            setup.stage,
+            setup.samples,
+            frozenset(layout.blocks_of(free)),
+            plan=plan,
+            held=held,
+            pivot=setup.pivot,
+            casting=setup.casting,
+            weight=setup.problem.job.weights.photo,
         )
-        self.plan, self.held = Plan() if plan is None else plan, held
-        self.casting = casting
-        # (N,) bool, lights that are left out while they are dark; set by whoever knows the
-        # gradient.
-        self.resting: np.ndarray | None = None
+
+    def at(self, state: State, evaluation: Evaluation | None = None) -> PlacedPhoto | None:
+        """Silent where nobody evaluated it."""
+        return None if evaluation is None else PlacedPhoto(self, evaluation)
 
     def pixels(self, state: State) -> np.ndarray:
         """(P, 2) centres of the pixels in the bounding box of the face's skin."""
@@ -103,13 +99,10 @@ class PhotoTerm:
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
-    def evaluate(
-        self, state: State, stage: LightStage, seed: int, everything: bool = False
-    ) -> Evaluation:
+    def evaluate(self, state: State, seed: int, resting: np.ndarray | None = None) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
 
-        ``stage``: camera frame, before its lights are turned by ``state.light_position``.
-        ``everything``: lights that rest are traced too.
+        ``resting`` (N,) bool: dark lights that may be left out; None: all are traced.
         """
         rules, ledger = self.plan.rules, self.plan.ledger
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
@@ -119,8 +112,8 @@ class PhotoTerm:
             counted = weight[self.index(surface)] > 0
             ledger.skip("pixels", lit=int((~counted).sum()))
             surface = surface.part(counted)
-        placed = turned(stage, state.light_position, self.pivot)
-        terms = self._light_terms(state, surface, placed, seed, everything)
+        placed = turned(self.stage, state.light_position, self.pivot)
+        terms = self._light_terms(state, surface, placed, seed, resting)
         y, x = self.index(surface)
         terms, penumbra = self._with_penumbra(state, surface, placed, terms, weight[y, x], seed)
         image = self.forward.shade(state, surface, terms)
@@ -129,7 +122,7 @@ class PhotoTerm:
         # A clipped pixel only says "at least this bright".
         residual[y, x] = np.where(self.photo.clipped[y, x] & (difference > 0), 0.0, difference)
         highlight[y, x] = image.skin.gloss(image.specular.mean(axis=1, keepdims=True))
-        return Evaluation(state, image, residual, highlight, weight, stage, seed, penumbra)
+        return Evaluation(state, image, residual, highlight, weight, seed, penumbra)
 
     def _base_weight(self, surface: Surface) -> np.ndarray:
         """(h, w) 0..1: how much a pixel counts before its residual is known."""
@@ -144,12 +137,17 @@ class PhotoTerm:
         return weight * binary_erosion(seen, border_value=1)
 
     def _light_terms(
-        self, state: State, surface: Surface, stage: LightStage, seed: int, everything: bool
+        self,
+        state: State,
+        surface: Surface,
+        stage: LightStage,
+        seed: int,
+        resting: np.ndarray | None,
     ) -> LightTerms:
         rules, ledger = self.plan.rules, self.plan.ledger
         traced = np.ones(len(stage), bool)
-        if rules.lights and self.resting is not None and not everything:
-            traced = ~self.resting
+        if rules.lights and resting is not None:
+            traced = ~resting
         pixels = len(surface.pixels)
         with ledger.timed(lit=pixels, samples=pixels * self.samples * int(traced.sum())) as done:
             terms = self.forward.light_terms(
@@ -206,15 +204,13 @@ class PhotoTerm:
             )
         return terms, penumbra
 
-    def penumbra_share(
-        self, state: State, stage: LightStage, casting: np.ndarray, seed: int
-    ) -> float:
+    def penumbra_share(self, state: State, casting: np.ndarray, seed: int) -> float:
         """Share of the light on the compared pixels, unshadowed, that comes from partly hidden
         ``casting`` lights.
         """
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
         weight = self._base_weight(surface)[self.index(surface)]
-        placed = turned(stage, state.light_position, self.pivot)
+        placed = turned(self.stage, state.light_position, self.pivot)
         return find_penumbra(self.forward, state, surface, placed, weight, casting, seed).share
 
     def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
@@ -225,11 +221,12 @@ class PhotoTerm:
         """The noise that the residuals of an evaluation show."""
         return estimate_noise(evaluation.residual, self.photo.color, evaluation.base_weight > 0.5)
 
-    def weights(self, evaluation: Evaluation, noise: NoiseModel, factor: float) -> np.ndarray:
+    def weights(self, evaluation: Evaluation, noise: NoiseModel) -> np.ndarray:
         """(h, w) inverse variances, robust and correlation-corrected, per channel."""
         scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
         robust = noise.robust(evaluation.residual / scale)
-        return factor * noise.information() * evaluation.base_weight * (robust / scale**2)[..., 0]
+        weight = self.weight * noise.information()
+        return weight * evaluation.base_weight * (robust / scale**2)[..., 0]
 
     def normal_equations(
         self, evaluation: Evaluation, weights: np.ndarray, layout: Layout, active: np.ndarray
@@ -268,7 +265,7 @@ class PhotoTerm:
         """
         if evaluation.penumbra is None or not shape.any():
             return None
-        placed = turned(evaluation.stage, evaluation.state.light_position, self.pivot)
+        placed = turned(self.stage, evaluation.state.light_position, self.pivot)
         with self.plan.ledger.timed(lines=0):
             return shadow_edges(
                 self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra
@@ -285,7 +282,7 @@ class PhotoTerm:
             self.forward,
             evaluation.state,
             evaluation.image.surface,
-            evaluation.stage,
+            self.stage,
             self.pivot,
             moving,
             self.samples,
@@ -293,10 +290,54 @@ class PhotoTerm:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedPhoto(Placed):
+    """The photo beside what the model looks like at one state."""
+
+    term: PhotoTerm
+    evaluation: Evaluation
+
+    def weighed(self, state: State) -> WeighedPhoto:
+        """With the noise that it shows where it was evaluated."""
+        noise = self.term.noise(self.evaluation)
+        return WeighedPhoto(self.term, self.evaluation, self.term.weights(self.evaluation, noise))
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedPhoto(Weighed):
+    """The photo's residuals at one state and their frozen weights (h, w).
+
+    The noise is estimated anew at every state, so there is no energy beside that of frozen weights.
+    """
+
+    term: PhotoTerm
+    evaluation: Evaluation
+    weights: np.ndarray
+
+    @property
+    def energies(self) -> dict[str, float]:
+        """Half the weighted sum of squares."""
+        return {"photo": common_energy(self.evaluation, self.evaluation, self.weights)[0]}
+
+    def add_to(self, total: Quadratic) -> None:
+        """The columns of what a step may move, alone."""
+        hessian, gradient = self.term.normal_equations(
+            self.evaluation, self.weights, total.layout, total.active
+        )
+        np.add(total.hessian, hessian, out=total.hessian)
+        np.add(total.gradient, gradient, out=total.gradient)
+
+    def decrease(self, state: State, evaluation: Evaluation | None) -> float:
+        """Over the pixels that both states see."""
+        if evaluation is None:
+            return 0.0
+        old, new = common_energy(self.evaluation, evaluation, self.weights)
+        return old - new
+
+
 def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:
     """Photo energies of two evaluations under the same weights, over the pixels that both see."""
     both = (old.base_weight > 0) & (new.base_weight > 0)
     shared = np.where(both, weights, 0.0)[..., None]
-    return 0.5 * float((shared * old.residual**2).sum()), 0.5 * float(
-        (shared * new.residual**2).sum()
-    )
+    before, after = ((shared * one.residual**2).sum() for one in (old, new))
+    return 0.5 * float(before), 0.5 * float(after)

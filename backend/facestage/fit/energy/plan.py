@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, field, fields
 
 from facestage.contract.job import LEAN
@@ -70,6 +71,10 @@ class Ledger:
             if count > 0:
                 self.skipped[rule, kind] = self.skipped.get((rule, kind), 0.0) + float(count)
 
+    def set_to(self, other: Ledger) -> None:
+        """Say what ``other`` says now."""
+        self.work, self.skipped = deepcopy(other.work), dict(other.skipped)
+
     def rate(self, kind: str) -> float | None:
         """Units per second of a kind of work in this run; None when there was none."""
         work = self.work.get(kind)
@@ -91,9 +96,9 @@ class Ledger:
         return result
 
 
-@dataclass
+@dataclass(frozen=True)
 class Plan:
-    """The rules of a run and its ledger."""
+    """The rules of a run and its ledger, into which everything that follows the rules counts."""
 
     rules: Rules = field(default_factory=Rules)
     ledger: Ledger = field(default_factory=Ledger)

@@ -4,33 +4,43 @@ E_light).
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 
 from facestage.contract.job import Weights
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
 from facestage.fit.face.gaussians import Gaussian
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import UNKNOWNS, Known
 
+# What is not called "Prior on" and its name.
+_OWN_WORDS = {
+    "focal": "Prior on focal length",
+    "specular_level": "Prior on specular",
+    "specular_smooth": "Smoothness of specular",
+    "light": "Light color",
+}
 
-@dataclass(frozen=True)
-class Quadratic:
-    """A quadratic energy 0.5 x^T H x + g^T x around the current state, and its value now."""
 
-    hessian: np.ndarray
-    gradient: np.ndarray
-    energy: dict[str, float]
+def _words() -> dict[str, str]:
+    names = (name for unknown in UNKNOWNS for name in unknown.priors)
+    return {name: _OWN_WORDS.get(name, f"Prior on {name.replace('_', ' ')}") for name in names}
 
 
-@dataclass(frozen=True)
-class Priors:
+@dataclass(frozen=True, eq=False)
+class Priors(Term, Placed):
     """E_prior on alpha, beta, delta, roughness, specular and focal length; E_light on the lights:
-    all that the rows of the unknowns say.
+    all that the rows of the unknowns say. Wherever it is placed, it compares the same things.
     """
+
+    words: ClassVar = _words()
+    prior: ClassVar = True
 
     layout: Layout
     known: Known
@@ -38,8 +48,13 @@ class Priors:
     # Unknowns whose priors another photo of the same person carries.
     omitted: frozenset[str] = frozenset()
 
+    @classmethod
+    def of(cls, setup: Setup) -> Self:
+        """Of every phase."""
+        return cls(setup.layout, setup.known, setup.problem.job.weights)
+
     @cached_property
-    def residuals(self) -> dict[str, tuple[slice, Gaussian]]:
+    def gaussians(self) -> dict[str, tuple[slice, Gaussian]]:
         """By the name of each energy: where its unknown lies, and the weighted residuals."""
         result = {}
         for unknown in UNKNOWNS:
@@ -51,31 +66,49 @@ class Priors:
                     result[name] = where, gaussian.scaled(root)
         return result
 
-    def without(self, names: Collection[str]) -> Priors:
-        """Those of all unknowns but ``names``."""
-        return replace(self, omitted=self.omitted | frozenset(names))
+    def beside_another(self, shared: frozenset[str]) -> Self:
+        """What is known of the person counts once."""
+        return replace(self, omitted=self.omitted | shared)
 
-    def relative_to(self, light_scale: float) -> Priors:
-        """With E_light relative to another mean radiance."""
-        return replace(self, known=replace(self.known, light_scale=light_scale))
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Self:
+        """Everywhere the same."""
+        return self
 
-    def energies(self, state: State) -> dict[str, float]:
-        """The energy of each term at ``state``."""
+    def weighed(self, state: State) -> WeighedPriors:
+        """With the residuals of ``state``."""
+        return WeighedPriors(self, self.residuals(state))
+
+    def residuals(self, state: State) -> dict[str, np.ndarray]:
+        """By the name of each energy: its residuals (r,) at ``state``."""
         values = self.layout.values(state)
         return {
-            name: 0.5 * float((gaussian.residuals(values[where]) ** 2).sum())
-            for name, (where, gaussian) in self.residuals.items()
+            name: gaussian.residuals(values[where])
+            for name, (where, gaussian) in self.gaussians.items()
         }
 
-    def quadratic(self, state: State) -> Quadratic:
-        """The terms around ``state``."""
-        values = self.layout.values(state)
-        hessian = np.zeros((self.layout.size, self.layout.size))
-        gradient = np.zeros(self.layout.size)
-        energy = {}
-        for name, (where, gaussian) in self.residuals.items():
-            residual = gaussian.residuals(values[where])
-            hessian[where, where] += gaussian.hessian
-            gradient[where] += gaussian.operator.T @ residual
-            energy[name] = 0.5 * float(residual @ residual)
-        return Quadratic(hessian, gradient, energy)
+    def energies(self, state: State) -> dict[str, float]:
+        """The energy of each prior at ``state``."""
+        return {name: 0.5 * float((one**2).sum()) for name, one in self.residuals(state).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedPriors(Weighed):
+    """The priors' residuals at one state; being quadratic they need no weights."""
+
+    priors: Priors
+    residuals: Mapping[str, np.ndarray]
+
+    @property
+    def energies(self) -> dict[str, float]:
+        """Half the sum of squares of each."""
+        return {name: 0.5 * float(one @ one) for name, one in self.residuals.items()}
+
+    def add_to(self, total: Quadratic) -> None:
+        """Exactly."""
+        for name, (where, gaussian) in self.priors.gaussians.items():
+            total.hessian[where, where] += gaussian.hessian
+            total.gradient[where] += gaussian.operator.T @ self.residuals[name]
+
+    def decrease(self, state: State, evaluation: Evaluation | None) -> float:
+        """Exactly."""
+        return sum(self.energies.values()) - sum(self.priors.energies(state).values())

@@ -2,21 +2,26 @@
 
 At the outline a pixel's coverage is what changes, and the shading's derivative does not see it.
 Across each point of the mesh's outline the photo's profile between face and background says how far
-the true edge lies, to a part of a
-pixel: the coverage integrated along the normal (the boundary term of a renderer's derivative, Li et
-al. 2018, with the photo's own background on the other side).
+the true edge lies, to a part of a pixel: the coverage integrated along the normal (the boundary
+term of a renderer's derivative, Li et al. 2018, with the photo's own background on the other side).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.robust_residuals import RobustResiduals
+from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.surface_points import SurfacePoints
+from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 
@@ -31,64 +36,64 @@ CONTRAST_MIN, STEP_ERROR_MAX = 0.35, 0.15
 # not its outline.
 SKIN_INSIDE_MIN = 0.6
 FLOOR_SHARE = 0.1
-CAUCHY_SCALE = 3.0
 # A point of the outline is seen when the ray just inside hits the face this close to it, metres.
 DEPTH_TOLERANCE = 0.01
 POINTS_MIN = 8
 
 
-@dataclass(frozen=True)
-class Silhouette:
+@dataclass(frozen=True, eq=False)
+class Silhouette(RobustResiduals):
     """Outline points of one state and where the photo has the edge.
 
     Residuals are standard deviations.
     """
 
+    name: ClassVar = "silhouette"
+
     points: SurfacePoints
     normals: np.ndarray  # (m, 2) unit, outward in the photo
     targets: np.ndarray  # (m, 2) pixels on the photo's edge
     sigma: float  # pixels
-    share: float  # of an observation that one point counts for
+    share: float  # of an observation that one point counts for: neighbours say the same
+    weight: float = 1.0
 
     def residuals(self, state: State) -> np.ndarray:
         """(m,) signed distances across the edge; the outline is free to slide along it."""
-        return (
-            np.einsum("mc,mc->m", self.points.project(state) - self.targets, self.normals)
-            / self.sigma
-        )
-
-    def weights(self, residuals: np.ndarray) -> np.ndarray:
-        """(m,) robust, and for points that say the same as their neighbours."""
-        return self.share / (1.0 + (residuals / CAUCHY_SCALE) ** 2)
-
-    def robust_energy(self, residuals: np.ndarray) -> float:
-        """The Cauchy energy that :meth:`weights` belong to."""
-        return (
-            0.5
-            * CAUCHY_SCALE**2
-            * self.share
-            * float(np.log1p((residuals / CAUCHY_SCALE) ** 2).sum())
-        )
+        off = self.points.project(state) - self.targets
+        return np.einsum("mc,mc->m", off, self.normals) / self.sigma
 
     def jacobian(self, state: State, layout: Layout) -> np.ndarray:
         """(m, size) derivative of :meth:`residuals`."""
-        return (
-            np.einsum("mc,mck->mk", self.normals, self.points.jacobian(state, layout)) / self.sigma
-        )
+        by_pixel = self.points.jacobian(state, layout)
+        return np.einsum("mc,mck->mk", self.normals, by_pixel) / self.sigma
 
 
-class SilhouetteTerm:
+@dataclass(frozen=True, eq=False)
+class SilhouetteTerm(Term):
     """Finds the outline of a state and its place in the photo."""
 
-    def __init__(self, forward: ForwardModel, photo: Photo, face_px: float) -> None:
-        """``face_px``: the face's size in pixels of ``photo``."""
-        self.forward, self.photo, self.face_px = forward, photo, face_px
-        self._edges, self._sides = _mesh_edges(forward.geometry.triangles, forward.geometry.fitted)
+    words: ClassVar = {"silhouette": "Outline of the face"}
 
-    def find(self, state: State) -> Silhouette | None:
-        """The outline at ``state``, or None where too little of it shows against another
-        background.
-        """
+    forward: ForwardModel
+    photo: Photo
+    face_px: float  # the face's size in pixels of ``photo``
+    weight: float = 1.0
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self | None:
+        """Of phases that move the shape: in others the outline is as it is."""
+        if setup.photo is None or not setup.moves(SHAPE):
+            return None
+        face_px = setup.factor * setup.problem.face_size_px
+        return cls(setup.forward, setup.photo, face_px, setup.problem.job.weights.photo)
+
+    @cached_property
+    def _mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        geometry = self.forward.geometry
+        return _mesh_edges(geometry.triangles, geometry.fitted)
+
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Silhouette | None:
+        """The outline at ``state``; None where too little of it shows before another background."""
         edges, opposite = self._outline(state)
         if len(edges) < POINTS_MIN:
             return None
@@ -118,7 +123,7 @@ class SilhouetteTerm:
         targets = middle[chosen] + offset[:, None] * normal[chosen]
         sigma = max(SIGMA_SHARE * self.face_px, STEP_PX)
         share = min(1.0 / (CORRELATION_SHARE * self.face_px), 1.0)
-        return Silhouette(points, normal[chosen], targets, sigma, share)
+        return Silhouette(points, normal[chosen], targets, sigma, share, self.weight)
 
     def _outline(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Edges (e, 2) between a fitted triangle that faces the camera and one that does not, and
@@ -132,9 +137,10 @@ class SilhouetteTerm:
             )
             < 0
         )
-        front = facing[self._sides]
+        edges, sides = self._mesh
+        front = facing[sides]
         turn = front[:, 0] != front[:, 1]
-        edges, sides, front = self._edges[turn], self._sides[turn], front[turn]
+        edges, sides, front = edges[turn], sides[turn], front[turn]
         near = np.where(front[:, 0], sides[:, 0], sides[:, 1])
         fitted = self.forward.geometry.fitted[near]
         edges, near = edges[fitted], near[fitted]

@@ -1,31 +1,16 @@
-"""All terms of the energy E_data + w1 E_prior + w2 E_light (Dib et al. 2019, eq. 1)."""
+"""The terms that there are. A new one is a file beside these and a line here."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-from facestage.contract.job import Weights
-from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.landmark_term import LandmarkTerm
-from facestage.fit.energy.priors import Priors
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.light_parameters import LightParameters
-
-if TYPE_CHECKING:
-    from facestage.fit.energy.silhouette import SilhouetteTerm
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.priors import Priors
+from facestage.fit.energy.silhouette import SilhouetteTerm
+from facestage.fit.energy.term import Term
+
+TERMS: tuple[type[Term], ...] = (Priors, LandmarkTerm, SilhouetteTerm, PhotoTerm)
 
 
-@dataclass(frozen=True)
-class Energy:
-    """All terms of a stage."""
-
-    layout: Layout
-    priors: Priors
-    landmarks: LandmarkTerm
-    weights: Weights
-    light_parameters: LightParameters
-    photo: PhotoTerm | None = None
-    stage: LightStage | None = None  # camera frame
-    silhouette: SilhouetteTerm | None = None
+def words_of_energies() -> dict[str, str]:
+    """What people call each energy of a result, by its name."""
+    return {name: words for term in TERMS for name, words in term.words.items()}

@@ -29,6 +29,7 @@ from facestage.contract.result import (
 )
 from facestage.contract.result_files import LANDMARKS, TRACE
 from facestage.fit.energy.landmark_term import landmark_pixels
+from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import kept
 from facestage.fit.forward.one_light import relight_scale
@@ -277,6 +278,7 @@ def _report_data(
         projected=projected,
         visible=problem.landmarks.counted,
         trace=finished.trace,
+        energy_names=words_of_energies(),
         title=problem.job.image.stem,
         surface=model.triangles[model.triangle_part != OTHER],
         face=model.regions.get("narrow_face"),

@@ -93,7 +93,7 @@ class Checkpoint:
     def restore(self, view: View) -> None:
         """Let ``view`` remember what it did where the phase began."""
         view.memory = self.memory
-        view.plan.ledger = deepcopy(self.ledger)
+        view.plan.ledger.set_to(self.ledger)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The checkpoint as named arrays."""

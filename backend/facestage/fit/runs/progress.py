@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facestage.fit.energy.photo_term import Evaluation
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.face.state import State
 from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.phases import Schedule

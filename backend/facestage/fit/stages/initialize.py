@@ -9,7 +9,8 @@ from scipy.optimize import nnls
 
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.models.anatomy.landmark_schemes import scheme_of

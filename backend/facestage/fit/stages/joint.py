@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.fit.energy.photo_term import Evaluation
-from facestage.fit.energy.system import System
+from facestage.fit.energy.energy import System
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHARED
@@ -131,11 +131,9 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
 
     def __init__(self, stages: Sequence[Stage]) -> None:
         """The stages must be of one phase, and hold the same shared parameters."""
-        self.stages = tuple(stages)
+        rest = (stage.beside_another(frozenset(SHARED)) for stage in stages[1:])
+        self.stages = (stages[0], *rest)
         self.layout = JointLayout([stage.energy.layout for stage in stages])
-        for stage in stages[1:]:
-            priors = stage.energy.priors.without(SHARED)
-            stage.energy = replace(stage.energy, priors=priors)
         low = self.layout.gathered([stage.low for stage in stages])
         high = self.layout.gathered([stage.high for stage in stages])
         super().__init__(

@@ -63,15 +63,11 @@ class Passage:
         Before the photo is looked at, the lamps that may move are chosen, and lights are lit where
         all are dark; ``keep_light``: both stay as the phase before had them.
         """
-        finds_light = phase.with_photo and not keep_light
-        if finds_light:
+        if phase.with_photo and not keep_light:
             view.choose_lamps(state)
+            state = view.with_initial_lights(phase, state)
         stage = view.solver_stage(phase, state)
-        if stage is None:
-            return None
-        if finds_light:
-            state = view.with_initial_lights(stage, state)
-        return cls(view, phase, stage, state)
+        return None if stage is None else cls(view, phase, stage, state)
 
     @property
     def photo(self) -> np.ndarray | None:
@@ -111,6 +107,8 @@ class JointPassage:
         """All of one phase, and where it begins or where it was entered."""
         self.photos = tuple(photos)
         self.stage = JointStage([photo.stage for photo in photos])
+        for photo, stage in zip(photos, self.stage.stages, strict=True):
+            photo.stage = stage
         self.stage.damping = photos[0].stage.damping
 
     def steps(self, deadline: float) -> Iterator[JointIteration]:

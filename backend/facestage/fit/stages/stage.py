@@ -4,14 +4,14 @@ energy.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
-from facestage.fit.energy.photo_term import Evaluation
+from facestage.fit.energy.energy import Energy, System
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.plan import Ledger
-from facestage.fit.energy.system import System
-from facestage.fit.energy.terms import Energy
 from facestage.fit.face.state import State
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
@@ -58,6 +58,8 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         # What the ledger says after the next evaluation, which a run that was stopped has made, and
         # counted, before.
         self.counted: Ledger | None = None
+        # (N,) bool, the lights that rest; empty while none was asked.
+        self.resting = np.zeros(0, bool)
 
     @property
     def active(self) -> np.ndarray:
@@ -66,16 +68,16 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
 
     def evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
         """None in a stage without a photo."""
-        if self.energy.photo is None or self.energy.stage is None:
-            return None
-        evaluation = self.energy.photo.evaluate(state, self.energy.stage, seed, everything)
-        if self.counted is not None:
-            self.energy.photo.plan.ledger, self.counted = self.counted, None
+        resting = None if everything or not len(self.resting) else self.resting
+        evaluation = self.energy.evaluate(state, seed, resting)
+        if self.counted is not None and self.energy.photo is not None:
+            self.energy.photo.plan.ledger.set_to(self.counted)
+            self.counted = None
         return evaluation
 
     def system(self, state: State, evaluation: Evaluation | None) -> System:
         """The energy's quadratic model."""
-        return System(self.energy, state, evaluation, self.active)
+        return self.energy.at(state, evaluation).system(state, self.active)
 
     def free(self) -> np.ndarray:
         """The photo does not see a light that rests; the priors alone must not wake it."""
@@ -104,7 +106,7 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
             number,
             state,
             evaluation,
-            system.terms,
+            system.energies,
             condition,
             self.damping,
             finished,
@@ -116,22 +118,14 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         """Go on after steps that were taken before: ``resting`` (N,) bool, the lights that rest,
         empty when none was asked yet; ``counted``: what the ledger said.
         """
-        self.damping, self.counted = damping, counted
-        if self.energy.photo is not None:
-            self.energy.photo.resting = resting if len(resting) else None
-
-    @property
-    def resting(self) -> np.ndarray:
-        """(N,) bool, the lights that rest; empty when none was asked yet."""
-        photo = self.energy.photo
-        return np.zeros(0, bool) if photo is None or photo.resting is None else photo.resting
+        self.damping, self.resting, self.counted = damping, resting, counted
 
     def _parameters_at_rest(self) -> np.ndarray:
         """(size,) bool, the parameters of the lights that rest, color of all lights left out."""
         result = np.zeros(self.energy.layout.size, bool)
-        if self.resting.any():
+        if self.energy.photo is not None and self.resting.any():
             where = self.energy.layout.slices["lights"]
-            result[where] = self.energy.light_parameters.of_lights(self.resting)
+            result[where] = self.energy.photo.forward.lights.of_lights(self.resting)
         return result
 
     def rest(self, state: State, gradient: np.ndarray) -> None:
@@ -141,4 +135,10 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
             return
         where = self.energy.layout.slices["lights"]
         settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~self.active[where]
-        photo.resting = self.energy.light_parameters.dark(state.lights, settled)
+        self.resting = photo.forward.lights.dark(state.lights, settled)
+
+    def beside_another(self, shared: frozenset[str]) -> Stage:
+        """A copy where another photo of the same person carries the priors of ``shared``."""
+        other = copy(self)
+        other.energy = self.energy.beside_another(shared)
+        return other

@@ -10,13 +10,11 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
-from facestage.fit.energy.landmark_term import LandmarkTerm
+from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Plan, Rules
-from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.shadow_edges import PENUMBRA_MIN, lamps_known
-from facestage.fit.energy.silhouette import SilhouetteTerm
-from facestage.fit.energy.terms import Energy
+from facestage.fit.energy.term import Setup
 from facestage.fit.face.lamps import strong_lights, turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -29,8 +27,6 @@ from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Stage
 from facestage.fit.stages.visible import VisiblePhoto
 
-# Standard deviation of a landmark as a share of the face's size: one pixel on a face of 120.
-LANDMARK_SIGMA_SHARE = 0.0085
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their
 # noise would otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
@@ -177,52 +173,71 @@ class View:
 
     def solver_stage(self, phase: Phase, state: State) -> Stage | None:
         """The solver's stage for a phase, or None when all it could move is frozen."""
-        problem, job = self.problem, self.problem.job
-        layout = Layout(state)
-        freeze = self.held(layout)
-        if not (layout.mask(phase.blocks) & ~freeze).any():
+        setup = self._setup(phase, state)
+        if setup is None:
             return None
-        factor = self.factor(phase)
-        scaled = self.scaled(phase, state)
-        sigma = LANDMARK_SIGMA_SHARE * problem.face_size_px * factor
-        known = self.known(phase)
-        energy = Energy(
-            layout,
-            Priors(layout, known, job.weights),
-            LandmarkTerm(problem.geometry, problem.landmarks_at(factor), sigma),
-            job.weights,
-            problem.lights,
-            photo=None
-            if phase.face_px is None
-            else self._photo_term(phase, layout, freeze, scaled),
-            stage=None if phase.face_px is None else self._stage_in_camera(scaled),
-            silhouette=self._silhouette_term(phase, layout, freeze),
-        )
-        low, high = layout.bounds(known)
-        return Stage(phase.title, phase.blocks, energy, phase.steps, freeze, low, high)
+        setup = replace(setup, casting=self._casting(phase, setup))
+        low, high = setup.layout.bounds(setup.known)
+        energy = Energy.of(setup)
+        return Stage(phase.title, phase.blocks, energy, phase.steps, setup.freeze, low, high)
 
-    def with_initial_lights(self, stage: Stage, state: State) -> State:
-        """Before the first photo phase: lights by non-negative least squares, and the scale of
-        E_light.
+    def with_initial_lights(self, phase: Phase, state: State) -> State:
+        """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
+        and what hides the face.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
             return state
-        photo, energy = stage.energy.photo, stage.energy
-        assert photo is not None and energy.stage is not None
+        setup = self._setup(phase, state)
+        photo = None if setup is None else PhotoTerm.of(setup)
+        if photo is None:
+            return state
         factor = photo.photo.usable.shape[1] / problem.camera.width
         scaled = replace(state, camera=state.camera.scaled(factor))
-        evaluation = photo.evaluate(scaled, energy.stage, problem.job.seed)
+        evaluation = photo.evaluate(scaled, problem.job.seed)
         if len(evaluation.image.color) == 0:
             raise InputError(
                 "None of the photo's usable pixels shows the face where the landmarks put it; "
                 "check the landmarks and the photo's alpha mask."
             )
         radiance = initial_lights(evaluation, photo, problem.lights)
-        radiance = self.visible.lights_without_occluders(self.forward, energy, evaluation, radiance)
+        hidden = self.visible.look_for_occluders(photo, evaluation, radiance)
+        if hidden.any() and not hidden.all():
+            seen = replace(photo, photo=self.visible.at(self.factor(phase)))
+            evaluation = seen.evaluate(scaled, problem.job.seed)
+            radiance = initial_lights(evaluation, seen, problem.lights)
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
-        stage.energy = replace(energy, priors=energy.priors.relative_to(self.light_scale))
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def _setup(self, phase: Phase, state: State) -> Setup | None:
+        """What the terms of a phase are made from, shadows held; None when all that it could move
+        is frozen.
+        """
+        layout = Layout(state)
+        freeze = self.held(layout)
+        if not (layout.mask(phase.blocks) & ~freeze).any():
+            return None
+        scaled = self.scaled(phase, state)
+        setup = Setup(
+            problem=self.problem,
+            forward=self.forward,
+            layout=layout,
+            start=scaled,
+            factor=self.factor(phase),
+            blocks=phase.blocks,
+            freeze=freeze,
+            known=self.known(phase),
+            plan=self.plan,
+        )
+        if phase.face_px is None:
+            return setup
+        return replace(
+            setup,
+            photo=self.visible.at(setup.factor),
+            stage=self._stage_in_camera(scaled),
+            pivot=self._pivot(scaled),
+            samples=phase.samples * self.samples_factor,
+        )
 
     def _samples_factor(self) -> int:
         """How many times more samples than usual the lights need, by the one that looks widest from
@@ -248,50 +263,14 @@ class View:
         """(3,) the stage's centre in the camera frame."""
         return np.linalg.inv(self.anchor(state))[:3, 3]
 
-    def _silhouette_term(
-        self, phase: Phase, layout: Layout, frozen: np.ndarray
-    ) -> SilhouetteTerm | None:
-        """None in phases that move no shape, where the outline is as it is."""
-        if (
-            phase.face_px is None
-            or not (layout.mask(set(phase.blocks) & set(SHAPE)) & ~frozen).any()
-        ):
-            return None
-        factor = self.factor(phase)
-        return SilhouetteTerm(
-            self.forward, self.visible.at(factor), factor * self.problem.face_size_px
-        )
-
-    def _photo_term(
-        self, phase: Phase, layout: Layout, freeze: np.ndarray, scaled: State
-    ) -> PhotoTerm:
-        """The photo's residuals, with derivatives by what the phase may move."""
-        wanted = layout.mask(phase.blocks)
-        free = wanted & ~freeze if self.plan.rules.columns else wanted
-        held = int((wanted & freeze & ~layout.mask(["specular"])).sum())
-        photo = self.visible.at(self.factor(phase))
-        samples = phase.samples * self.samples_factor
-        term = PhotoTerm(
-            self.forward,
-            photo,
-            samples,
-            layout.blocks_of(free),
-            self.plan,
-            held,
-            self._pivot(scaled),
-        )
-        term.casting = self._casting(phase, term, scaled)
-        return term
-
-    def _casting(self, phase: Phase, photo: PhotoTerm, scaled: State) -> np.ndarray | None:
+    def _casting(self, phase: Phase, setup: Setup) -> np.ndarray | None:
         """(N,) bool, the lights whose shadows the phase follows as they move; None when that is not
         worth it.
         """
-        if not phase.shadow_edges or photo.blocks.isdisjoint(SHAPE):
+        photo = PhotoTerm.of(setup) if phase.shadow_edges else None
+        if photo is None or photo.blocks.isdisjoint(SHAPE):
             return None
         known = lamps_known(self.problem.job)
         casting = np.ones_like(self.strong) if known else self.strong
-        self.penumbra = photo.penumbra_share(
-            scaled, self._stage_in_camera(scaled), casting, self.problem.job.seed
-        )
+        self.penumbra = photo.penumbra_share(setup.start, casting, self.problem.job.seed)
         return casting if self.penumbra >= self._penumbra_min else None

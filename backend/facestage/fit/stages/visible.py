@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.fit.energy.photo_term import Evaluation
-from facestage.fit.energy.terms import Energy
-from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.given.occlusion import flat_occluders, without
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
-from facestage.fit.stages.initialize import initial_lights
 from facestage.images.image_io import resize
 
 # Share of the face that must be left to see; with less, the photo says nothing of the shape.
@@ -39,32 +37,22 @@ class VisiblePhoto:
             return np.zeros((height, width), bool)
         return resize(self.hidden.astype(np.float32), width, height) > 0
 
-    def lights_without_occluders(
-        self, forward: ForwardModel, energy: Energy, evaluation: Evaluation, radiance: np.ndarray
+    def look_for_occluders(
+        self, photo: PhotoTerm, evaluation: Evaluation, radiance: np.ndarray
     ) -> np.ndarray:
-        """Look for what hides the face under the first estimate of the light; if found, estimate
-        without it.
+        """Look for what hides the face under the first estimate of the light: ``hidden``.
 
-        ``radiance`` (N, 3) and the answer are those of the lit lights; the photo of ``energy``
-        loses what is hidden.
+        ``radiance`` (N, 3) is that of the lit lights; ``evaluation`` is of ``photo``.
         """
-        problem, photo, image = self.problem, energy.photo, evaluation.image
-        assert photo is not None and energy.stage is not None
+        problem, image, forward = self.problem, evaluation.image, photo.forward
         shaded = forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
         model = np.zeros_like(photo.photo.color)
         model[photo.index(image.surface)] = shaded.color
         used = (evaluation.base_weight > 0) & ~photo.photo.clipped.any(axis=2)
         factor = photo.photo.usable.shape[1] / problem.camera.width
         self.hidden = flat_occluders(photo.photo.color, model, used, factor * problem.face_size_px)
-        if not (self.hidden & used).any():
-            return radiance
         if (self.hidden & used).sum() > (1 - VISIBLE_SHARE_MIN) * used.sum():
             # Nothing hides all of a face that has landmarks: photo and light do not belong
             # together, and the few pixels that are left would bend the shape until they did.
             self.hidden = np.ones_like(self.hidden)
-        photo.photo = without(photo.photo, self.hidden)
-        if self.hidden.all():
-            return radiance
-        return initial_lights(
-            photo.evaluate(evaluation.state, energy.stage, evaluation.seed), photo, problem.lights
-        )
+        return self.hidden

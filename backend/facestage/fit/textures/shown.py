@@ -9,10 +9,10 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
-from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import Asked

@@ -10,11 +10,13 @@ not of a face; so does one that the fitted face does not explain at all.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.stats import chi2
 
-from facestage.fit.energy.photo_term import Evaluation
-from facestage.fit.energy.terms import Energy
+from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.face.state import State
 from facestage.fit.given.photo import Photo
 
@@ -33,17 +35,17 @@ def landmark_statistic(energy: Energy, start: State, end: State) -> float:
 
     ``energy``: the landmark stage's, at the photo's own size.
     """
-    focal = [energy.priors.energies(state)["focal"] for state in (start, end)]
-    return 2.0 * (
-        landmark_energy(energy, end) - landmark_energy(energy, start) + focal[1] - focal[0]
-    )
+    before, after = (energy.at(state).robust(state) for state in (start, end))
+    return 2.0 * (_of_shape(after) - _of_shape(before) + after["focal"] - before["focal"])
 
 
 def landmark_energy(energy: Energy, state: State) -> float:
     """Energy of landmarks and shape priors; robust, so that a wrong landmark weighs little."""
-    landmarks = energy.weights.landmarks * energy.landmarks.at(state).robust_energy(state)
-    priors = energy.priors.energies(state)
-    return landmarks + priors["identity"] + priors["expression"]
+    return _of_shape(energy.at(state).robust(state))
+
+
+def _of_shape(energies: Mapping[str, float]) -> float:
+    return energies["landmarks"] + energies["identity"] + energies["expression"]
 
 
 def statistic_limit(parameters: int) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.state import State
 from facestage.fit.stages.stage import Stage
 from facestage.fit.trust.guard import landmark_energy
@@ -52,7 +53,8 @@ def check_lens(stage_of: Callable[[State], Stage | None], start: State, seed: in
     best = int(np.argmin(trials))
     # The priors count as observations: as many more residuals as there are coefficients, which
     # leaves the pose.
-    freedom = max(2 * stage.energy.landmarks.observations - POSE_PARAMETERS, 1)
+    observations = stage.energy.term(LandmarkTerm).observations
+    freedom = max(2 * observations - POSE_PARAMETERS, 1)
     scale = max(2.0 * trials[best] / freedom, 1e-12)
     return LensCheck(RATIOS[best], max(2.0 * (given - trials[best]) / scale, 0.0))
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.stages.stage import Iteration, Stage
@@ -45,7 +46,7 @@ class Evidence:
         kept = np.arange(where.start, where.stop)
         prior = last.prior_hessian[where, where]
         information = marginal_hessian(last.hessian, kept, stage.active) - prior
-        seen = int(np.isfinite(stage.energy.landmarks.sigma).sum())
+        seen = int(np.isfinite(stage.energy.term(LandmarkTerm).sigma).sum())
         misfit = 2.0 * landmark_energy(stage.energy, last.state)
         return cls(
             last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import HIGHLIGHT_SHARE
 from facestage.fit.energy.photo_jacobian import Jacobian
-from facestage.fit.energy.photo_term import Evaluation
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.forward.shading import ForwardModel

@@ -18,11 +18,11 @@ from reference.synthetic_scene import Scene, plain_photo
 def term(scene: Scene) -> PhotoTerm:
     photo = plain_photo(scene.render(samples=4)[0])
     skin = np.random.default_rng(0).uniform(0.2, 1, photo.usable.shape)
-    return PhotoTerm(scene.forward, replace(photo, skin=skin), 2)
+    return PhotoTerm(scene.forward, replace(photo, skin=skin), scene.stage, 2)
 
 
 def test_a_pixel_counts_by_its_skin_and_by_how_the_surface_faces(scene: Scene, term: PhotoTerm):
-    found = term.evaluate(scene.state, scene.stage, 1)
+    found = term.evaluate(scene.state, 1)
     y, x = np.mgrid[:96, :96]
     surface = scene.forward.surface(
         scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5, only_fitted=True
@@ -38,12 +38,10 @@ def test_a_pixel_counts_by_its_skin_and_by_how_the_surface_faces(scene: Scene, t
 def test_a_clipped_channel_is_at_least_as_bright_and_a_highlight_is_its_specular_part(
     scene: Scene, term: PhotoTerm
 ):
-    plain = term.evaluate(scene.state, scene.stage, 1)
+    plain = term.evaluate(scene.state, 1)
     clipped = np.zeros((96, 96, 3), bool)
     clipped[:, 40:, 1] = True
-    half = PhotoTerm(scene.forward, replace(term.photo, clipped=clipped), 2).evaluate(
-        scene.state, scene.stage, 1
-    )
+    half = replace(term, photo=replace(term.photo, clipped=clipped)).evaluate(scene.state, 1)
     wanted = np.where(clipped & (plain.residual > 0), 0.0, plain.residual)
     np.testing.assert_array_equal(half.residual, wanted)
     assert (wanted != plain.residual).any()
@@ -53,7 +51,7 @@ def test_a_clipped_channel_is_at_least_as_bright_and_a_highlight_is_its_specular
 
 
 def test_weights_are_inverse_variances_times_what_each_pixel_says(scene: Scene, term: PhotoTerm):
-    found = term.evaluate(scene.state, scene.stage, 1)
+    found = term.evaluate(scene.state, 1)
     noise = NoiseModel(0.1, 10.0, 0.05, np.full((96, 96), 2.0))
     row, column = (int(each[len(each) // 2]) for each in term.index(found.image.surface))
     residual, photo = found.residual[row, column], term.photo.color[row, column]
@@ -61,11 +59,11 @@ def test_weights_are_inverse_variances_times_what_each_pixel_says(scene: Scene, 
     scale = 2.0 * (0.1 * level + 0.1 * found.highlight[row, column, 0])
     robust = 1 / (1 + ((residual / scale) ** 2).mean() / 2.5**2)
     wanted = 0.7 / 30 * found.base_weight[row, column] * robust / scale**2
-    assert term.weights(found, noise, 0.7)[row, column] == pytest.approx(wanted)
+    assert replace(term, weight=0.7).weights(found, noise)[row, column] == pytest.approx(wanted)
 
 
 def test_two_evaluations_are_compared_where_both_see_the_face(scene: Scene, term: PhotoTerm):
-    old = term.evaluate(scene.state, scene.stage, 1)
+    old = term.evaluate(scene.state, 1)
     new = replace(
         old, residual=old.residual + 0.1, base_weight=old.base_weight * (np.arange(96) > 40)
     )
@@ -77,7 +75,7 @@ def test_two_evaluations_are_compared_where_both_see_the_face(scene: Scene, term
 
 
 def test_the_noise_is_that_of_pixels_that_count_for_half(scene: Scene, term: PhotoTerm):
-    found = term.evaluate(scene.state, scene.stage, 1)
+    found = term.evaluate(scene.state, 1)
     wild = np.where(found.base_weight[..., None] > 0.5, found.residual, 9.0)
     assert term.noise(replace(found, residual=wild)).sigma == term.noise(found).sigma
     wild = np.where(found.base_weight[..., None] > 0.4, 9.0, found.residual)

@@ -16,7 +16,8 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import FULL, LEAN, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import OFF, ON, fibonacci_stage
-from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Ledger, Plan, Rules, Work
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
@@ -28,7 +29,6 @@ from facestage.fit.runs.driver import FitRun
 from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.phases import Schedule
 from facestage.fit.trust.fitted import Fitted
-from reference.known import known
 from reference.synthetic_case import write_case
 from reference.synthetic_scene import Scene, plain_photo
 
@@ -154,9 +154,9 @@ def test_one_system_is_the_same_without_a_rule(scene: Scene, rule: str):
     active = layout.mask(BLOCKS)
     systems = []
     for rules in (Rules(), without(rule)):
-        term = PhotoTerm(scene.forward, plain_photo(photo), 4, plan=Plan(rules))
-        evaluation = term.evaluate(scene.state, scene.stage, 5)
-        weights = term.weights(evaluation, term.noise(evaluation), 1.0)
+        term = scene.photo_term(photo, 4, plan=Plan(rules))
+        evaluation = term.evaluate(scene.state, 5)
+        weights = term.weights(evaluation, term.noise(evaluation))
         systems.append(term.normal_equations(evaluation, weights, layout, active))
     size = np.sqrt(np.outer(*2 * [np.diag(systems[1][0])])) + 1e-12 * np.diag(systems[1][0]).max()
     assert np.abs((systems[0][0] - systems[1][0]) / size).max() < 1e-5
@@ -173,10 +173,10 @@ def test_pixels_without_weight_are_not_lit(scene: Scene):
     skin[:, :48] = 0
     photo = replace(photo, skin=skin)
     lean, full = (
-        PhotoTerm(scene.forward, photo, 2, plan=Plan(rules))
+        PhotoTerm(scene.forward, photo, scene.stage, 2, plan=Plan(rules))
         for rules in (Rules(), without("pixels"))
     )
-    few, many = (term.evaluate(scene.state, scene.stage, 1) for term in (lean, full))
+    few, many = (term.evaluate(scene.state, 1) for term in (lean, full))
     assert len(few.image.color) == int((few.base_weight > 0).sum()) < 0.7 * len(many.image.color)
     np.testing.assert_array_equal(few.base_weight, many.base_weight)
     counted = few.base_weight > 0
@@ -214,7 +214,7 @@ def test_a_resting_light_comes_back(scene: Scene):
     stage = scene.solver(
         photo, ("lights",), 6, Weights(prior=1e-3, light=1e-3, landmarks=1e-3), samples=16
     )
-    known(stage.energy.photo).resting = np.array([True] + [False] * 5)
+    stage.resting = np.array([True] + [False] * 5)
     found, _ = scene.fit(stage, start)
     np.testing.assert_allclose(found.lights[:3], scene.state.lights[:3], rtol=0.1)
 

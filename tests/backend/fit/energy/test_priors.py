@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from facestage.contract.job import Weights
+from facestage.fit.energy.energy import Energy, System
 from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from reference.synthetic_scene import Scene, moved
 
@@ -25,6 +27,10 @@ def priors_of(scene: Scene, weights: Weights = WEIGHTS) -> Priors:
     return Priors(Layout(scene.state), known, weights)
 
 
+def quadratic_of(priors: Priors, state: State) -> System:
+    return Energy(priors.layout, (priors,)).at(state).system(state)
+
+
 @pytest.fixture(params=["multi", "uniform"])
 def each_scene(request: pytest.FixtureRequest, scene: Scene, uniform_scene: Scene) -> Scene:
     return scene if request.param == "multi" else uniform_scene
@@ -32,7 +38,7 @@ def each_scene(request: pytest.FixtureRequest, scene: Scene, uniform_scene: Scen
 
 def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
     priors, layout = priors_of(each_scene), Layout(each_scene.state)
-    quadratic = priors.quadratic(each_scene.state)
+    quadratic = quadratic_of(priors, each_scene.state)
     np.testing.assert_allclose(quadratic.hessian, quadratic.hessian.T)
     assert np.linalg.eigvalsh(quadratic.hessian).min() > -1e-9
     step = 1e-4
@@ -43,7 +49,7 @@ def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
         sides = [layout.apply(each_scene.state, sign * increment) for sign in (1, -1)]
         energy = [sum(priors.energies(side).values()) for side in sides]
         slope = (energy[0] - energy[1]) / (2 * step)
-        gradients = [priors.quadratic(side).gradient for side in sides]
+        gradients = [quadratic_of(priors, side).gradient for side in sides]
         row = (gradients[0] - gradients[1]) / (2 * step)
         worst[0] = max(
             worst[0], abs(slope - quadratic.gradient[column]) / np.abs(quadratic.gradient).max()
@@ -57,15 +63,15 @@ def test_gradient_and_hessian_equal_finite_differences(each_scene: Scene):
 
 
 def test_the_pose_has_no_prior(scene: Scene):
-    quadratic = priors_of(scene).quadratic(scene.state)
+    quadratic = quadratic_of(priors_of(scene), scene.state)
     pose = Layout(scene.state).slices["pose"]
     assert not quadratic.hessian[pose].any() and not quadratic.gradient[pose].any()
 
 
 def test_energies_agree_with_the_quadratic(each_scene: Scene):
     priors = priors_of(each_scene)
-    quadratic = priors.quadratic(each_scene.state)
-    assert priors.energies(each_scene.state) == pytest.approx(quadratic.energy)
+    quadratic = quadratic_of(priors, each_scene.state)
+    assert priors.energies(each_scene.state) == pytest.approx(quadratic.energies)
 
 
 def test_known_values(scene: Scene):
@@ -112,7 +118,7 @@ def test_a_smooth_specular_map_costs_less(scene: Scene):
     # One texel has no neighbour.
     single = replace(scene.state, specular=np.full((1, 1), 0.8))
     one = Priors(Layout(single), scene.known(), WEIGHTS)
-    assert np.isfinite(one.quadratic(single).hessian).all()
+    assert np.isfinite(quadratic_of(one, single).hessian).all()
 
 
 def test_the_expression_prior_follows_the_model(scene: Scene):
@@ -141,6 +147,7 @@ def test_each_expression_may_have_its_own_prior(scene: Scene):
 def test_frozen_lights_have_no_prior(scene: Scene, uniform: bool):
     lights = LightParameters(np.zeros(6, bool), np.ones((6, 3)), uniform)
     state = replace(scene.state, lights=lights.from_radiance(np.ones((6, 3))))
-    quadratic = Priors(Layout(state), scene.known(lights=lights), WEIGHTS).quadratic(state)
-    assert quadratic.energy["light"] == pytest.approx(0, abs=1e-9)
+    priors = Priors(Layout(state), scene.known(lights=lights), WEIGHTS)
+    quadratic = quadratic_of(priors, state)
+    assert quadratic.energies["light"] == pytest.approx(0, abs=1e-9)
     assert np.isfinite(quadratic.hessian).all()

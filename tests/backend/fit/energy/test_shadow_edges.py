@@ -231,12 +231,11 @@ def test_a_shadow_alone_tells_where_the_card_is(renderer: str):
     left = {}
     for edges in (False, True):
         casting = np.ones(1, bool) if edges else None
-        term = PhotoTerm(
-            scene.forward, replace(plain_photo(photo), usable=wall), 4, casting=casting
-        )
+        given = replace(plain_photo(photo), usable=wall)
+        term = PhotoTerm(scene.forward, given, scene.stage, 4, casting=casting)
         state = start
         for number in range(5):
-            evaluation = term.evaluate(state, scene.stage, SEED + number)
+            evaluation = term.evaluate(state, SEED + number)
             hessian, gradient = term.normal_equations(
                 evaluation, evaluation.base_weight, layout, active
             )
@@ -335,10 +334,11 @@ def test_where_no_shadow_falls_the_fit_ends_the_same(scene: Scene):
     ends, share = {}, 0.0
     for edges in (False, True):
         stage = scene.solver(photo, ("pose", "identity", "expression"), 4, Weights())
-        assert stage.energy.photo is not None
+        term = stage.energy.term(PhotoTerm)
         every = np.ones(len(scene.stage), bool)
-        stage.energy.photo.casting = every if edges else None
-        share = stage.energy.photo.penumbra_share(start, scene.stage, every, SEED)
+        term = replace(term, casting=every if edges else None)
+        stage.energy = replace(stage.energy, terms=(*stage.energy.without(PhotoTerm).terms, term))
+        share = term.penumbra_share(start, every, SEED)
         ends[edges] = scene.forward.pose(scene.fit(stage, start)[0])[1]
     moved_by = 1e3 * np.linalg.norm(ends[True] - ends[False], axis=1).mean()
     offset = (

@@ -93,7 +93,7 @@ def test_a_point_counts_for_its_stretch_of_outline_and_less_when_far(scene: Scen
     points = SurfacePoints(scene.geometry, np.zeros((1, 3), int), np.ones((1, 3)) / 3)
     outline = Silhouette(points, np.zeros((1, 2)), np.zeros((1, 2)), 0.6, 0.25)
     np.testing.assert_allclose(
-        outline.weights(np.array([0.0, 3.0, -3.0, 9.0])), [0.25, 0.125, 0.125, 0.025]
+        outline.robust_weights(np.array([0.0, 3.0, -3.0, 9.0])), [0.25, 0.125, 0.125, 0.025]
     )
     wanted = 4.5 * 0.25 * np.log([2, 2, 10]).sum()
     assert outline.robust_energy(np.array([0.0, 3.0, -3.0, 9.0])) == pytest.approx(wanted)

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.camera import Camera
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import SCHEME_SIZES, Landmarks
+from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.priors import Priors
-from facestage.fit.energy.terms import Energy
 from facestage.fit.face.contour_lines import contour_lines
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
@@ -215,10 +215,10 @@ def recovered_mm(
     layout, weights = Layout(start), Weights()
     term = LandmarkTerm(head, landmarks, 1.0)
     if not slides:
-        term._candidates = replace(term._candidates, lines=None)
+        vars(term)["_candidates"] = replace(term._candidates, lines=None)
     lights = LightParameters(np.zeros(0, bool), np.zeros((0, 3)), False)
     known = Known(lights, start.camera.focal_px, stage_lights=1)
-    energy = Energy(layout, Priors(layout, known, weights), term, weights, lights)
+    energy = Energy(layout, (Priors(layout, known, weights), term))
     low, high = layout.bounds(known)
     freeze = layout.mask(["focal"])
     for item in Stage("landmarks", SHAPE, energy, 15, freeze, low, high).run(start, 0, np.inf):

@@ -13,9 +13,9 @@ from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.landmark_term import LandmarkTerm, landmark_pixels
+from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm, landmark_pixels
 from facestage.fit.energy.priors import Priors
-from facestage.fit.energy.terms import Energy
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
@@ -23,7 +23,6 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.stages.stage import Stage
-from facestage.fit.stages.view import LANDMARK_SIGMA_SHARE
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
 
@@ -82,15 +81,7 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
         priors = Priors(layout, known, Weights())
         term = LandmarkTerm(geometry, landmarks, LANDMARK_SIGMA_SHARE * size)
         held = ~layout.mask(blocks) | layout.mask(("focal",))
-        stage = Stage(
-            "landmarks",
-            blocks,
-            Energy(layout, priors, term, Weights(), lights),
-            30,
-            held,
-            low,
-            high,
-        )
+        stage = Stage("landmarks", blocks, Energy(layout, (priors, term)), 30, held, low, high)
         for step in stage.run(state, 0, np.inf):
             state = step.state
     fitted = landmark_pixels(geometry, landmarks, state)

@@ -14,6 +14,7 @@ from facestage.contract.face_model import OTHER, TEETH, FaceModel
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.priors import Priors
 from facestage.fit.face.geometry import FaceGeometry
@@ -68,9 +69,10 @@ def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
 def test_priors_of_empty_blocks_warn_of_nothing(scene: Scene) -> None:
     state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0), albedo=np.zeros(0))
     layout = Layout(state)
-    quadratic = Priors(layout, scene.known(expression_box=True), Weights()).quadratic(state)
-    assert np.isfinite(quadratic.hessian).all()
-    assert quadratic.energy["identity"] == quadratic.energy["albedo"] == 0.0
+    priors = Priors(layout, scene.known(expression_box=True), Weights())
+    system = Energy(layout, (priors,)).at(state).system(state)
+    assert np.isfinite(system.hessian).all()
+    assert system.energies["identity"] == system.energies["albedo"] == 0.0
 
 
 def test_a_model_in_millimetres_is_refused(case: Case, tmp_path: Path) -> None:

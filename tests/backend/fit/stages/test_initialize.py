@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
@@ -83,8 +84,8 @@ def evaluated(
 ) -> tuple[Evaluation, PhotoTerm]:
     """The photo term with other light parameters, and its evaluation."""
     forward = ForwardModel(scene.geometry, lights)
-    term = PhotoTerm(forward, plain_photo(photo), 8)
-    return term.evaluate(state, scene.stage, 5), term
+    term = PhotoTerm(forward, plain_photo(photo), scene.stage, 8)
+    return term.evaluate(state, 5), term
 
 
 @pytest.mark.parametrize(("ridge", "bound"), [(1e-9, 1e-3), (LIGHT_RIDGE, 0.08)])
@@ -126,10 +127,8 @@ def test_a_saturated_photo_gives_light_bright_enough(scene: Scene):
     """Every pixel says only "at least 1": so bright the model must be, and no light may
     collapse.
     """
-    term = PhotoTerm(
-        scene.forward, plain_photo(np.ones((96, 96, 3)), np.ones((96, 96, 3), bool)), 8
-    )
-    evaluation = term.evaluate(replace(scene.state, lights=np.zeros(18)), scene.stage, 5)
+    term = scene.photo_term(np.ones((96, 96, 3)), 8, clipped=np.ones((96, 96, 3), bool))
+    evaluation = term.evaluate(replace(scene.state, lights=np.zeros(18)), 5)
     found = initial_lights(evaluation, term, scene.lights)
     image = evaluation.image
     shaded = scene.forward.shade(scene.state, image.surface, image.terms, radiance=found)

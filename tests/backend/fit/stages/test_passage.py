@@ -66,7 +66,7 @@ class FakeView:
         self.done.append(phase.name)
         return None if phase.name in self.held else FakeStage()
 
-    def with_initial_lights(self, stage: Any, state: float) -> float:
+    def with_initial_lights(self, phase: Phase, state: float) -> float:
         self.done.append("lights")
         return state + 0.5
 
@@ -91,7 +91,7 @@ def test_light_is_found_before_the_photo_is_looked_at():
     assert prepared(PhaseName.POSE, view).state == 0.0 and view.done == ["pose"]
     view = FakeView()
     assert prepared(PhaseName.LIGHT, view).state == 0.5
-    assert view.done == ["lamps", "light and albedo", "lights"]
+    assert view.done == ["lamps", "lights", "light and albedo"]
     view = FakeView()
     assert prepared(PhaseName.LIGHT, view, keep_light=True).state == 0.0
     assert view.done == ["light and albedo"]

@@ -13,7 +13,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.job import Weights
-from facestage.fit.energy.system import System
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.given.metrics import aligned_distance, psnr
@@ -176,11 +175,10 @@ def test_every_accepted_step_lowers_the_energy_under_the_weights_it_was_made_wit
     _, steps = scene.fit(stage, start)
     assert len(steps) >= 3
     active = np.ones(stage.energy.layout.size, bool)
-    state, evaluation = start, known(stage.energy.photo).evaluate(start, scene.stage, 3)
+    state, evaluation = start, known(stage.energy.evaluate(start, 3))
     for step in steps:
-        decrease = System(stage.energy, state, evaluation, active).decrease(
-            step.state, step.evaluation
-        )
+        system = stage.energy.at(state, evaluation).system(state, active)
+        decrease = system.decrease(step.state, step.evaluation)
         assert decrease > 0
         state, evaluation = step.state, known(step.evaluation)
     first, last = (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.job import Weights
+from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.layout import Layout
 from facestage.fit.stages.stage import Stage
@@ -27,7 +28,7 @@ def stage_of(scene: Scene, *blocks: str) -> Stage:
 def landmark_stage(scene: Scene, *blocks: str) -> Stage:
     """A stage without a photo."""
     stage = stage_of(scene, *blocks)
-    stage.energy = replace(stage.energy, photo=None, stage=None)
+    stage.energy = stage.energy.without(PhotoTerm)
     return stage
 
 

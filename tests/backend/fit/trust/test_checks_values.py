@@ -11,8 +11,8 @@ import pytest
 
 from facestage.contract import brdf
 from facestage.contract.job import Weights
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import HIGHLIGHT_SHARE
-from facestage.fit.energy.photo_term import Evaluation, PhotoTerm
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import SHAPE
@@ -90,8 +90,7 @@ def step_of(scene: Scene, evaluation: Evaluation | None, **changes: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def evaluation(scene: Scene) -> Evaluation:
-    term = PhotoTerm(scene.forward, plain_photo(scene.render(samples=4)[0]), 2)
-    return known(term.evaluate(scene.state, scene.stage, 1))
+    return scene.photo_term(scene.render(samples=4)[0], 2).evaluate(scene.state, 1)
 
 
 def test_the_photo_is_doubted_by_the_landmarks_its_likeness_and_what_it_shows(

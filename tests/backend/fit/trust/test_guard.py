@@ -16,6 +16,9 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.partial import partial_folder
 from facestage.contract.result import CONVERGED, STOPPED
+from facestage.fit.energy.landmark_term import LandmarkTerm
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE
@@ -31,7 +34,7 @@ from reference.synthetic_scene import Scene, moved
 def landmark_stage(scene: Scene, state: State, landmarks: Landmarks) -> Stage:
     """The stage of landmarks and priors alone, for the camera of ``state``; its lens is held."""
     stage = scene.solver(np.zeros((96, 96, 3)), SHAPE, 30, Weights(), landmarks=landmarks)
-    stage.energy = replace(stage.energy, photo=None, stage=None)
+    stage.energy = stage.energy.without(PhotoTerm)
     stage.freeze = Layout(state).mask({"focal"})
     return stage
 
@@ -41,7 +44,8 @@ def test_the_statistic_is_the_squared_distance_in_deviations(scene: Scene):
     start = replace(scene.state, identity=np.zeros(4), expression=np.zeros(3))
     assert landmark_statistic(stage.energy, start, start) == 0
     # With landmarks that do not count, two deviations in one mode and one in another are 4 + 1.
-    energy = replace(stage.energy, weights=Weights(landmarks=0.0))
+    unseen = replace(stage.energy.term(LandmarkTerm), weight=0.0)
+    energy = replace(stage.energy, terms=(stage.energy.term(Priors), unseen))
     end = moved(start, identity=np.array([2.0, 0, 0, -1.0]))
     assert landmark_statistic(energy, start, end) == pytest.approx(5.0)
     assert landmark_statistic(stage.energy, start, end) != pytest.approx(5.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.job import Weights
-from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.stage import Stage
@@ -59,7 +59,9 @@ def test_the_statistic_counts_landmarks_shape_and_lens_and_no_more(scene: Scene)
     # Skin, pose and light cost the statistic nothing but what they cost the landmarks.
     start = replace(scene.state, expression=np.zeros(3))
     longer = moved(start, focal=0.5)
-    blind = replace(energy, weights=Weights(landmarks=0.0))
+    landmarks = energy.term(LandmarkTerm)
+    unseen = replace(landmarks, weight=0.0)
+    blind = replace(energy, terms=(*energy.without(LandmarkTerm).terms, unseen))
     # A lens longer by two of its deviations of a quarter: 2^2.
     assert landmark_statistic(blind, start, longer) == pytest.approx(4.0)
     assert landmark_statistic(blind, longer, start) == pytest.approx(-4.0)
@@ -68,15 +70,16 @@ def test_the_statistic_counts_landmarks_shape_and_lens_and_no_more(scene: Scene)
     )
     smiling = replace(start, expression=np.array([0.35, 0, 0]))
     assert landmark_energy(blind, smiling) - landmark_energy(blind, start) == pytest.approx(0.5)
-    placed = energy.landmarks.at(start)
-    wanted = 0.5 * placed.robust_energy(start) + 0.5 * (start.identity**2).sum()
+    placed = landmarks.at(start)
+    residuals = placed.residuals(start)
+    wanted = 0.5 * placed.robust_energy(residuals) + 0.5 * (start.identity**2).sum()
     assert landmark_energy(energy, start) == pytest.approx(wanted)
 
 
 def test_black_and_saturated_pixels_say_nothing(scene: Scene):
     photo = scene.render(samples=4)[0] + 0.1
-    term = PhotoTerm(scene.forward, plain_photo(photo), 2)
-    evaluation = term.evaluate(scene.state, scene.stage, 1)
+    term = scene.photo_term(photo, 2)
+    evaluation = term.evaluate(scene.state, 1)
     count = len(evaluation.image.color)
     assert informative_share(term.photo, evaluation) == 1.0
     column, row = evaluation.image.surface.pixels.astype(int).T

@@ -16,8 +16,8 @@ DRAWS = 150
 
 def test_the_deviation_of_drawn_shapes_is_the_doubt(scene: Scene):
     photo = plain_photo(scene.render(samples=4)[0])
-    term, layout = PhotoTerm(scene.forward, photo, 8), Layout(scene.state)
-    evaluation = term.evaluate(scene.state, scene.stage, 3)
+    term, layout = PhotoTerm(scene.forward, photo, scene.stage, 8), Layout(scene.state)
+    evaluation = term.evaluate(scene.state, 3)
     covariance = np.zeros((layout.size, layout.size))
     where = layout.slices["identity"]
     covariance[where, where] = 0.02**2 * np.eye(where.stop - where.start)
@@ -31,7 +31,7 @@ def test_the_deviation_of_drawn_shapes_is_the_doubt(scene: Scene):
     for _ in range(DRAWS):
         step = np.zeros(layout.size)
         step[where] = 0.02 * random.normal(size=where.stop - where.start)
-        trial = term.evaluate(layout.apply(scene.state, step), scene.stage, 3)
+        trial = term.evaluate(layout.apply(scene.state, step), 3)
         color = np.full((*photo.usable.shape, 3), np.nan)
         column, row = trial.image.surface.pixels.astype(int).T
         color[row, column] = trial.image.color
@@ -52,7 +52,7 @@ def test_the_deviation_of_drawn_shapes_is_the_doubt(scene: Scene):
 def test_without_a_free_shape_only_highlights_are_in_doubt(scene: Scene):
     photo = plain_photo(scene.render(samples=4)[0])
     layout = Layout(scene.state)
-    evaluation = PhotoTerm(scene.forward, photo, 4).evaluate(scene.state, scene.stage, 3)
+    evaluation = PhotoTerm(scene.forward, photo, scene.stage, 4).evaluate(scene.state, 3)
     image = evaluation.image
     doubt = shading_doubt(scene.forward, evaluation, layout, np.zeros((layout.size, layout.size)))
     x, y = image.surface.pixels.astype(int).T

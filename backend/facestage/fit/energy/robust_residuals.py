@@ -1,0 +1,92 @@
+"""Residuals in standard deviations, weighed robustly: what a term of measured points is made of."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.term import Placed, Quadratic, Weighed
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+
+# Beyond three standard deviations an observation is more likely wrong than unlucky.
+CAUCHY_SCALE = 3.0
+
+
+class RobustResiduals(Placed):
+    """m observations of ``components`` residuals each, with a Cauchy loss on each observation.
+
+    A subclass says what they are and how they move; it is a frozen dataclass with the fields
+    ``weight``, a factor on the whole energy, and ``share`` (m,) or one for all, of an independent
+    observation that each one stands for.
+    """
+
+    name: ClassVar[str]  # of its energy
+    components: ClassVar[int] = 1
+    weight: float
+    share: np.ndarray | float
+
+    @abstractmethod
+    def residuals(self, state: State) -> np.ndarray:
+        """(m components,) standard deviations."""
+
+    @abstractmethod
+    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
+        """(m components, size) derivative of :meth:`residuals`."""
+
+    def robust_weights(self, residuals: np.ndarray) -> np.ndarray:
+        """(m components,) without ``weight``, equal within an observation."""
+        weights = self.share / (1.0 + self._squared(residuals) / CAUCHY_SCALE**2)
+        return np.repeat(weights, self.components)
+
+    def robust_energy(self, residuals: np.ndarray) -> float:
+        """The Cauchy energy that :meth:`robust_weights` belong to, without ``weight``."""
+        losses = self.share * np.log1p(self._squared(residuals) / CAUCHY_SCALE**2)
+        return 0.5 * CAUCHY_SCALE**2 * float(losses.sum())
+
+    def _squared(self, residuals: np.ndarray) -> np.ndarray:
+        return np.asarray((residuals.reshape(-1, self.components) ** 2).sum(axis=1))
+
+    def weighed(self, state: State) -> WeighedResiduals:
+        """With the weights of ``state``."""
+        residuals = self.residuals(state)
+        return WeighedResiduals(
+            self, state, residuals, self.weight * self.robust_weights(residuals)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedResiduals(Weighed):
+    """The residuals (r,) at one state and their frozen weights (r,)."""
+
+    placed: RobustResiduals
+    state: State
+    residuals: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def energies(self) -> dict[str, float]:
+        """Half the weighted sum of squares."""
+        return {self.placed.name: 0.5 * float(self.weights @ self.residuals**2)}
+
+    @property
+    def robust(self) -> dict[str, float]:
+        """The Cauchy energy."""
+        return {self.placed.name: self.placed.weight * self.placed.robust_energy(self.residuals)}
+
+    def add_to(self, total: Quadratic) -> None:
+        """By the exact Jacobian."""
+        jacobian = self.placed.jacobian(self.state, total.layout)
+        total.add_residuals(jacobian, self.weights, self.residuals)
+
+    def decrease(self, state: State, evaluation: Evaluation | None) -> float:
+        """A face behind the camera has no residuals."""
+        residuals = self.placed.residuals(state)
+        if not np.isfinite(residuals).all():
+            return -np.inf
+        before = 0.5 * float(self.weights @ self.residuals**2)
+        return before - 0.5 * float(self.weights @ residuals**2)
