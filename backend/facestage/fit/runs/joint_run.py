@@ -184,14 +184,15 @@ class JointRun:
             passage = member.passage(phase.name, self.shape_held) if member.joined else None
             if passage is None:
                 continue
-            own = before.photos[member.number - 1]
-            if own.within is not None:
-                passage.enter(own.within, own.ledger)
-            member.state = passage.state
             company.append((member, passage))
         if not company:
             return
         joint = JointPassage([passage for _, passage in company])
+        for member, passage in company:
+            own = before.photos[member.number - 1]
+            if own.within is not None:
+                passage.enter(own.within, own.ledger)
+            member.state = passage.state
         for item in joint.steps(self._deadline):
             # Where an accepted step began is saved once it is accepted; landmarks are done again.
             if phase.with_photo:

@@ -104,15 +104,16 @@ class JointPassage:
     """Several photos of one person on their way through a phase together."""
 
     def __init__(self, photos: Sequence[Passage]) -> None:
-        """All of one phase, and where it begins or where it was entered."""
+        """All where one phase begins; from now on, each may be entered."""
         self.photos = tuple(photos)
         self.stage = JointStage([photo.stage for photo in photos])
         for photo, stage in zip(photos, self.stage.stages, strict=True):
             photo.stage = stage
-        self.stage.damping = photos[0].stage.damping
 
     def steps(self, deadline: float) -> Iterator[JointIteration]:
         """As of one photo; every photo is where the step led."""
+        # They were entered after the same step, or all begin.
+        self.stage.damping = self.photos[0].stage.damping
         scaled = tuple(photo.scaled for photo in self.photos)
         return _steps(self.photos, self.stage, scaled, deadline)
 
