@@ -16,7 +16,7 @@ from facestage.fit.energy.noise import HIGHLIGHT_SHARE
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import SHAPE
-from facestage.fit.stages.phases import Phase
+from facestage.fit.stages.phases import Phase, PhaseName, Schedule
 from facestage.fit.trust.checks import (
     Ending,
     _certainty,
@@ -103,7 +103,7 @@ def test_the_photo_is_doubted_by_the_landmarks_its_likeness_and_what_it_shows(
     assert statistic == landmark_statistic(stage.energy, scene.state, end) != 0
     # The photo is black, and is looked at in the size of the last evaluation: 96 of 2 pixels.
     assert "black" in words
-    assert view.asked == [(Phase("landmarks", SHAPE, None, 0), scene.state), 48.0]
+    assert view.asked == [(Schedule()[PhaseName.LANDMARKS], scene.state), 48.0]
     # A pull that no face explains, by one free parameter; by seven it would.
     far = moved(scene.state, identity=[0.5, 0, 0, 0.75])
     pull = landmark_statistic(stage.energy, scene.state, far)
