@@ -33,6 +33,7 @@ STEPS: dict[str, ArrayLike] = {
     "roughness": 4e-3,
     "specular": 0.1,
 }
+STEP = 1e-2  # of all others
 BOUND = 0.02
 PIVOT = np.array([0.02, -0.03, -0.8])  # the stage's centre, about
 
@@ -115,7 +116,7 @@ def columns(scene: Scene, block: str) -> Iterator[tuple[str, float, float]]:
     image = picture(scene, scene.state, pixels)
     jacobian = dense_jacobian(scene, image, layout, (block,))
     where = layout.slices[block]
-    steps = np.broadcast_to(STEPS[block], where.stop - where.start)
+    steps = np.broadcast_to(STEPS.get(block, STEP), where.stop - where.start)
     for offset, step in enumerate(steps):
         increment = np.zeros(layout.size)
         increment[where.start + offset] = step
