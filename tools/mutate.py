@@ -104,7 +104,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
     "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
     "fit.stages.stage": (
-        FIT + "stages/test_stage_values.py",
+        FIT + "stages/test_photo_descent_values.py",
         FIT + "energy/test_plan.py",
         FIT + "stages/test_recovery.py",
     ),

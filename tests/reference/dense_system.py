@@ -14,7 +14,7 @@ from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def written_out(jacobian: Jacobian, layout: Layout, pixels: int) -> np.ndarray:
     return result.reshape(-1, layout.size)
 
 
-def data_rows(stage: Stage, state: State, seed: int) -> Rows:
+def data_rows(stage: PhotoDescent, state: State, seed: int) -> Rows:
     """Landmarks and photo; without lights that move or shadows' edges."""
     energy, layout = stage.energy, stage.energy.layout
     photo = energy.photo
@@ -71,7 +71,7 @@ def data_rows(stage: Stage, state: State, seed: int) -> Rows:
     return stacked([landmarks, pixels])
 
 
-def prior_rows(stage: Stage, state: State, blocks: Sequence[str]) -> Rows:
+def prior_rows(stage: PhotoDescent, state: State, blocks: Sequence[str]) -> Rows:
     """The priors of ``blocks``."""
     layout, rows = stage.energy.layout, []
     values = layout.values(state)

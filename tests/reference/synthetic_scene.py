@@ -27,7 +27,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from reference.synthetic_face import synthetic_face
 
 SIDE = 96
@@ -93,7 +93,7 @@ class Scene:
         samples: int = 8,
         landmarks: Landmarks | None = None,
         clipped: np.ndarray | None = None,
-    ) -> Stage:
+    ) -> PhotoDescent:
         """A stage of the schedule over ``blocks`` against ``photo``."""
         layout = Layout(self.state)
         known = self.known(light_scale=float(RADIANCE.mean()))
@@ -106,11 +106,13 @@ class Scene:
             ),
         )
         low, high = layout.bounds(known)
-        return Stage(
+        return PhotoDescent(
             "test", blocks, energy, steps, np.zeros(layout.size, bool), low, high, tolerance=1e-5
         )
 
-    def fit(self, stage: Stage, start: State, seed: int = 3) -> tuple[State, list[Iteration]]:
+    def fit(
+        self, stage: PhotoDescent, start: State, seed: int = 3
+    ) -> tuple[State, list[Iteration]]:
         """Where the stage ends, and its steps."""
         steps = list(stage.run(start, seed, float("inf")))
         return (steps[-1].state if steps else start), steps

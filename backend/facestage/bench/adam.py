@@ -178,12 +178,12 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         passage = Passage.prepared(run.view, phase, start.state)
         if passage is None:
             raise InputError("Everything is frozen; there is nothing to compare.")
-        state, stage = passage.scaled, passage.stage
-        layout = stage.energy.layout
-        descent = Adam(learning_rates(layout, settings.rates, run.view.light_scale) * ~stage.freeze)
+        state, fit = passage.scaled, passage.descent
+        layout = fit.energy.layout
+        descent = Adam(learning_rates(layout, settings.rates, run.view.light_scale) * ~fit.freeze)
         # Making the scene and compiling its kernels is off the clock: nobody does it twice.
         setting_up = time.monotonic()
-        adam = AdamRun(stage.energy, state, settings.samples)
+        adam = AdamRun(fit.energy, state, settings.samples)
         adam.loss(state, problem.job.seed)
         began += time.monotonic() - setting_up
         for number in range(settings.iterations):
@@ -198,7 +198,7 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
             done = max(elapsed / settings.budget, number / settings.iterations)
             change = descent.step(gradient, LAST_RATE**done)
             values = layout.values(state)
-            state = layout.apply(state, np.clip(values + change, stage.low, stage.high) - values)
+            state = layout.apply(state, np.clip(values + change, fit.low, fit.high) - values)
             seconds = time.monotonic() - began
             if seconds > SNAPSHOT_STEP * snapshots[-1].seconds or number == settings.iterations - 1:
                 snapshots.append(

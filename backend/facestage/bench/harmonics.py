@@ -124,8 +124,8 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
             passage = Passage.prepared(run.view, phase, state, keep_light=True)
             if passage is None:
                 continue
-            stage = passage.stage
-            stage.low[stage.energy.layout.slices["lights"]] = -np.inf
+            descent = passage.descent
+            descent.low[descent.energy.layout.slices["lights"]] = -np.inf
             for _ in passage.steps(deadline):
                 state, seconds = passage.state, time.monotonic() - began
                 snapshots.append(Snapshot(seconds, phase.name, state, lit=True))
@@ -147,9 +147,9 @@ def _initial_harmonics(run: FitRun, phase: Phase, state: State) -> State:
     """Coefficients by linear least squares on the current geometry and albedo; sets the scale of
     E_light.
     """
-    stage = run.view.solver_stage(phase, state)
-    assert stage is not None and stage.energy.photo is not None
-    photo = stage.energy.photo
+    descent = run.view.descent(phase, state)
+    assert descent is not None and descent.energy.photo is not None
+    photo = descent.energy.photo
     evaluation = photo.evaluate(run.view.scaled(phase, state), run.problem.job.seed)
     image = evaluation.image
     y, x = photo.index(image.surface)

@@ -236,11 +236,11 @@ class _Timed:
         run = FitRun(self.problem, self.forward, self.folder)
         run.view.plan, run.view.camera_to_stage = Plan(rules), fitted.camera_to_stage
         phase = run.schedule.last
-        stage = run.view.solver_stage(phase, fitted.state)
-        assert stage is not None and phase.face_px is not None
-        photo, layout = stage.energy.photo, stage.energy.layout
+        descent = run.view.descent(phase, fitted.state)
+        assert descent is not None and phase.face_px is not None
+        photo, layout = descent.energy.photo, descent.energy.layout
         assert photo is not None
-        active = layout.mask(stage.blocks) & ~stage.freeze
+        active = layout.mask(descent.blocks) & ~descent.freeze
         state = replace(
             fitted.state, camera=fitted.state.camera.scaled(self.problem.scale(phase.face_px))
         )

@@ -82,7 +82,7 @@ def start(opened: tuple[Problem, Truth, Judge], tmp_path_factory: pytest.TempPat
     fitted = run.run(float("inf"))
     passage = Passage.prepared(run.view, Phase("adam", BLOCKS, 40.0, 0), fitted.state)
     assert passage is not None
-    return AdamRun(passage.stage.energy, passage.scaled, samples=16), passage.scaled
+    return AdamRun(passage.descent.energy, passage.scaled, samples=16), passage.scaled
 
 
 def test_gradients_are_finite_and_every_block_has_one(start: Start):

@@ -3,7 +3,7 @@ color.
 
 A face under any light shades: where the nose, the lips and the cheeks turn, the radiance changes. A
 region of the photo that shows almost none of the change that the posed face must show there is not
-the face. Only the amount of change is compared, averaged over windows, so a landmark stage that is
+the face. Only the amount of change is compared, averaged over windows, so a landmark phase that is
 a few pixels off does not matter: on faces that nothing hides, the photo had at least a quarter of
 the predicted contrast in every window. A textured occluder passes.
 """

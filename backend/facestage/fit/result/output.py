@@ -154,7 +154,7 @@ def _errors(
     )
     if truth is not None:
         errors |= truth.geometry_errors(state)
-        # The landmark stage's own error: a fit must never end further from the truth than its
+        # The landmark phases' own error: a fit must never end further from the truth than its
         # start.
         start = [row for row in fitted.trace if row["stage"] == PhaseName.LANDMARKS]
         if start:

@@ -49,7 +49,7 @@ class Checkpoint:
     fingerprint: str  # of the job; a checkpoint of another job must not be continued
     phase: str
     seconds: float
-    start: State | None  # where the landmark stage ended, once it has
+    start: State | None  # where the landmark phases ended, once they have
     began: State  # where the phase began, at the photo's full size
     memory: Memory  # of the view, there
     ledger: Ledger

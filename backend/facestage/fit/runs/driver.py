@@ -19,7 +19,7 @@ from facestage.fit.runs.progress import Progress, Scale
 from facestage.fit.runs.trace import trace_row
 from facestage.fit.stages.passage import Passage, walk
 from facestage.fit.stages.phases import SHAPE_HELD, Phase, Schedule, default_schedule
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
 from facestage.fit.trust.fitted import Fitted

@@ -17,7 +17,7 @@ from facestage.contract.schemas.schema import decoded_meta
 from facestage.fit.runs.checkpoint import AGAIN, SCHEMA_VERSION, Checkpoint, damaged, other_version
 from facestage.fit.runs.checkpoint_schema import finite
 from facestage.fit.runs.member import Member
-from facestage.fit.stages.joint import JointIteration
+from facestage.fit.stages.joint_descent import JointIteration
 from facestage.fit.stages.passage import Passage
 
 

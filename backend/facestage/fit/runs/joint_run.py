@@ -20,10 +20,10 @@ from facestage.fit.given.truth import Truth
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.runs.member import Member, MissingStepError
 from facestage.fit.runs.progress import Progress, Scale
-from facestage.fit.stages.joint import JointIteration, JointStage
+from facestage.fit.stages.joint_descent import JointDescent, JointIteration
 from facestage.fit.stages.passage import JointPassage, Passage
 from facestage.fit.stages.phases import Phase, Schedule, default_schedule
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.same_person import Difference, combined, odd_ones
@@ -60,7 +60,7 @@ class JointRun:
         # No photo was believed: the shape is the landmarks'.
         self.shape_held = False
         # The last step, for what all photos together say of each one's parameters.
-        self._final: tuple[JointStage, JointIteration, list[Member]] | None = None
+        self._final: tuple[JointDescent, JointIteration, list[Member]] | None = None
         self._started, self._deadline = 0.0, np.inf
         self._scale, self.listen = Scale(self.schedule, len(self.members)), listen
         # While what a checkpoint has seen already is done again.
@@ -197,7 +197,7 @@ class JointRun:
             # Where an accepted step began is saved once it is accepted; landmarks are done again.
             if phase.with_photo:
                 before.save(self.folder)
-            self._final = (joint.stage, item, [member for member, _ in company])
+            self._final = (joint.descent, item, [member for member, _ in company])
             for (member, passage), part in zip(company, item.parts, strict=True):
                 member.took(passage, part)
                 if not self._quiet:

@@ -18,7 +18,7 @@ from facestage.fit.given.truth import Truth
 from facestage.fit.runs.trace import trace_row
 from facestage.fit.stages.passage import Passage, walk
 from facestage.fit.stages.phases import SHAPE_HELD, SHAPE_SHARED, TOGETHER, Phase, Schedule
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
 from facestage.fit.trust.fitted import Fitted
@@ -45,8 +45,8 @@ class Member:
     schedule: Schedule
     truth: Truth | None
     state: State
-    start: State  # where its own landmark stage ended
-    together: State  # where the landmark stage of all photos ended
+    start: State  # where its own landmark phases ended
+    together: State  # where the landmark phases of all photos ended
     trace: list[dict[str, Any]] = field(default_factory=list)
     last: Iteration | None = None
     # ``last`` was before the checkpoint that the run goes on from, and is not known
@@ -81,11 +81,11 @@ class Member:
         """Its own landmark phases; what they say of the identity, where it is fitted and has a
         prior.
         """
-        last: tuple[Iteration, Stage] | None = None
+        last: tuple[Iteration, PhotoDescent] | None = None
 
         def told(passage: Passage, item: Iteration) -> None:
             nonlocal last
-            self.state, last = passage.state, (item, passage.stage)
+            self.state, last = passage.state, (item, passage.descent)
             tell(self, passage, item)
 
         walk(self.view, self.schedule.landmark_phases, self.state, told=told)

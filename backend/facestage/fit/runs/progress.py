@@ -12,7 +12,7 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.face.state import State
 from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.phases import Schedule
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 
 # Where on the scale the last phase ends, and the textures; the rest are pictures.
 FITTED, PAINTED = 0.90, 0.93

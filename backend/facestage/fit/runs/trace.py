@@ -9,7 +9,7 @@ import numpy as np
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.truth import Truth
 from facestage.fit.stages.passage import Passage
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 
 # What the trace calls the phases: those of the schedule by their titles, and at the end this.
 DETAIL = "albedo detail"

@@ -18,9 +18,9 @@ from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.descent import Descent
-from facestage.fit.stages.joint import JointIteration, JointStage
+from facestage.fit.stages.joint_descent import JointDescent, JointIteration
 from facestage.fit.stages.phases import Phase
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from facestage.fit.stages.view import View
 
 
@@ -47,9 +47,9 @@ class Within:
 class Passage:
     """One photo on its way through a phase."""
 
-    def __init__(self, view: View, phase: Phase, stage: Stage, state: State) -> None:
+    def __init__(self, view: View, phase: Phase, descent: PhotoDescent, state: State) -> None:
         """``state`` is at the photo's full size."""
-        self.view, self.phase, self.stage = view, phase, stage
+        self.view, self.phase, self.descent = view, phase, descent
         self.state = state  # where the photo is, at its full size
         self.scaled = view.scaled(phase, state)  # where the first step begins
         self.first = 1  # the first step's number
@@ -66,13 +66,13 @@ class Passage:
         if phase.with_photo and not keep_light:
             view.choose_lamps(state)
             state = view.with_initial_lights(phase, state)
-        stage = view.solver_stage(phase, state)
-        return None if stage is None else cls(view, phase, stage, state)
+        descent = view.descent(phase, state)
+        return None if descent is None else cls(view, phase, descent, state)
 
     @property
     def photo(self) -> np.ndarray | None:
         """(h, w, 3) linear, what the solver sees of the photo; None in a phase without it."""
-        term = self.stage.energy.photo
+        term = self.descent.energy.photo
         return None if term is None else term.photo.color
 
     @property
@@ -82,7 +82,7 @@ class Passage:
 
     def enter(self, within: Within, ledger: Ledger) -> None:
         """Begin where the phase was ``within``; ``ledger``: what had been counted there."""
-        self.stage.resume(Damping(*within.damping), within.resting, deepcopy(ledger))
+        self.descent.resume(Damping(*within.damping), within.resting, deepcopy(ledger))
         self.scaled, self.first = within.state, within.step + 1
         self.move(within.state)
 
@@ -92,12 +92,12 @@ class Passage:
 
     def steps(self, deadline: float) -> Iterator[Iteration]:
         """The accepted steps until ``deadline`` (time.monotonic); the photo is where each led."""
-        return _steps((self,), self.stage, self.scaled, deadline)
+        return _steps((self,), self.descent, self.scaled, deadline)
 
     def within(self, item: Iteration) -> Within:
         """Where the phase is after ``item``, its last step."""
         damping = (item.damping.value, item.damping.growth)
-        return Within(item.number, item.state, damping, self.stage.resting)
+        return Within(item.number, item.state, damping, self.descent.resting)
 
 
 class JointPassage:
@@ -106,16 +106,16 @@ class JointPassage:
     def __init__(self, photos: Sequence[Passage]) -> None:
         """All where one phase begins; from now on, each may be entered."""
         self.photos = tuple(photos)
-        self.stage = JointStage([photo.stage for photo in photos])
-        for photo, stage in zip(photos, self.stage.stages, strict=True):
-            photo.stage = stage
+        self.descent = JointDescent([photo.descent for photo in photos])
+        for photo, descent in zip(photos, self.descent.descents, strict=True):
+            photo.descent = descent
 
     def steps(self, deadline: float) -> Iterator[JointIteration]:
         """As of one photo; every photo is where the step led."""
         # They were entered after the same step, or all begin.
-        self.stage.damping = self.photos[0].stage.damping
+        self.descent.damping = self.photos[0].descent.damping
         scaled = tuple(photo.scaled for photo in self.photos)
-        return _steps(self.photos, self.stage, scaled, deadline)
+        return _steps(self.photos, self.descent, scaled, deadline)
 
 
 def _steps(

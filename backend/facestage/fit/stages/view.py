@@ -1,4 +1,4 @@
-"""One photo of a fit: what it brings to each stage of the solver, and what it remembers between
+"""One photo of a fit: what it brings to each phase, and what it remembers between
 phases.
 """
 
@@ -24,7 +24,7 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.stages.visible import VisiblePhoto
 
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their
@@ -45,9 +45,9 @@ class Memory:
 
 
 class View:
-    """A problem with its renderer: makes the solver's stages for any phase and state.
+    """A problem with its renderer: makes the solver's descent in any phase from any state.
 
-    States are at the photo's full size; a stage works on them scaled by the phase's factor.
+    States are at the photo's full size; a phase works on them scaled by the phase's factor.
     """
 
     def __init__(
@@ -171,15 +171,15 @@ class View:
         stage = turned(self._stage_in_camera(state), state.light_position, self._pivot(state))
         return stage.with_radiance(self.problem.lights.radiance(state.lights))
 
-    def solver_stage(self, phase: Phase, state: State) -> Stage | None:
-        """The solver's stage for a phase, or None when all it could move is frozen."""
+    def descent(self, phase: Phase, state: State) -> PhotoDescent | None:
+        """The solver over a phase, or None when all it could move is frozen."""
         setup = self._setup(phase, state)
         if setup is None:
             return None
         setup = replace(setup, casting=self._casting(phase, setup))
         low, high = setup.layout.bounds(setup.known)
         energy = Energy.of(setup)
-        return Stage(phase.title, phase.blocks, energy, phase.steps, setup.freeze, low, high)
+        return PhotoDescent(phase.title, phase.blocks, energy, phase.steps, setup.freeze, low, high)
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, the scale of E_light,

@@ -16,7 +16,7 @@ from facestage.fit.face.state import State
 from facestage.fit.given.problem import Problem
 from facestage.fit.solve.covariance import covariance
 from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.certainty import Certainty, describe, deviations
 from facestage.fit.trust.directions import find_null_directions
@@ -34,7 +34,7 @@ class Ending:
     """How the schedule ended for one photo."""
 
     phase: Phase  # the last of the schedule
-    start: State  # where the landmark stage ended
+    start: State  # where the landmark phases ended
     state: State
     last: Iteration | None  # the step to ``state``
     trace: list[dict[str, Any]]
@@ -80,9 +80,9 @@ def photo_doubt(
     free = view.free_shape(Layout(end))
     if last is None or last.evaluation is None or not free:
         return "", 0.0
-    stage = view.solver_stage(Schedule()[PhaseName.LANDMARKS], start)
-    assert stage is not None
-    statistic = landmark_statistic(stage.energy, start, end)
+    descent = view.descent(Schedule()[PhaseName.LANDMARKS], start)
+    assert descent is not None
+    statistic = landmark_statistic(descent.energy, start, end)
     width = last.evaluation.base_weight.shape[1]
     share = informative_share(view.visible.at(width / view.problem.camera.width), last.evaluation)
     return doubt(statistic, statistic_limit(free), psnr, share), statistic
@@ -110,7 +110,7 @@ def _lens(view: View, start: State) -> LensCheck | None:
     weights = view.problem.job.weights
     if view.problem.fit_focal or not weights.landmarks or not weights.prior:
         return None
-    return check_lens(lambda state: view.solver_stage(LENS, state), start, view.problem.job.seed)
+    return check_lens(lambda state: view.descent(LENS, state), start, view.problem.job.seed)
 
 
 def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:

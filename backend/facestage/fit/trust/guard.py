@@ -1,7 +1,7 @@
 """Whether the photo may be believed about the shape, after the fit: if not, the landmarks' shape is
 kept.
 
-The landmark stage ends at the maximum of its posterior, whose curvature there says how far the true
+The landmark phase ends at the maximum of its posterior, whose curvature there says how far the true
 shape may lie. In its own units that squared distance, here twice the rise of the landmarks' and the
 priors' energy (Wilks 1938), is chi-squared with as many degrees of freedom as the shape has
 parameters. A photo that pulls the shape beyond what chance allows contradicts the landmarks or is
@@ -30,10 +30,10 @@ INFORMATIVE_SHARE_MIN = 0.2
 
 
 def landmark_statistic(energy: Energy, start: State, end: State) -> float:
-    """Twice the rise of landmark and shape prior energy from ``start``, the landmark stage's state,
+    """Twice the rise of landmark and shape prior energy from ``start``, the landmark phase's state,
     to ``end``.
 
-    ``energy``: the landmark stage's, at the photo's own size.
+    ``energy``: the landmark phase's, at the photo's own size.
     """
     before, after = (energy.at(state).robust(state) for state in (start, end))
     return 2.0 * (_of_shape(after) - _of_shape(before) + after["focal"] - before["focal"])

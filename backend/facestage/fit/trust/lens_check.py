@@ -1,7 +1,7 @@
 """Whether the landmarks contradict a focal length that is said to be known.
 
 A lens that is too long or too short bends the face's perspective; the shape can follow only by
-becoming unlike other faces. So the landmark stage is run again through other lenses, the face as
+becoming unlike other faces. So the landmark phase is run again through other lenses, the face as
 large in each: how much better the best of them is than the given one, in units of what misfit
 remains, is an F statistic with one degree of freedom.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.state import State
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.trust.guard import landmark_energy
 
 # Focal lengths that are tried, relative to the given one.
@@ -41,31 +41,33 @@ class LensCheck:
         return self.statistic > DOUBTFUL
 
 
-def check_lens(stage_of: Callable[[State], Stage | None], start: State, seed: int) -> LensCheck:
-    """``stage_of`` gives the landmark stage for a state with another camera; ``start`` is where it
-    ended before.
+def check_lens(
+    descent_of: Callable[[State], PhotoDescent | None], start: State, seed: int
+) -> LensCheck:
+    """``descent_of`` gives the landmark phase's descent from a state with another camera;
+    ``start`` is where it ended before.
     """
-    stage = stage_of(start)
-    if stage is None:
+    descent = descent_of(start)
+    if descent is None:
         return LensCheck(1.0, 0.0)
-    given = landmark_energy(stage.energy, start)
-    trials = [_energy_through(stage_of, start, ratio, seed) for ratio in RATIOS]
+    given = landmark_energy(descent.energy, start)
+    trials = [_energy_through(descent_of, start, ratio, seed) for ratio in RATIOS]
     best = int(np.argmin(trials))
     # The priors count as observations: as many more residuals as there are coefficients, which
     # leaves the pose.
-    observations = stage.energy.term(LandmarkTerm).observations
+    observations = descent.energy.term(LandmarkTerm).observations
     freedom = max(2 * observations - POSE_PARAMETERS, 1)
     scale = max(2.0 * trials[best] / freedom, 1e-12)
     return LensCheck(RATIOS[best], max(2.0 * (given - trials[best]) / scale, 0.0))
 
 
 def _energy_through(
-    stage_of: Callable[[State], Stage | None], start: State, ratio: float, seed: int
+    descent_of: Callable[[State], PhotoDescent | None], start: State, ratio: float, seed: int
 ) -> float:
     camera = replace(start.camera, focal_px=start.camera.focal_px * ratio)
     state = replace(start, camera=camera, translation=start.translation * [1.0, 1.0, ratio])
-    stage = stage_of(state)
-    assert stage is not None
-    last = stage.last(state, seed)
-    energy = landmark_energy(stage.energy, state if last is None else last.state)
+    descent = descent_of(state)
+    assert descent is not None
+    last = descent.last(state, seed)
+    energy = landmark_energy(descent.energy, state if last is None else last.state)
     return energy if np.isfinite(energy) else np.inf

@@ -1,6 +1,6 @@
 """Whether the landmarks of several photos can be of one person.
 
-Each photo's landmark stage, alone, ends at an identity m_k with the information J_k that its
+Each photo's landmark phases, alone, end at an identity m_k with the information J_k that its
 landmarks hold of it, pose and expression unknown. If all photos show one person, the others'
 landmarks predict what photo k's own say. How far off that is, squared and in standard deviations
 over the modes that its landmarks tell something of, in units of how badly each photo's own face
@@ -18,7 +18,7 @@ from scipy.stats import f as f_distribution
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.solve.covariance import marginal_hessian
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from facestage.fit.trust.guard import landmark_energy
 
 # Chance of so large a difference between photos of one person.
@@ -33,21 +33,21 @@ POSE_PARAMETERS = 6
 class Evidence:
     """What one photo's landmarks say of the identity, and the prior, as quadratic terms."""
 
-    identity: np.ndarray  # (k,) where the landmark stage ended
+    identity: np.ndarray  # (k,) where the landmark phases ended
     information: np.ndarray  # (k, k) of the landmarks alone
     prior: np.ndarray  # (k, k)
     misfit: float = 0.0  # twice the energy that landmarks and priors are left with
     freedom: int = 1  # residuals less parameters; priors count as residuals
 
     @classmethod
-    def of(cls, last: Iteration, stage: Stage) -> Evidence:
-        """From the last step of a photo's own landmark stage."""
+    def of(cls, last: Iteration, descent: PhotoDescent) -> Evidence:
+        """From the last step of a photo's own landmark phases."""
         where = Layout(last.state).slices["identity"]
         kept = np.arange(where.start, where.stop)
         prior = last.prior_hessian[where, where]
-        information = marginal_hessian(last.hessian, kept, stage.active) - prior
-        seen = int(np.isfinite(stage.energy.term(LandmarkTerm).sigma).sum())
-        misfit = 2.0 * landmark_energy(stage.energy, last.state)
+        information = marginal_hessian(last.hessian, kept, descent.active) - prior
+        seen = int(np.isfinite(descent.energy.term(LandmarkTerm).sigma).sum())
+        misfit = 2.0 * landmark_energy(descent.energy, last.state)
         return cls(
             last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1)
         )

@@ -26,10 +26,10 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SHARED
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import read_problem
-from facestage.fit.stages.joint import JointStage
+from facestage.fit.stages.joint_descent import JointDescent
 from facestage.fit.stages.passage import Passage, walk
 from facestage.fit.stages.phases import Schedule
-from facestage.fit.stages.stage import Iteration
+from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from reference.outlined_head import outlined_head
 from reference.synthetic_case import Case
@@ -179,7 +179,7 @@ def test_a_term_that_nobody_knows_of_is_in_every_step(case: Case):
     heard: list[tuple[str, set[type[Term]], Iteration]] = []
 
     def told(passage: Passage, item: Iteration) -> None:
-        kinds = {type(term) for term in passage.stage.energy.terms}
+        kinds = {type(term) for term in passage.descent.energy.terms}
         heard.append((passage.phase.name, kinds, item))
 
     end = walk(view, Schedule().landmark_phases, view.start_state(), told=told)
@@ -196,10 +196,10 @@ def test_each_photo_of_a_person_has_it_and_priors_count_once(scene: Scene):
     stages = [scene.solver(photo, BLOCKS, 1, Weights(), samples=2) for _ in range(2)]
     for stage in stages:
         stage.energy = replace(stage.energy, terms=(*stage.energy.terms, AnchorTerm()))
-    joint = JointStage(stages)
+    joint = JointDescent(stages)
     states = (scene.state, scene.state)
     first, second = joint.system(states, joint.evaluate(states, 1)).systems
     assert first.energies["anchor"] == second.energies["anchor"] > 0
     assert set(first.energies) - set(second.energies) >= {"identity", "albedo", "roughness"}
     assert "identity" in stages[1].energy.at(scene.state).robust(scene.state), "a copy lost them"
-    assert joint.stages[1].energy.term(Priors).omitted == frozenset(SHARED)
+    assert joint.descents[1].energy.term(Priors).omitted == frozenset(SHARED)

@@ -424,9 +424,7 @@ def test_a_fit_looks_for_penumbra_only_when_it_is_asked_to(case: Case, small_map
             view = View(problem, forward, minimum)
             view.strong = first
             state = replace(view.start_state(), lights=np.ones(problem.lights.size))
-            stage = view.solver_stage(
-                Schedule().with_shadow_edges(edges)[PhaseName.GEOMETRY], state
-            )
+            stage = view.descent(Schedule().with_shadow_edges(edges)[PhaseName.GEOMETRY], state)
             assert stage is not None and stage.energy.photo is not None
             found[name, edges, minimum] = (view.penumbra, stage.energy.photo.casting)
     for name, casting in (("lattice", first), ("placed", np.ones(4, bool))):

@@ -23,7 +23,7 @@ from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.metrics import aligned_distance
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
 
@@ -221,7 +221,9 @@ def recovered_mm(
     energy = Energy(layout, (Priors(layout, known, weights), term))
     low, high = layout.bounds(known)
     freeze = layout.mask(["focal"])
-    for item in Stage("landmarks", SHAPE, energy, 15, freeze, low, high).run(start, 0, np.inf):
+    for item in PhotoDescent("landmarks", SHAPE, energy, 15, freeze, low, high).run(
+        start, 0, np.inf
+    ):
         start = item.state
     region = head.new_index[head.model.regions["narrow_face"]]
     found, wanted = (

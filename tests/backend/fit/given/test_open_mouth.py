@@ -22,7 +22,7 @@ from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.skin_mask import face_size_px
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
 
@@ -81,7 +81,9 @@ def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
         priors = Priors(layout, known, Weights())
         term = LandmarkTerm(geometry, landmarks, LANDMARK_SIGMA_SHARE * size)
         held = ~layout.mask(blocks) | layout.mask(("focal",))
-        stage = Stage("landmarks", blocks, Energy(layout, (priors, term)), 30, held, low, high)
+        stage = PhotoDescent(
+            "landmarks", blocks, Energy(layout, (priors, term)), 30, held, low, high
+        )
         for step in stage.run(state, 0, np.inf):
             state = step.state
     fitted = landmark_pixels(geometry, landmarks, state)

@@ -166,14 +166,14 @@ def test_where_no_step_follows_the_checks_know_the_last_one(
     jobs: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """The last phase takes no step, so that what is known is from the phase before."""
-    from facestage.fit.stages.stage import Stage
+    from facestage.fit.stages.photo_descent import PhotoDescent
 
-    run = Stage.run
+    run = PhotoDescent.run
 
-    def none_in_the_end(self: Stage, *arguments, **options):
+    def none_in_the_end(self: PhotoDescent, *arguments, **options):
         return iter(()) if self.name == "joint" else run(self, *arguments, **options)
 
-    monkeypatch.setattr(Stage, "run", none_in_the_end)
+    monkeypatch.setattr(PhotoDescent, "run", none_in_the_end)
     fit = one(jobs[0])
     undisturbed(fit, tmp_path / "whole" / "out")
     assert Result.load(tmp_path / "whole" / "out").null_directions

@@ -33,7 +33,7 @@ class Item:
         return (self,)
 
 
-class FakeStage:
+class FakeDescent:
     """Two steps of one each."""
 
     def __init__(self) -> None:
@@ -62,9 +62,9 @@ class FakeView:
     def choose_lamps(self, state: float) -> None:
         self.done.append("lamps")
 
-    def solver_stage(self, phase: Phase, state: float) -> Any:
+    def descent(self, phase: Phase, state: float) -> Any:
         self.done.append(phase.name)
-        return None if phase.name in self.held else FakeStage()
+        return None if phase.name in self.held else FakeDescent()
 
     def with_initial_lights(self, phase: Phase, state: float) -> float:
         self.done.append("lights")
@@ -105,7 +105,7 @@ def test_steps_lead_where_the_photo_is():
     passage = prepared(PhaseName.LANDMARKS)
     seen = [(item.number, item.state, passage.state) for item in passage.steps(7.0)]
     assert seen == [(1, 1.0, 10.0), (2, 2.0, 20.0)]
-    assert passage.stage.ran == [(0.0, JOB_SEED + passage.phase.seed, 7.0, 1)]
+    assert passage.descent.ran == [(0.0, JOB_SEED + passage.phase.seed, 7.0, 1)]
 
 
 def test_it_is_entered_where_it_was_left():
@@ -113,17 +113,17 @@ def test_it_is_entered_where_it_was_left():
     first = next(iter(whole.steps(FOREVER)))
     within = whole.within(replace(first, damping=Damping(0.25, 2.0)))
     assert (within.step, within.state, within.damping) == (1, first.state, (0.25, 2.0))
-    assert within.resting is whole.stage.resting
+    assert within.resting is whole.descent.resting
     list(whole.steps(FOREVER))
 
     again, ledger = prepared(PhaseName.LIGHT), Ledger()
     again.enter(Within(1, within.state, within.damping, within.resting), ledger)
     assert again.state == 10 * first.state
-    damping, resting, counted = again.stage.resumed
+    damping, resting, counted = again.descent.resumed
     assert damping == Damping(0.25, 2.0) and resting is within.resting
     assert counted == ledger and counted is not ledger, "what is counted on is not the checkpoint's"
     assert [item.number for item in again.steps(FOREVER)] == [2]
-    assert again.stage.ran[0][0] == first.state
+    assert again.descent.ran[0][0] == first.state
 
 
 def test_a_walk_goes_through_every_phase():

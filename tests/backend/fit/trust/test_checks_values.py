@@ -41,7 +41,7 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
     asked: list[Any] = []
     photo = plain_photo(np.zeros((96, 96, 3)))
 
-    def solver_stage(phase: Phase, state: Any) -> Any:
+    def descent(phase: Phase, state: Any) -> Any:
         asked.append((phase, state))
         return changes.get("stage")
 
@@ -67,7 +67,7 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         problem=problem,
         forward=scene.forward,
         free_shape=lambda _: changes.get("free", 7),
-        solver_stage=solver_stage,
+        descent=descent,
         start_state=lambda: scene.state,
         frozen=lambda: set(held),
         held=lambda _: layout.mask(held),

@@ -23,7 +23,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.result.run import fit_job
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.trust.guard import doubt, landmark_statistic, statistic_limit
 from facestage.fit.trust.lens_check import DOUBTFUL, check_lens
 from reference.small_fit import SMALL
@@ -31,7 +31,7 @@ from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene, moved
 
 
-def landmark_stage(scene: Scene, state: State, landmarks: Landmarks) -> Stage:
+def landmark_stage(scene: Scene, state: State, landmarks: Landmarks) -> PhotoDescent:
     """The stage of landmarks and priors alone, for the camera of ``state``; its lens is held."""
     stage = scene.solver(np.zeros((96, 96, 3)), SHAPE, 30, Weights(), landmarks=landmarks)
     stage.energy = stage.energy.without(PhotoTerm)

@@ -13,7 +13,7 @@ from facestage.contract.job import Weights
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.stages.phases import Phase
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.trust.checks import _names, _settled
 from facestage.fit.trust.guard import (
     doubt,
@@ -50,7 +50,7 @@ def test_without_a_free_parameter_the_limit_is_that_of_one():
     )
 
 
-def stage_of(scene: Scene, weights: Weights) -> Stage:
+def stage_of(scene: Scene, weights: Weights) -> PhotoDescent:
     return scene.solver(np.zeros((96, 96, 3)), ("pose",), 1, weights)
 
 

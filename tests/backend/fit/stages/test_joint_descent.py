@@ -12,8 +12,8 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.covariance import marginal_hessian
-from facestage.fit.stages.joint import JointLayout, JointStage
-from facestage.fit.stages.stage import Stage
+from facestage.fit.stages.joint_descent import JointDescent, JointLayout
+from facestage.fit.stages.photo_descent import PhotoDescent
 from reference.dense_system import data_rows, prior_rows, side_by_side, stacked
 from reference.synthetic_scene import Scene, moved
 from reference.two_photos import another_photo
@@ -29,7 +29,7 @@ def scenes(scene: Scene) -> list[Scene]:
     return [scene, another_photo(scene), another_photo(scene, 64, (0.2, 0.1, 0.0))]
 
 
-def stage_of(scene: Scene, blocks: tuple[str, ...] = BLOCKS, steps: int = 6) -> Stage:
+def descent_of(scene: Scene, blocks: tuple[str, ...] = BLOCKS, steps: int = 6) -> PhotoDescent:
     photo, _ = scene.render(samples=8)
     return scene.solver(
         photo, blocks, steps, Weights(), samples=4, landmarks=scene.landmarks(noise_px=0.5)
@@ -52,16 +52,19 @@ def guess(scene: Scene, seed: int = 5) -> State:
 
 def test_hessian_and_gradient_are_those_of_all_rows(scenes: list[Scene]):
     states = tuple(guess(one) for one in scenes)
-    joint, alone = JointStage([stage_of(one) for one in scenes]), [stage_of(one) for one in scenes]
+    joint, alone = (
+        JointDescent([descent_of(one) for one in scenes]),
+        [descent_of(one) for one in scenes],
+    )
     found = joint.system(states, joint.evaluate(states, SEED, everything=True))
     rows = []
-    for number, (stage, state) in enumerate(zip(alone, states, strict=True)):
+    for number, (descent, state) in enumerate(zip(alone, states, strict=True)):
         # The priors of what is shared count once.
-        names = set(stage.energy.layout.slices) - (set(SHARED) if number else set())
+        names = set(descent.energy.layout.slices) - (set(SHARED) if number else set())
         rows.append(
-            stacked([data_rows(stage, state, SEED), prior_rows(stage, state, sorted(names))])
+            stacked([data_rows(descent, state, SEED), prior_rows(descent, state, sorted(names))])
         )
-    whole = side_by_side(rows, [stage.energy.layout for stage in alone], SHARED)
+    whole = side_by_side(rows, [descent.energy.layout for descent in alone], SHARED)
     hessian, gradient = whole.normal_equations()
     assert hessian.shape == found.hessian.shape == (joint.layout.size,) * 2
     length = np.sqrt(np.diag(hessian))
@@ -77,7 +80,7 @@ def test_hessian_and_gradient_are_those_of_all_rows(scenes: list[Scene]):
 
 
 def test_a_step_moves_what_is_shared_as_one(scenes: list[Scene]):
-    joint = JointStage([stage_of(one, steps=2) for one in scenes])
+    joint = JointDescent([descent_of(one, steps=2) for one in scenes])
     start = tuple(guess(one) for one in scenes)
     steps = list(joint.run(start, SEED, float("inf")))
     assert steps
@@ -93,8 +96,8 @@ def test_a_step_moves_what_is_shared_as_one(scenes: list[Scene]):
 
 def test_one_photo_is_the_stage_itself(scene: Scene):
     start = guess(scene)
-    (joint,) = [list(JointStage([stage_of(scene, steps=2)]).run((start,), SEED, float("inf")))]
-    plain = list(stage_of(scene, steps=2).run(start, SEED, float("inf")))
+    (joint,) = [list(JointDescent([descent_of(scene, steps=2)]).run((start,), SEED, float("inf")))]
+    plain = list(descent_of(scene, steps=2).run(start, SEED, float("inf")))
     layout = Layout(start)
     for found, wanted in zip(joint, plain, strict=True):
         np.testing.assert_allclose(
@@ -104,17 +107,17 @@ def test_one_photo_is_the_stage_itself(scene: Scene):
 
 
 def test_frozen_by_one_is_frozen_for_all(scenes: list[Scene]):
-    stages = [stage_of(one, steps=1) for one in scenes]
-    stages[1].freeze = Layout(scenes[1].state).mask({"identity"})
+    descents = [descent_of(one, steps=1) for one in scenes]
+    descents[1].freeze = Layout(scenes[1].state).mask({"identity"})
     start = tuple(guess(one) for one in scenes)
-    for step in JointStage(stages).run(start, SEED, float("inf")):
+    for step in JointDescent(descents).run(start, SEED, float("inf")):
         for part, state in zip(step.parts, start, strict=True):
             np.testing.assert_array_equal(part.state.identity, state.identity)
 
 
 def test_what_all_say_of_one_photo_is_its_block_of_the_inverse(scenes: list[Scene]):
     states = tuple(guess(one) for one in scenes[:2])
-    joint = JointStage([stage_of(one, steps=1) for one in scenes[:2]])
+    joint = JointDescent([descent_of(one, steps=1) for one in scenes[:2]])
     step = next(iter(joint.run(states, SEED, float("inf"))))
     free = joint.active
     inverse = np.linalg.inv(step.hessian[np.ix_(free, free)])

@@ -22,7 +22,7 @@ from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
-from facestage.fit.stages.stage import Iteration, Stage
+from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 
 States = tuple[State, ...]
 Evaluations = tuple[Evaluation | None, ...]
@@ -122,60 +122,62 @@ class JointIteration:
         )
 
 
-class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
-    """The solver over the stages of all photos; their shared parameters move as one.
+class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
+    """The solver over all photos in one phase; their shared parameters move as one.
 
     Noise, robust weights and resting lights are each photo's own; damping and line search see the
     total energy.
     """
 
-    def __init__(self, stages: Sequence[Stage]) -> None:
-        """The stages must be of one phase, and hold the same shared parameters."""
-        rest = (stage.beside_another(frozenset(SHARED)) for stage in stages[1:])
-        self.stages = (stages[0], *rest)
-        self.layout = JointLayout([stage.energy.layout for stage in stages])
-        low = self.layout.gathered([stage.low for stage in stages])
-        high = self.layout.gathered([stage.high for stage in stages])
+    def __init__(self, descents: Sequence[PhotoDescent]) -> None:
+        """The descents must be of one phase, and hold the same shared parameters."""
+        rest = (descent.beside_another(frozenset(SHARED)) for descent in descents[1:])
+        self.descents = (descents[0], *rest)
+        self.layout = JointLayout([descent.energy.layout for descent in descents])
+        low = self.layout.gathered([descent.low for descent in descents])
+        high = self.layout.gathered([descent.high for descent in descents])
         super().__init__(
-            max(stage.steps for stage in stages), low, high, CONVERGED_SHARE, Damping()
+            max(descent.steps for descent in descents), low, high, CONVERGED_SHARE, Damping()
         )
 
     @property
     def active(self) -> np.ndarray:
-        """(size,) bool, the parameters that the stages are about."""
-        return self.layout.all_true([stage.active for stage in self.stages])
+        """(size,) bool, the parameters that the phase is about."""
+        return self.layout.all_true([descent.active for descent in self.descents])
 
     def evaluate(self, state: States, seed: int, everything: bool = False) -> Evaluations:
         """Each photo's, one after another."""
         return tuple(
-            stage.evaluate(one, seed, everything)
-            for stage, one in zip(self.stages, state, strict=True)
+            descent.evaluate(one, seed, everything)
+            for descent, one in zip(self.descents, state, strict=True)
         )
 
     def system(self, state: States, evaluation: Evaluations) -> JointSystem:
         """The sum of the photos' quadratic models."""
-        parts = zip(self.stages, state, evaluation, strict=True)
-        return JointSystem(self.layout, [stage.system(one, answer) for stage, one, answer in parts])
+        parts = zip(self.descents, state, evaluation, strict=True)
+        return JointSystem(
+            self.layout, [descent.system(one, answer) for descent, one, answer in parts]
+        )
 
     def rest(self, state: States, gradient: np.ndarray) -> None:
         """Each photo's lights are its own."""
-        for stage, one, columns in zip(self.stages, state, self.layout.columns, strict=True):
-            stage.rest(one, gradient[columns])
+        for descent, one, columns in zip(self.descents, state, self.layout.columns, strict=True):
+            descent.rest(one, gradient[columns])
 
     def free(self) -> np.ndarray:
         """What no photo holds."""
-        return self.layout.all_true([stage.free() for stage in self.stages])
+        return self.layout.all_true([descent.free() for descent in self.descents])
 
     def values(self, state: States) -> np.ndarray:
         """The photos' values; the shared ones are equal."""
         return self.layout.gathered(
-            [stage.values(one) for stage, one in zip(self.stages, state, strict=True)]
+            [descent.values(one) for descent, one in zip(self.descents, state, strict=True)]
         )
 
     def moved(self, state: States, step: np.ndarray) -> States:
         """Every photo's state after its part of the step."""
-        parts = zip(self.stages, state, self.layout.columns, strict=True)
-        return tuple(stage.moved(one, step[columns]) for stage, one, columns in parts)
+        parts = zip(self.descents, state, self.layout.columns, strict=True)
+        return tuple(descent.moved(one, step[columns]) for descent, one, columns in parts)
 
     def accepted(
         self,
@@ -189,10 +191,11 @@ class JointStage(Descent[States, Evaluations, JointSystem, JointIteration]):
         """The step as each photo's own."""
         parts = tuple(
             replace(
-                stage.accepted(number, one, answer, own, condition, finished), damping=self.damping
+                descent.accepted(number, one, answer, own, condition, finished),
+                damping=self.damping,
             )
-            for stage, one, answer, own in zip(
-                self.stages, state, evaluation, system.systems, strict=True
+            for descent, one, answer, own in zip(
+                self.descents, state, evaluation, system.systems, strict=True
             )
         )
         return JointIteration(number, parts, self.damping, finished, system.hessian)

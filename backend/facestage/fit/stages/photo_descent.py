@@ -1,6 +1,4 @@
-"""A stage of the schedule (Garrido et al. 2016, Algorithm 1): the solver over one photo's
-energy.
-"""
+"""The solver over one photo's energy in one phase (Garrido et al. 2016, Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -21,7 +19,6 @@ from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
 class Iteration:
     """One accepted step: what the trace and the progress events are made of."""
 
-    stage: str
     number: int
     state: State
     evaluation: Evaluation | None
@@ -38,7 +35,7 @@ class Iteration:
         return (self,)
 
 
-class Stage(Descent[State, Evaluation | None, "System", Iteration]):
+class PhotoDescent(Descent[State, Evaluation | None, "System", Iteration]):
     """The solver over some blocks of one photo's parameters."""
 
     def __init__(
@@ -63,11 +60,11 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
 
     @property
     def active(self) -> np.ndarray:
-        """(size,) bool, the parameters that the stage is about."""
+        """(size,) bool, the parameters that the phase is about."""
         return self.energy.layout.mask(self.blocks) & ~self.freeze
 
     def evaluate(self, state: State, seed: int, everything: bool = False) -> Evaluation | None:
-        """None in a stage without a photo."""
+        """None in a phase without the photo."""
         resting = None if everything or not len(self.resting) else self.resting
         evaluation = self.energy.evaluate(state, seed, resting)
         if self.counted is not None and self.energy.photo is not None:
@@ -102,7 +99,6 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
     ) -> Iteration:
         """The step with its system."""
         return Iteration(
-            self.name,
             number,
             state,
             evaluation,
@@ -129,7 +125,7 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         return result
 
     def rest(self, state: State, gradient: np.ndarray) -> None:
-        """No light rests in a stage without a photo."""
+        """No light rests in a phase without the photo."""
         photo = self.energy.photo
         if photo is None:
             return
@@ -137,7 +133,7 @@ class Stage(Descent[State, Evaluation | None, "System", Iteration]):
         settled = (state.lights <= self.low[where]) & (gradient[where] > 0) | ~self.active[where]
         self.resting = photo.forward.lights.dark(state.lights, settled)
 
-    def beside_another(self, shared: frozenset[str]) -> Stage:
+    def beside_another(self, shared: frozenset[str]) -> PhotoDescent:
         """A copy where another photo of the same person carries the priors of ``shared``."""
         other = copy(self)
         other.energy = self.energy.beside_another(shared)
