@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     import bpy
 
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.files.machine import machine_trouble
 from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
 from facestage.contract.light_stage import DEFAULT_COUNT
-from facestage.contract.machine import machine_trouble
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 

@@ -18,10 +18,10 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
 from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.files.machine import machine_trouble
 from facestage.contract.files.storage import read_json
 from facestage.contract.job import DEFAULT_MODEL
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.machine import machine_trouble
 from facestage.contract.result import RENDER, Result
 from facestage.contract.result_files import REPORT
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from facestage.cli import streams
 from facestage.cli.signals import Cancellation
 from facestage.contract.errors import CancelledError, FacestageError, InputError
-from facestage.contract.machine import machine_trouble
+from facestage.contract.files.machine import machine_trouble
 from facestage.system.child import trusted_path
 from facestage.system.folders import shelter_caches
 
