@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import io
 from collections.abc import Callable
-from typing import IO, Any, cast
+from typing import IO, Any, Self, cast
 
 import numpy as np
 from beartype import BeartypeConf, BeartypeHintOverrides, beartype
@@ -17,6 +17,7 @@ from jaxtyping import install_import_hook
 # Packages whose calls are checked.
 CHECKED = (
     "facestage.contract",
+    "facestage.fit.energy",
     "facestage.fit.face",
     "facestage.fit.forward",
     "facestage.fit.textures",
@@ -29,6 +30,7 @@ _MEANT = cast(Any, BeartypeHintOverrides)(
         int: int | np.integer,
         bool: bool | np.bool_,
         IO[bytes]: IO[bytes] | io.BufferedIOBase,
+        Self: object,  # the class is not known here
     }
 )
 _beartype: Any = beartype(conf=BeartypeConf(hint_overrides=_MEANT))

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from facestage.contract.arrays import Bool
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.term import Placed, Quadratic, Setup, Term
@@ -55,7 +56,7 @@ class Energy:
         return replace(self, terms=tuple(term.beside_another(shared) for term in self.terms))
 
     def evaluate(
-        self, state: State, seed: int, resting: np.ndarray | None = None
+        self, state: State, seed: int, resting: Bool[np.ndarray, " lights"] | None = None
     ) -> Evaluation | None:
         """See :meth:`PhotoTerm.evaluate`; None in a phase of landmarks alone."""
         return None if self.photo is None else self.photo.evaluate(state, seed, resting)
@@ -82,8 +83,8 @@ class PlacedEnergy:
         """The energies at ``state`` by name, robust where they are."""
         return _by_name(term.weighed(state).robust for term in (*self.priors, *self.data))
 
-    def system(self, state: State, active: np.ndarray | None = None) -> System:
-        """The normal equations at ``state`` for the ``active`` (size,) parameters, or all."""
+    def system(self, state: State, active: Bool[np.ndarray, " unknowns"] | None = None) -> System:
+        """The normal equations at ``state`` for the ``active`` parameters, or all."""
         if active is None:
             active = np.ones(self.layout.size, bool)
         return System(self, state, active)
@@ -92,8 +93,10 @@ class PlacedEnergy:
 class System:
     """The quadratic model of all terms around one state, with its weights frozen."""
 
-    def __init__(self, placed: PlacedEnergy, state: State, active: np.ndarray) -> None:
-        """``active`` (size,) bool, the parameters that a step may move."""
+    def __init__(
+        self, placed: PlacedEnergy, state: State, active: Bool[np.ndarray, " unknowns"]
+    ) -> None:
+        """``active``, the parameters that a step may move."""
         total = Quadratic.zero(placed.layout, active)
         priors, data = (
             [term.weighed(state) for term in terms] for terms in (placed.priors, placed.data)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.fit.energy.shadow_edges import Penumbra
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import Image
@@ -17,8 +18,10 @@ class Evaluation:
 
     state: State
     image: Image
-    residual: np.ndarray  # (h, w, 3) model minus photo, 0 where unused
-    highlight: np.ndarray  # (h, w, 1) the model's specular radiance, mean of the channels
-    base_weight: np.ndarray  # (h, w) 0..1 before robust weighting
+    residual: Float[np.ndarray, "height width 3"]  # model minus photo, 0 where unused
+    highlight: Float[
+        np.ndarray, "height width 1"
+    ]  # the model's specular radiance, mean of the channels
+    base_weight: Float[np.ndarray, "height width"]  # 0..1 before robust weighting
     seed: int
     penumbra: Penumbra | None = None  # found where the motion of shadows counts

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from facestage.contract.arrays import Float, Int
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.robust_residuals import RobustResiduals
@@ -40,8 +41,8 @@ class _Candidates:
     """
 
     points: SurfacePoints
-    corners: np.ndarray  # (all, 3) rendered-vertex indices
-    weights: np.ndarray  # (all, 3) barycentric
+    corners: Int[np.ndarray, "candidates 3"]  # rendered-vertex indices
+    weights: Float[np.ndarray, "candidates 3"]  # barycentric
     lines: ContourLines | None
 
 
@@ -85,13 +86,13 @@ class LandmarkTerm(Term):
         return scheme_of(self.landmarks.scheme)
 
     @cached_property
-    def points(self) -> np.ndarray:
-        """(m, 2) pixels, 0 where unknown."""
+    def points(self) -> Float[np.ndarray, "landmarks 2"]:
+        """The landmarks in pixels, 0 where unknown."""
         return np.nan_to_num(self.landmarks.points)
 
     @cached_property
-    def sigma(self) -> np.ndarray:
-        """(m,) pixels, the standard deviation of each landmark; infinite where it says nothing."""
+    def sigma(self) -> Float[np.ndarray, " landmarks"]:
+        """The standard deviation of each landmark in pixels; infinite where it says nothing."""
         landmarks = self.landmarks
         sigma = self.sigma_px * self.scheme.deviation
         sigma[~landmarks.visible] *= HIDDEN_SIGMA
@@ -137,8 +138,8 @@ class LandmarkTerm(Term):
         ) @ whitening[contour]
         return PlacedLandmarks(on_face, self.points, whitening, self.scheme.share, self.weight)
 
-    def _outermost(self, lines: ContourLines, state: State) -> np.ndarray:
-        """(k,) which candidate shows furthest from the axis of the face, in each line; itself where
+    def _outermost(self, lines: ContourLines, state: State) -> Int[np.ndarray, " lines"]:
+        """Which candidate shows furthest from the axis of the face, in each line; itself where
         no cheek shows.
         """
         count = lines.corners.shape[1]
@@ -155,9 +156,11 @@ class LandmarkTerm(Term):
             slides, len(self.points) + count * np.arange(len(pixels)) + last, self.scheme.contour
         )
 
-    def _cosine(self, state: State, chosen: np.ndarray) -> np.ndarray:
-        """(m,) of the angle between the normal of the ``chosen`` candidates and the view: 1 towards
-        the camera.
+    def _cosine(
+        self, state: State, chosen: Int[np.ndarray, " landmarks"]
+    ) -> Float[np.ndarray, " landmarks"]:
+        """The cosine between the normal of the ``chosen`` candidates and the view: 1 towards the
+        camera.
         """
         corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
         shape = self.geometry.vertices(state.identity, state.expression)
@@ -172,15 +175,17 @@ class LandmarkTerm(Term):
         return -np.einsum("mx,mx->m", points, normals) / np.maximum(scale, 1e-20)
 
 
-def _tangents(line: np.ndarray) -> np.ndarray:
-    """(k, 2) unit directions of a polyline (k, 2) at its points."""
+def _tangents(line: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "points 2"]:
+    """Unit directions of a polyline at its points."""
     step = np.gradient(np.nan_to_num(line), axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     return np.where(length > 0, step / np.maximum(length, 1e-30), [1.0, 0.0])
 
 
-def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) -> np.ndarray:
-    """(m, 2) where the landmarks of a photo lie on the face at ``state``, those of the outline on
+def landmark_pixels(
+    geometry: FaceGeometry, landmarks: Landmarks, state: State
+) -> Float[np.ndarray, "landmarks 2"]:
+    """Where the landmarks of a photo lie on the face at ``state``, those of the outline on
     the outline.
     """
     return LandmarkTerm(geometry, landmarks, 1.0).at(state).project(state)
@@ -188,7 +193,7 @@ def landmark_pixels(geometry: FaceGeometry, landmarks: Landmarks, state: State) 
 
 @dataclass(frozen=True, eq=False)
 class PlacedLandmarks(RobustResiduals):
-    """Residuals (2 m,) in standard deviations and their Jacobian, for landmarks on points of the
+    """Residuals in standard deviations and their Jacobian, for landmarks on points of the
     skin.
     """
 
@@ -196,19 +201,19 @@ class PlacedLandmarks(RobustResiduals):
     components: ClassVar = 2
 
     on_face: SurfacePoints
-    points: np.ndarray  # (m, 2) pixels
-    whitening: np.ndarray  # (m, 2, 2) takes pixels to standard deviations
-    share: np.ndarray  # (m,) of an independent point that each stands for
+    points: Float[np.ndarray, "landmarks 2"]  # pixels
+    whitening: Float[np.ndarray, "landmarks 2 2"]  # takes pixels to standard deviations
+    share: Float[np.ndarray, " landmarks"]  # of an independent point that each stands for
     weight: float = 1.0
 
-    def project(self, state: State) -> np.ndarray:
-        """(m, 2) pixels of the model's landmarks."""
+    def project(self, state: State) -> Float[np.ndarray, "landmarks 2"]:
+        """The model's landmarks in pixels."""
         return self.on_face.project(state)
 
-    def residuals(self, state: State) -> np.ndarray:
-        """(2 m,) standard deviations."""
+    def residuals(self, state: State) -> Float[np.ndarray, " residuals"]:
+        """The residuals, in standard deviations."""
         return np.einsum("mxy,my->mx", self.whitening, self.project(state) - self.points).ravel()
 
-    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
-        """(2 m, size) derivative of :meth:`residuals`."""
+    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "residuals unknowns"]:
+        """Derivative of :meth:`residuals`."""
         return (self.whitening @ self.on_face.jacobian(state, layout)).reshape(-1, layout.size)

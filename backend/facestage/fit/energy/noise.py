@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from facestage.contract.arrays import Bool, Float
+
 # Residuals are relative to the local radiance plus this share of the face's mean radiance.
 FLOOR_SHARE = 0.15
 SIGMA_MIN = 0.005
@@ -41,14 +43,19 @@ class NoiseModel:
     sigma: float  # relative residual scale
     area: float  # pixels that count as one observation
     floor: float  # radiance
-    # (h, w) at least 1, how many times larger than the face's scale that of a pixel's region counts
-    excess: np.ndarray
+    # at least 1, how many times larger than the face's scale that of a pixel's region counts
+    excess: Float[np.ndarray, "height width"]
 
-    def scale(self, photo: np.ndarray, residual: np.ndarray, highlight: np.ndarray) -> np.ndarray:
-        """(h, w, 1) radiance of one standard deviation where the model is ``photo`` (h, w, 3) +
+    def scale(
+        self,
+        photo: Float[np.ndarray, "height width 3"],
+        residual: Float[np.ndarray, "height width 3"],
+        highlight: Float[np.ndarray, "height width 1"],
+    ) -> Float[np.ndarray, "height width 1"]:
+        """The radiance of one standard deviation where the model is ``photo`` +
         ``residual``.
 
-        ``highlight`` (h, w, 1) is the model's specular part.
+        ``highlight`` is the model's specular part.
         """
         return self.excess[..., None] * (
             self.sigma * _level(photo, residual, self.floor) + HIGHLIGHT_SHARE * highlight
@@ -58,18 +65,20 @@ class NoiseModel:
         """Weight of one pixel's channel after correlation."""
         return 1.0 / (self.area * CHANNEL_CORRELATION)
 
-    def robust(self, standardized: np.ndarray) -> np.ndarray:
-        """(P, 1) Cauchy weights of (P, 3) residuals in standard deviations, shared by the
-        channels.
-        """
+    def robust(
+        self, standardized: Float[np.ndarray, "*pixels 3"]
+    ) -> Float[np.ndarray, "*pixels 1"]:
+        """Cauchy weights of residuals in standard deviations, shared by the channels."""
         squared = np.mean(standardized**2, axis=-1, keepdims=True)
         return 1.0 / (1.0 + squared / CAUCHY_SCALE**2)
 
 
-def estimate_noise(residual: np.ndarray, photo: np.ndarray, used: np.ndarray) -> NoiseModel:
-    """Noise of ``residual`` (h, w, 3), the model minus ``photo`` (h, w, 3), where ``used`` (h, w)
-    bool.
-    """
+def estimate_noise(
+    residual: Float[np.ndarray, "height width 3"],
+    photo: Float[np.ndarray, "height width 3"],
+    used: Bool[np.ndarray, "height width"],
+) -> NoiseModel:
+    """Noise of ``residual``, the model minus ``photo``, where ``used``."""
     if not used.any():
         return NoiseModel(SIGMA_MIN, AREA_MIN, 1.0, np.ones(used.shape))
     floor = max(FLOOR_SHARE * float(photo[used].mean()), 1e-6)
@@ -81,8 +90,10 @@ def estimate_noise(residual: np.ndarray, photo: np.ndarray, used: np.ndarray) ->
     )
 
 
-def _regional_excess(standardized: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """(h, w) factor on the scale from the RMS of ``standardized`` (h, w, 3) residuals around each
+def _regional_excess(
+    standardized: Float[np.ndarray, "height width 3"], used: Bool[np.ndarray, "height width"]
+) -> Float[np.ndarray, "height width"]:
+    """The factor on the scale from the RMS of ``standardized`` residuals around each
     pixel.
     """
     width = REGION_SHARE * float(np.sqrt(used.sum()))
@@ -92,8 +103,10 @@ def _regional_excess(standardized: np.ndarray, used: np.ndarray) -> np.ndarray:
     return np.maximum(np.sqrt(around) / REGION_EXCESS, 1.0) ** REGION_POWER
 
 
-def _level(photo: np.ndarray, residual: np.ndarray, floor: float) -> np.ndarray:
-    """(..., 1) radiance that errors are relative to: midway between model and photo.
+def _level(
+    photo: Float[np.ndarray, "*pixels 3"], residual: Float[np.ndarray, "*pixels 3"], floor: float
+) -> Float[np.ndarray, "*pixels 1"]:
+    """The radiance that errors are relative to: midway between model and photo.
 
     Relative to the photo alone, black would be wrong by 1 at most and white without limit: a poor
     fit would escape into the dark. Midway, too dark and too bright cost the same.
@@ -101,7 +114,9 @@ def _level(photo: np.ndarray, residual: np.ndarray, floor: float) -> np.ndarray:
     return (photo + 0.5 * residual).mean(axis=-1, keepdims=True) + floor
 
 
-def _correlation_area(residual: np.ndarray, used: np.ndarray) -> float:
+def _correlation_area(
+    residual: Float[np.ndarray, "height width 3"], used: Bool[np.ndarray, "height width"]
+) -> float:
     """Pixels per independent observation: variance of block means times block size over pixel
     variance.
     """

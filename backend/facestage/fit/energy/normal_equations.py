@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Float
 from facestage.fit.energy.photo_jacobian import Jacobian, JacobianBlock
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
@@ -40,7 +41,7 @@ class NormalEquations:
         )
 
     def add(self, block: JacobianBlock, residual: np.ndarray, weights: np.ndarray) -> None:
-        """Add a block's pixels with ``residual`` (B, 3) and ``weights`` (B,), shared by the
+        """Add a block's pixels with ``residual`` and ``weights``, shared by the
         channels.
         """
         root = np.sqrt(weights).astype(np.float32)
@@ -65,12 +66,12 @@ class NormalEquations:
     def _add_texels(
         self,
         texels: sp.csr_matrix,
-        gloss: np.ndarray,
-        dense: np.ndarray,
-        lights: np.ndarray,
-        right: np.ndarray,
+        gloss: Float[np.ndarray, "3 pixels"],
+        dense: Float[np.ndarray, "3 pixels columns"],
+        lights: Float[np.ndarray, "3 pixels lights"],
+        right: Float[np.ndarray, "3 pixels"],
     ) -> None:
-        """``gloss`` (3, B) and all that follow have the root of the weights in them."""
+        """``gloss`` and all that follow have the root of the weights in them."""
         pick = texels.T.tocsr()
         self._texels = self._texels + pick @ sp.diags((gloss**2).sum(axis=0)) @ texels
         self._texels_right += pick @ (gloss * right).sum(axis=0)
@@ -79,7 +80,7 @@ class NormalEquations:
             self._texels_lights[channel] += pick @ (gloss[channel, :, None] * lights[channel])
 
     def assembled(self) -> tuple[np.ndarray, np.ndarray]:
-        """(size, size) Hessian and (size,) gradient over all parameters; zero for those without a
+        """Hessian and gradient over all parameters; zero for those without a
         column.
         """
         layout, jacobian = self.layout, self.jacobian

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
@@ -38,17 +39,17 @@ class JacobianBlock:
     """
 
     pixels: slice
-    dense: np.ndarray  # (3, B, columns) float32, the columns of _Differential.dense_columns
-    # (3, B, n) float32, d color by the radiance of the lights of _Differential.light_index
-    lights: np.ndarray
-    gloss: np.ndarray  # (B, 3) specular radiance at c_spec = 1
-    texels: sp.csr_matrix | None  # (B, texels) bilinear weights; None when the map is not asked for
+    dense: Float32[np.ndarray, "3 pixels columns"]  # the columns of _Differential.dense_columns
+    # d color by the radiance of the lights of _Differential.light_index
+    lights: Float32[np.ndarray, "3 pixels lights"]
+    gloss: Float[np.ndarray, "pixels 3"]  # specular radiance at c_spec = 1
+    texels: sp.csr_matrix | None  # bilinear weights; None when the map is not asked for
 
 
 class Jacobian:
     """d color / d parameters of one evaluation, in blocks of pixels.
 
-    ``active`` (size,) bool marks the wanted parameters. What is zero for every pixel has no column:
+    ``active`` marks the wanted parameters. What is zero for every pixel has no column:
     a mode that moves nothing seen (unless ``all_columns``), a light that reaches nothing.
     """
 
@@ -58,7 +59,7 @@ class Jacobian:
         state: State,
         image: Image,
         layout: Layout,
-        active: np.ndarray,
+        active: Bool[np.ndarray, " unknowns"],
         all_columns: bool = False,
         positions: PositionDerivatives | None = None,
         edges: ShadowEdges | None = None,
@@ -101,7 +102,9 @@ class Jacobian:
         # (n, 3, light parameters)
         self.light_jacobian = forward.lights.jacobian(state.lights)[place[index]]
 
-    def _prepare_shape(self, chosen: np.ndarray, shape: slice, all_columns: bool) -> None:
+    def _prepare_shape(
+        self, chosen: Bool[np.ndarray, " unknowns"], shape: slice, all_columns: bool
+    ) -> None:
         """The modes' motion of the seen vertices and of their normals, and which modes have any."""
         surface, geometry = self.image.surface, self.geometry
         seen = np.zeros(len(geometry.mean), bool)
@@ -167,13 +170,15 @@ class Jacobian:
             part, dense, self._lights(part), by_c_spec(image.specular[part]), texels
         )
 
-    def _wanted(self, name: str) -> np.ndarray:
+    def _wanted(self, name: str) -> Int[np.ndarray, " columns"]:
         where = self.layout.slices[name]
         inside = (self.dense_columns >= where.start) & (self.dense_columns < where.stop)
         return self.dense_columns[inside] - where.start
 
-    def _surface_derivatives(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
-        """d color by the interpolated normal (B, 3, 3) and by surface motion (B, 3, 3).
+    def _surface_derivatives(
+        self, part: slice
+    ) -> tuple[Float[np.ndarray, "pixels 3 3"], Float[np.ndarray, "pixels 3 3"]]:
+        """d color by the interpolated normal and by surface motion.
 
         The motion term already contains what sliding across the triangle changes.
         """
@@ -210,8 +215,13 @@ class Jacobian:
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
 
-    def _pose(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
-        """(3, B, 6): rotation about the model's origin, then translation. a.(w x b) = w.(b x a)."""
+    def _pose(
+        self,
+        part: slice,
+        by_normal: Float[np.ndarray, "pixels 3 3"],
+        slide: Float[np.ndarray, "pixels 3 3"],
+    ) -> Float[np.ndarray, "3 pixels 6"]:
+        """By rotation about the model's origin, then translation. a.(w x b) = w.(b x a)."""
         surface = self.image.surface
         arm = (surface.points[part] - self.state.translation)[:, None]
         normal = (surface.normals[part] * surface.normal_length[part, None])[:, None]
@@ -222,8 +232,10 @@ class Jacobian:
             result if self.edges is None else result + self.edges.pose(part, self.state.translation)
         )
 
-    def _focal(self, part: slice, slide: np.ndarray) -> np.ndarray:
-        """(3, B, 1) by log focal: rays turn towards the axis, as if the surface moved the other
+    def _focal(
+        self, part: slice, slide: Float[np.ndarray, "pixels 3 3"]
+    ) -> Float[np.ndarray, "3 pixels 1"]:
+        """By log focal: rays turn towards the axis, as if the surface moved the other
         way.
         """
         surface = self.image.surface
@@ -237,8 +249,13 @@ class Jacobian:
             result += np.einsum("pcx,px->cp", self.edges.by_point[part], sideways)
         return result[..., None]
 
-    def _shape(self, part: slice, by_normal: np.ndarray, slide: np.ndarray) -> np.ndarray:
-        """(3, B, modes) by the chosen identity and expression weights, through sparse corner
+    def _shape(
+        self,
+        part: slice,
+        by_normal: Float[np.ndarray, "pixels 3 3"],
+        slide: Float[np.ndarray, "pixels 3 3"],
+    ) -> Float[np.ndarray, "3 pixels modes"]:
+        """By the chosen identity and expression weights, through sparse corner
         coefficients.
         """
         surface, rotation = self.image.surface, self.state.rotation
@@ -270,16 +287,18 @@ class Jacobian:
             else result + self.edges.shape(part, rotation, self._edge_basis)
         )
 
-    def _lights(self, part: slice) -> np.ndarray:
-        """(3, B, n): the color is linear in the radiance."""
+    def _lights(self, part: slice) -> Float32[np.ndarray, "3 pixels lights"]:
+        """By the radiance of the lights, which the color is linear in."""
         image = self.image
         # Row by row in memory: BLAS takes no other order.
         diffuse = np.ascontiguousarray(image.terms.diffuse[part][:, self.light_index])
         specular = np.ascontiguousarray(image.terms.specular[part][:, self.light_index])
         return np.stack([*image.skin.part(part).by_light(diffuse, specular, np.float32)])
 
-    def _light_positions(self, part: slice, positions: PositionDerivatives) -> np.ndarray:
-        """(3, B, angles): each light's own terms change, times its radiance."""
+    def _light_positions(
+        self, part: slice, positions: PositionDerivatives
+    ) -> Float[np.ndarray, "3 pixels angles"]:
+        """By the angles of the lights: each one's own terms change, times its radiance."""
         image = self.image
         skin = image.skin.part(part)
         by_angle = np.stack([*skin.by_light(positions.diffuse[part], positions.specular[part])])
@@ -289,8 +308,8 @@ class Jacobian:
             ..., np.isin((first[:, None] + np.arange(AXES)).ravel(), self.dense_columns)
         ]
 
-    def _albedo(self, part: slice) -> np.ndarray:
-        """(3, B, d): d color = diffuse part * d log albedo."""
+    def _albedo(self, part: slice) -> Float[np.ndarray, "3 pixels albedos"]:
+        """By albedo: d color = diffuse part * d log albedo."""
         image, surface, modes = self.image, self.image.surface, self._albedo_modes
         corners, count = surface.corners[part], part.stop - part.start
         pick = sp.csr_matrix(
@@ -317,8 +336,8 @@ class Jacobian:
         )
 
 
-def _inverse3(matrix: np.ndarray) -> np.ndarray:
-    """(P, 3, 3) inverses by the adjugate; a ray that grazes its triangle gives zeros, not
+def _inverse3(matrix: Float[np.ndarray, "pixels 3 3"]) -> Float[np.ndarray, "pixels 3 3"]:
+    """The inverses by the adjugate; a ray that grazes its triangle gives zeros, not
     infinity.
     """
     a, b, c = matrix[..., 0], matrix[..., 1], matrix[..., 2]
@@ -331,8 +350,10 @@ def _inverse3(matrix: np.ndarray) -> np.ndarray:
     )
 
 
-def _texture_gradient(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    """(P, 2) derivative by (u, v) of the bilinear lookup of a scalar texture."""
+def _texture_gradient(
+    texture: Float[np.ndarray, "texels texels"], uvs: Float[np.ndarray, "pixels 2"]
+) -> Float[np.ndarray, "pixels 2"]:
+    """The derivative by (u, v) of the bilinear lookup of a scalar texture."""
     size = texture.shape[0]
     index, _ = bilinear_weights(uvs, size)
     inside_x = (uvs[:, 0] * size > 0.5) & (uvs[:, 0] * size < size - 0.5)

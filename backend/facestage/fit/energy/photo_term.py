@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import NoiseModel, estimate_noise
@@ -52,9 +53,10 @@ class PhotoTerm(Term):
     _: KW_ONLY
     plan: Plan = field(default_factory=Plan)
     held: int = 0  # parameters that have no column because they are frozen
-    pivot: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) about which lights turn
-    # (N,) bool, lights whose shadows the derivatives know to move; None: no light's do.
-    casting: np.ndarray | None = None
+    # about which lights turn
+    pivot: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
+    # lights whose shadows the derivatives know to move; None: no light's do.
+    casting: Bool[np.ndarray, " lights"] | None = None
     weight: float = 1.0
 
     @classmethod
@@ -83,8 +85,8 @@ class PhotoTerm(Term):
         """Silent where nobody evaluated it."""
         return None if evaluation is None else PlacedPhoto(self, evaluation)
 
-    def pixels(self, state: State) -> np.ndarray:
-        """(P, 2) centres of the pixels in the bounding box of the face's skin."""
+    def pixels(self, state: State) -> Float[np.ndarray, "pixels 2"]:
+        """The centres of the pixels in the bounding box of the face's skin."""
         height, width = self.photo.usable.shape
         low, high = np.array([0, 0]), np.array([width, height])
         if self.plan.rules.pixels:
@@ -99,10 +101,12 @@ class PhotoTerm(Term):
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
-    def evaluate(self, state: State, seed: int, resting: np.ndarray | None = None) -> Evaluation:
+    def evaluate(
+        self, state: State, seed: int, resting: Bool[np.ndarray, " lights"] | None = None
+    ) -> Evaluation:
         """Render the skin at ``state`` and compare; derivatives of the light terms are kept.
 
-        ``resting`` (N,) bool: dark lights that may be left out; None: all are traced.
+        ``resting``: dark lights that may be left out; None: all are traced.
         """
         rules, ledger = self.plan.rules, self.plan.ledger
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
@@ -124,8 +128,8 @@ class PhotoTerm(Term):
         highlight[y, x] = image.skin.gloss(image.specular.mean(axis=1, keepdims=True))
         return Evaluation(state, image, residual, highlight, weight, seed, penumbra)
 
-    def _base_weight(self, surface: Surface) -> np.ndarray:
-        """(h, w) 0..1: how much a pixel counts before its residual is known."""
+    def _base_weight(self, surface: Surface) -> Float[np.ndarray, "height width"]:
+        """How much, 0..1, a pixel counts before its residual is known."""
         shape = self.photo.usable.shape
         weight, seen = np.zeros(shape), np.zeros(shape, bool)
         y, x = self.index(surface)
@@ -142,7 +146,7 @@ class PhotoTerm(Term):
         surface: Surface,
         stage: LightStage,
         seed: int,
-        resting: np.ndarray | None,
+        resting: Bool[np.ndarray, " lights"] | None,
     ) -> LightTerms:
         rules, ledger = self.plan.rules, self.plan.ledger
         traced = np.ones(len(stage), bool)
@@ -173,7 +177,7 @@ class PhotoTerm(Term):
         surface: Surface,
         stage: LightStage,
         terms: LightTerms,
-        weight: np.ndarray,
+        weight: Float[np.ndarray, " pixels"],
         seed: int,
     ) -> tuple[LightTerms, Penumbra | None]:
         """``terms`` with more samples where a casting light is partly hidden, and where that is."""
@@ -204,7 +208,9 @@ class PhotoTerm(Term):
             )
         return terms, penumbra
 
-    def penumbra_share(self, state: State, casting: np.ndarray, seed: int) -> float:
+    def penumbra_share(
+        self, state: State, casting: Bool[np.ndarray, " lights"], seed: int
+    ) -> float:
         """Share of the light on the compared pixels, unshadowed, that comes from partly hidden
         ``casting`` lights.
         """
@@ -213,7 +219,9 @@ class PhotoTerm(Term):
         placed = turned(self.stage, state.light_position, self.pivot)
         return find_penumbra(self.forward, state, surface, placed, weight, casting, seed).share
 
-    def index(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    def index(
+        self, surface: Surface
+    ) -> tuple[Int[np.ndarray, " pixels"], Int[np.ndarray, " pixels"]]:
         """Row and column of each of the surface's pixels."""
         return surface.pixels[:, 1].astype(int), surface.pixels[:, 0].astype(int)
 
@@ -221,17 +229,23 @@ class PhotoTerm(Term):
         """The noise that the residuals of an evaluation show."""
         return estimate_noise(evaluation.residual, self.photo.color, evaluation.base_weight > 0.5)
 
-    def weights(self, evaluation: Evaluation, noise: NoiseModel) -> np.ndarray:
-        """(h, w) inverse variances, robust and correlation-corrected, per channel."""
+    def weights(
+        self, evaluation: Evaluation, noise: NoiseModel
+    ) -> Float[np.ndarray, "height width"]:
+        """The inverse variances, robust and correlation-corrected, per channel."""
         scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
         robust = noise.robust(evaluation.residual / scale)
         weight = self.weight * noise.information()
         return weight * evaluation.base_weight * (robust / scale**2)[..., 0]
 
     def normal_equations(
-        self, evaluation: Evaluation, weights: np.ndarray, layout: Layout, active: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(size, size) Hessian and (size,) gradient, accumulated in float64."""
+        self,
+        evaluation: Evaluation,
+        weights: Float[np.ndarray, "height width"],
+        layout: Layout,
+        active: Bool[np.ndarray, " unknowns"],
+    ) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
+        """Hessian and gradient, accumulated in float64."""
         rules, ledger = self.plan.rules, self.plan.ledger
         wanted = active if rules.columns else active | layout.mask(self.blocks)
         pixels = len(evaluation.image.color)
@@ -259,8 +273,10 @@ class PhotoTerm(Term):
             ledger.skip("columns", cells=pixels * (jacobian.unseen + self.held))
         return system.assembled()
 
-    def _edges(self, evaluation: Evaluation, shape: np.ndarray) -> ShadowEdges | None:
-        """Where the shadows' edges lie; None when nothing of the ``shape`` (n,) bool is wanted, or
+    def _edges(
+        self, evaluation: Evaluation, shape: Bool[np.ndarray, " shape"]
+    ) -> ShadowEdges | None:
+        """Where the shadows' edges lie; None when nothing of the ``shape`` is wanted, or
         no light counts.
         """
         if evaluation.penumbra is None or not shape.any():
@@ -272,7 +288,7 @@ class PhotoTerm(Term):
             )
 
     def position_derivatives(
-        self, evaluation: Evaluation, wanted: np.ndarray
+        self, evaluation: Evaluation, wanted: Bool[np.ndarray, " angles"]
     ) -> PositionDerivatives | None:
         """By the places of the ``wanted`` (2 N,) bool lights; None when there are none."""
         moving = wanted.reshape(-1, AXES).any(axis=1)
@@ -305,14 +321,14 @@ class PlacedPhoto(Placed):
 
 @dataclass(frozen=True, eq=False)
 class WeighedPhoto(Weighed):
-    """The photo's residuals at one state and their frozen weights (h, w).
+    """The photo's residuals at one state and their frozen weights.
 
     The noise is estimated anew at every state, so there is no energy beside that of frozen weights.
     """
 
     term: PhotoTerm
     evaluation: Evaluation
-    weights: np.ndarray
+    weights: Float[np.ndarray, "height width"]
 
     @property
     def energies(self) -> dict[str, float]:
@@ -335,7 +351,9 @@ class WeighedPhoto(Weighed):
         return old - new
 
 
-def common_energy(old: Evaluation, new: Evaluation, weights: np.ndarray) -> tuple[float, float]:
+def common_energy(
+    old: Evaluation, new: Evaluation, weights: Float[np.ndarray, "height width"]
+) -> tuple[float, float]:
     """Photo energies of two evaluations under the same weights, over the pixels that both see."""
     both = (old.base_weight > 0) & (new.base_weight > 0)
     shared = np.where(both, weights, 0.0)[..., None]

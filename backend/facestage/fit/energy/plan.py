@@ -51,7 +51,7 @@ class Ledger:
     """
 
     work: dict[str, Work] = field(default_factory=dict)
-    skipped: dict[tuple[str, str], float] = field(default_factory=dict)  # (rule, kind) -> units
+    skipped: dict[tuple[str, str], float] = field(default_factory=dict)  # -> units
 
     @contextmanager
     def timed(self, **units: float) -> Iterator[dict[str, float]]:

@@ -11,6 +11,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.job import Weights
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
@@ -78,7 +79,7 @@ class Priors(Term, Placed):
         """With the residuals of ``state``."""
         return WeighedPriors(self, self.residuals(state))
 
-    def residuals(self, state: State) -> dict[str, np.ndarray]:
+    def residuals(self, state: State) -> dict[str, Float[np.ndarray, " _"]]:
         """By the name of each energy: its residuals (r,) at ``state``."""
         values = self.layout.values(state)
         return {
@@ -96,7 +97,7 @@ class WeighedPriors(Weighed):
     """The priors' residuals at one state; being quadratic they need no weights."""
 
     priors: Priors
-    residuals: Mapping[str, np.ndarray]
+    residuals: Mapping[str, Float[np.ndarray, " _"]]
 
     @property
     def energies(self) -> dict[str, float]:

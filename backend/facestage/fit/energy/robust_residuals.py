@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.term import Placed, Quadratic, Weighed
 from facestage.fit.face.layout import Layout
@@ -21,7 +22,7 @@ class RobustResiduals(Placed):
     """m observations of ``components`` residuals each, with a Cauchy loss on each observation.
 
     A subclass says what they are and how they move; it is a frozen dataclass with the fields
-    ``weight``, a factor on the whole energy, and ``share`` (m,) or one for all, of an independent
+    ``weight``, a factor on the whole energy, and ``share`` or one for all, of an independent
     observation that each one stands for.
     """
 
@@ -48,7 +49,9 @@ class RobustResiduals(Placed):
         losses = self.share * np.log1p(self._squared(residuals) / CAUCHY_SCALE**2)
         return 0.5 * CAUCHY_SCALE**2 * float(losses.sum())
 
-    def _squared(self, residuals: np.ndarray) -> np.ndarray:
+    def _squared(
+        self, residuals: Float[np.ndarray, " residuals"]
+    ) -> Float[np.ndarray, " observations"]:
         return np.asarray((residuals.reshape(-1, self.components) ** 2).sum(axis=1))
 
     def weighed(self, state: State) -> WeighedResiduals:

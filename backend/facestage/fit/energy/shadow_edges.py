@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.contract.job import Job
 from facestage.contract.light_stage import OFF, LightStage, fibonacci_stage
 from facestage.fit.face.light_parameters import CHANNELS
@@ -60,19 +61,20 @@ class ShadowEdges:
     pixels.
     """
 
-    pixel: np.ndarray  # (M,) int
-    corners: np.ndarray  # (M, 2) int, ends of the occluder's edge
-    weights: np.ndarray  # (M, 2) where between them
-    place: np.ndarray  # (M, 3) m, camera frame
-    # (M, 3) length of scan line that the light gains per metre of motion of the place
-    rate: np.ndarray
-    color: np.ndarray  # (M, 3) radiance of the pixel per metre of scan line
-    by_point: np.ndarray  # (P, 3, 3) d color by the motion of the lit point in space
-    by_surface: np.ndarray  # (P, 3, 3) d color by the motion of the surface under the pixel
+    pixel: Int[np.ndarray, " places"]
+    corners: Int[np.ndarray, "places 2"]  # ends of the occluder's edge
+    weights: Float[np.ndarray, "places 2"]  # where between them
+    place: Float[np.ndarray, "places 3"]  # m, camera frame
+    # length of scan line that the light gains per metre of motion of the place
+    rate: Float[np.ndarray, "places 3"]
+    color: Float[np.ndarray, "places 3"]  # radiance of the pixel per metre of scan line
+    by_point: Float[np.ndarray, "pixels 3 3"]  # d color by the motion of the lit point in space
+    # d color by the motion of the surface under the pixel
+    by_surface: Float[np.ndarray, "pixels 3 3"]
 
     @cached_property
-    def vertices(self) -> np.ndarray:
-        """(v,) int, sorted: the vertices that cast the shadows."""
+    def vertices(self) -> Int[np.ndarray, " vertices"]:
+        """The vertices that cast the shadows, sorted."""
         return np.unique(self.corners)
 
     def part(self, part: slice) -> slice:
@@ -80,16 +82,23 @@ class ShadowEdges:
         start, stop = np.searchsorted(self.pixel, [part.start, part.stop])
         return slice(int(start), int(stop))
 
-    def pose(self, part: slice, translation: np.ndarray) -> np.ndarray:
-        """(3, B, 6) by rotation about the model's origin and translation: what the occluder's
+    def pose(
+        self, part: slice, translation: Float[np.ndarray, " 3"]
+    ) -> Float[np.ndarray, "3 pixels 6"]:
+        """The derivative by rotation about the model's origin and translation: what the occluder's
         motion changes.
         """
         where = self.part(part)
         rate, arm = self.rate[where], self.place[where] - translation
         return self._by_pixel(part, where, np.concatenate([np.cross(arm, rate), rate], axis=1))
 
-    def shape(self, part: slice, rotation: np.ndarray, basis: np.ndarray) -> np.ndarray:
-        """(3, B, modes) by the weights of ``basis`` (3 v, modes) of ``vertices``: what occluders'
+    def shape(
+        self,
+        part: slice,
+        rotation: Float[np.ndarray, "3 3"],
+        basis: Float[np.ndarray, "coordinates modes"],
+    ) -> Float[np.ndarray, "3 pixels modes"]:
+        """The derivative by the weights of ``basis`` (3 v, modes) of ``vertices``: what occluders'
         motion changes.
         """
         where = self.part(part)
@@ -102,8 +111,10 @@ class ShadowEdges:
         )
         return self._by_pixel(part, where, moved @ basis)
 
-    def _by_pixel(self, part: slice, where: slice, gain: np.ndarray) -> np.ndarray:
-        """(3, B, columns): each place's color times what its edge gains (M of the part, columns),
+    def _by_pixel(
+        self, part: slice, where: slice, gain: Float[np.ndarray, "places columns"]
+    ) -> Float[np.ndarray, "3 pixels columns"]:
+        """Each place's color times what its edge gains (M of the part, columns),
         by pixel.
         """
         pixels, count = part.stop - part.start, where.stop - where.start
@@ -119,7 +130,8 @@ class Penumbra:
     """The pixels from which a light is partly hidden, as scan lines on the light tell."""
 
     cells: Cells
-    pairs: tuple[np.ndarray, np.ndarray]  # (K,) pixels and (K,) lights, each pair once
+    # pixels and lights, each pair once
+    pairs: tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]
     share: float  # of the light on the pixels, unshadowed, that comes from partly hidden lights
     lines: int  # scan lines that were looked at
 
@@ -129,15 +141,15 @@ def find_penumbra(
     state: State,
     surface: Surface,
     stage: LightStage,
-    weight: np.ndarray,
-    placed: np.ndarray,
+    weight: Float[np.ndarray, " pixels"],
+    placed: Bool[np.ndarray, " lights"],
     seed: int,
     lines: int = LINES,
 ) -> Penumbra:
     """Where the shadows of ``stage`` (camera frame) have their edges, on pixels of positive
-    ``weight`` (P,).
+    ``weight``.
 
-    ``placed`` (N,) bool: the lights to look at. The mesh is the one traced last.
+    ``placed``: the lights to look at. The mesh is the one traced last.
     """
     light = weight[:, None] * _unshadowed(surface, stage, forward.lights.radiance(state.lights))
     total = light.sum(axis=1, keepdims=True)
@@ -245,16 +257,20 @@ def shadow_edges(
     )
 
 
-def _by_point(pixel: np.ndarray, each: np.ndarray, count: int) -> np.ndarray:
-    """(count, 3, 3) sums of ``each`` (M, 3, 3) over the places that shade a pixel."""
+def _by_point(
+    pixel: Int[np.ndarray, " places"], each: Float[np.ndarray, "places 3 3"], count: int
+) -> Float[np.ndarray, "pixels 3 3"]:
+    """Sums of ``each`` over the places that shade a pixel."""
     collect = sp.csr_matrix(
         (np.ones(len(pixel)), (pixel, np.arange(len(pixel)))), (count, len(pixel))
     )
     return (collect @ each.reshape(len(pixel), 9)).reshape(count, CHANNELS, 3)
 
 
-def _unshadowed(surface: Surface, stage: LightStage, radiance: np.ndarray) -> np.ndarray:
-    """(P, N) irradiance by each light, taken at its middle and as if nothing were in the way."""
+def _unshadowed(
+    surface: Surface, stage: LightStage, radiance: Float[np.ndarray, "lights 3"]
+) -> Float[np.ndarray, "pixels lights"]:
+    """Irradiance by each light, taken at its middle and as if nothing were in the way."""
     offset = stage.position[None] - surface.points[:, None]
     square = np.einsum("pjx,pjx->pj", offset, offset)
     # A light whose middle has set may still show an edge.
@@ -269,8 +285,10 @@ def _unshadowed(surface: Surface, stage: LightStage, radiance: np.ndarray) -> np
     )
 
 
-def casting_lights(stage: LightStage, radiance: np.ndarray) -> np.ndarray:
-    """(N,) bool: the lights that are bright enough for the edges of their shadows to be seen."""
+def casting_lights(
+    stage: LightStage, radiance: Float[np.ndarray, "lights 3"]
+) -> Bool[np.ndarray, " lights"]:
+    """The lights that are bright enough for the edges of their shadows to be seen."""
     flux = stage.side**2 * radiance.mean(axis=1)
     return np.asarray(flux > SHARE_MIN * flux.sum())
 
@@ -307,11 +325,16 @@ def omission(share: float | None) -> tuple[str, str]:
 
 
 def _silhouette(
-    triangle: np.ndarray, vertices: np.ndarray, point: np.ndarray, ray: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The edge of the blocking ``triangle`` (M, 3) that the ray all but touches.
+    triangle: Int[np.ndarray, "places 3"],
+    vertices: Float[np.ndarray, "vertices 3"],
+    point: Float[np.ndarray, "places 3"],
+    ray: Float[np.ndarray, "places 3"],
+) -> tuple[
+    Int[np.ndarray, "places 2"], Float[np.ndarray, " places"], Float[np.ndarray, "places 3"]
+]:
+    """The edge of the blocking ``triangle`` that the ray all but touches.
 
-    Its two corners (M, 2), how far along it (M,), and the unit normal (M, 3) of the plane of edge
+    Its two corners, how far along it, and the unit normal of the plane of edge
     and ray.
     """
     starts, ends = vertices[triangle], vertices[np.roll(triangle, -1, axis=1)]

@@ -15,6 +15,7 @@ from typing import ClassVar, Self
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.term import Setup, Term
@@ -51,19 +52,19 @@ class Silhouette(RobustResiduals):
     name: ClassVar = "silhouette"
 
     points: SurfacePoints
-    normals: np.ndarray  # (m, 2) unit, outward in the photo
-    targets: np.ndarray  # (m, 2) pixels on the photo's edge
+    normals: Float[np.ndarray, "points 2"]  # unit, outward in the photo
+    targets: Float[np.ndarray, "points 2"]  # pixels on the photo's edge
     sigma: float  # pixels
     share: float  # of an observation that one point counts for: neighbours say the same
     weight: float = 1.0
 
-    def residuals(self, state: State) -> np.ndarray:
-        """(m,) signed distances across the edge; the outline is free to slide along it."""
+    def residuals(self, state: State) -> Float[np.ndarray, " points"]:
+        """Signed distances across the edge; the outline is free to slide along it."""
         off = self.points.project(state) - self.targets
         return np.einsum("mc,mc->m", off, self.normals) / self.sigma
 
-    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
-        """(m, size) derivative of :meth:`residuals`."""
+    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "points unknowns"]:
+        """Derivative of :meth:`residuals`."""
         by_pixel = self.points.jacobian(state, layout)
         return np.einsum("mc,mck->mk", self.normals, by_pixel) / self.sigma
 
@@ -88,7 +89,7 @@ class SilhouetteTerm(Term):
         return cls(setup.forward, setup.photo, face_px, setup.problem.job.weights.photo)
 
     @cached_property
-    def _mesh(self) -> tuple[np.ndarray, np.ndarray]:
+    def _mesh(self) -> tuple[Int[np.ndarray, "edges 2"], Int[np.ndarray, "edges 2"]]:
         geometry = self.forward.geometry
         return _mesh_edges(geometry.triangles, geometry.fitted)
 
@@ -125,8 +126,10 @@ class SilhouetteTerm(Term):
         share = min(1.0 / (CORRELATION_SHARE * self.face_px), 1.0)
         return Silhouette(points, normal[chosen], targets, sigma, share, self.weight)
 
-    def _outline(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Edges (e, 2) between a fitted triangle that faces the camera and one that does not, and
+    def _outline(
+        self, state: State
+    ) -> tuple[Int[np.ndarray, "edges 2"], Int[np.ndarray, " edges"]]:
+        """Edges between a fitted triangle that faces the camera and one that does not, and
         the third vertex.
         """
         vertices = self.forward.pose(state)[1]
@@ -151,12 +154,12 @@ class SilhouetteTerm(Term):
     def _seen(
         self,
         state: State,
-        vertices: np.ndarray,
-        edges: np.ndarray,
-        middle: np.ndarray,
-        normal: np.ndarray,
-    ) -> np.ndarray:
-        """(m,) bool: nothing of the head lies just outside, and just inside lies the face
+        vertices: Float[np.ndarray, "vertices 3"],
+        edges: Int[np.ndarray, "edges 2"],
+        middle: Float[np.ndarray, "edges 2"],
+        normal: Float[np.ndarray, "edges 2"],
+    ) -> Bool[np.ndarray, " edges"]:
+        """Nothing of the head lies just outside, and just inside lies the face
         itself.
         """
         outside = self.forward.hits(state, middle + 1.5 * normal).triangle < 0
@@ -167,8 +170,10 @@ class SilhouetteTerm(Term):
         edge_depth = -vertices[edges][..., 2].mean(axis=1)
         return outside & inside & (np.abs(depth - edge_depth) < DEPTH_TOLERANCE)
 
-    def _edge_offset(self, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """(m,) pixels along the outward normal to the photo's edge; NaN where the photo shows
+    def _edge_offset(
+        self, middle: Float[np.ndarray, "edges 2"], normal: Float[np.ndarray, "edges 2"]
+    ) -> Float[np.ndarray, " edges"]:
+        """Pixels along the outward normal to the photo's edge; NaN where the photo shows
         none.
         """
         reach = max(REACH_SHARE * self.face_px, 2.0)
@@ -208,10 +213,10 @@ class SilhouetteTerm(Term):
         return np.where(good, offset, np.nan)
 
 
-def _mesh_edges(triangles: np.ndarray, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (e, 2) that two triangles share, one of them ``fitted`` at least, and these triangles
-    (e, 2).
-    """
+def _mesh_edges(
+    triangles: Int[np.ndarray, "triangles 3"], fitted: Bool[np.ndarray, " triangles"]
+) -> tuple[Int[np.ndarray, "edges 2"], Int[np.ndarray, "edges 2"]]:
+    """Edges that two triangles share, one of them ``fitted`` at least, and these triangles."""
     pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))

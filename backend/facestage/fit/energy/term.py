@@ -15,6 +15,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.plan import Plan
@@ -36,13 +37,15 @@ class Setup:
     start: State  # where the phase begins
     factor: float  # what the job's photo is scaled by
     blocks: tuple[str, ...]  # of parameters that the phase is about
-    freeze: np.ndarray  # (size,) bool, parameters that are held all the same
+    freeze: Bool[np.ndarray, " unknowns"]  # parameters that are held all the same
     known: Known  # what the priors depend on
     photo: Photo | None = None  # without what hides the face; None: a phase of landmarks alone
     stage: LightStage | None = None  # camera frame, its lights not yet turned; None without photo
-    pivot: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) its centre
+    pivot: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))  # its centre
     samples: int = 1  # per light and pixel
-    casting: np.ndarray | None = None  # (N,) bool, lights whose shadows move; None: nobody's do
+    casting: Bool[np.ndarray, " lights"] | None = (
+        None  # lights whose shadows move; None: nobody's do
+    )
     plan: Plan = field(default_factory=Plan)
 
     def moves(self, blocks: Collection[str]) -> bool:
@@ -56,19 +59,22 @@ class Quadratic:
     """0.5 x^T H x + g^T x by all parameters, which terms add themselves to."""
 
     layout: Layout
-    active: np.ndarray  # (size,) bool, the parameters that a step may move
-    hessian: np.ndarray  # (size, size) H
-    gradient: np.ndarray  # (size,) g
+    active: Bool[np.ndarray, " unknowns"]  # the parameters that a step may move
+    hessian: Float[np.ndarray, "unknowns unknowns"]  # H
+    gradient: Float[np.ndarray, " unknowns"]  # g
 
     @classmethod
-    def zero(cls, layout: Layout, active: np.ndarray) -> Quadratic:
+    def zero(cls, layout: Layout, active: Bool[np.ndarray, " unknowns"]) -> Quadratic:
         """Before any term."""
         return cls(layout, active, np.zeros((layout.size, layout.size)), np.zeros(layout.size))
 
     def add_residuals(
-        self, jacobian: np.ndarray, weights: np.ndarray, residuals: np.ndarray
+        self,
+        jacobian: Float[np.ndarray, "residuals unknowns"],
+        weights: Float[np.ndarray, " residuals"],
+        residuals: Float[np.ndarray, " residuals"],
     ) -> None:
-        """Residuals (m,) with fixed weights (m,) and their derivatives (m, size)."""
+        """Residuals with fixed weights and their derivatives."""
         # Most columns are those of light and skin, which move no point.
         moving = np.flatnonzero(jacobian.any(axis=0))
         jacobian = jacobian[:, moving]
