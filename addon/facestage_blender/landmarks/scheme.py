@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.landmarks import IBUG, MEDIAPIPE, SCHEME_SIZES
+
 # The 68 points of the ibug scheme, in its order.
 IBUG_NAMES = (
     "right temple",
@@ -105,11 +107,11 @@ def handles(scheme: str, count: int) -> tuple[Handle, ...]:
 
     Names carry the number that the scheme's own figure shows: ibug counts from 1, MediaPipe from 0.
     """
-    if scheme == "ibug68" and count == len(IBUG_NAMES):
+    if scheme == IBUG and count == SCHEME_SIZES[IBUG]:
         return tuple(
             Handle(index, f"Landmark {index + 1} {name}") for index, name in enumerate(IBUG_NAMES)
         )
-    if scheme == "mediapipe478" and count == 478:
+    if scheme == MEDIAPIPE and count == SCHEME_SIZES[MEDIAPIPE]:
         named = [*zip(MEDIAPIPE_AS_IBUG, IBUG_NAMES, strict=True), *MEDIAPIPE_EXTRA.items()]
         return tuple(Handle(index, f"Landmark {index} {name}") for index, name in named)
     return tuple(Handle(index, f"Landmark {index + 1}") for index in range(count))
@@ -117,9 +119,9 @@ def handles(scheme: str, count: int) -> tuple[Handle, ...]:
 
 def lines(scheme: str) -> tuple[tuple[int, ...], ...]:
     """Chains of point indices that draw the face; none for an unknown scheme."""
-    if scheme not in ("ibug68", "mediapipe478"):
+    if scheme not in (IBUG, MEDIAPIPE):
         return ()
-    place = tuple(range(len(IBUG_NAMES))) if scheme == "ibug68" else MEDIAPIPE_AS_IBUG
+    place = tuple(range(len(IBUG_NAMES))) if scheme == IBUG else MEDIAPIPE_AS_IBUG
     return tuple(
         tuple(place[index] for index in [*range(first, last + 1), *([first] if closed else [])])
         for first, last, closed in IBUG_LINES

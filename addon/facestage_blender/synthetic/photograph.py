@@ -26,6 +26,8 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.storage import write_arrays, write_json
 from facestage.contract.job import DEFAULT_MODEL
+from facestage.contract.landmarks import IBUG
+from facestage.contract.light_stage import LightStage
 
 from ..pictures.images import texture_image
 from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
@@ -36,7 +38,7 @@ from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place
 from .sightlines import BACKGROUND as NOTHING
 from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
-from .truth import SIZE, Person, Worn
+from .truth import SIZE, Optics, Person, Worn, landmark_points
 
 LANDMARK_NOISE_PX = 1.0  # in a picture of SIZE pixels
 BRIGHTEST = 0.85  # linear value of the photo's brightest skin but for 1 %
@@ -66,10 +68,8 @@ def render_person(
 
     pixels = render_linear(scene, samples, direct_only=not person.interreflection, seed=seed)
     vertices = _moved(model.shape(person.identity, person.expression), person.model_to_camera)
-    others = [
-        (_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn
-    ]
-    sightlines = Sightlines(model, vertices, others)
+    worn = [(_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn]
+    sightlines = Sightlines(model, vertices, worn)
     labels = sightlines.picture(camera)
     mask = (pixels[..., 3] > 0.99) & (labels != WORN) & (labels != NOTHING)
     exposure = BRIGHTEST / float(np.percentile(pixels[..., :3][mask], 99))
@@ -78,50 +78,22 @@ def render_person(
     picture = exposure * pixels[..., :3] + BACKGROUND * (1 - pixels[..., 3:])
     picture = noisy(picture, person.optics.electrons, np.random.default_rng(seed + 2))
 
-    corners, weights = model.landmark_vertices("ibug68")
-    points = np.einsum("mi,mix->mx", weights, vertices[corners])
-    noise = (
-        LANDMARK_NOISE_PX
-        * size
-        / SIZE
-        * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
-    )
-    landmarks = {
-        "scheme": "ibug68",
-        "points": camera.project(points) + noise,
-        "visible": sightlines.visible(points),
-    }
+    points = landmark_points(model, vertices)
+    spread = LANDMARK_NOISE_PX * size / SIZE
+    noise = spread * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
+    found = camera.project(points) + noise
     lights = stage.transformed(np.linalg.inv(camera_to_stage))
+    truth = {"vertices": vertices.astype(np.float32)} | _truth(person, model, lights)
+    bare = np.isin(labels, (NARROW_FACE, FACE, HEAD))
     with atomic_folder(folder) as unfinished:
-        encoded = srgb(picture)
-        if person.optics.jpeg_quality is not None:
-            save_jpeg(unfinished / COMPRESSED_PHOTO, encoded, person.optics.jpeg_quality)
-            encoded = read_pixels(unfinished / COMPRESSED_PHOTO)[..., :3]
-        save_png(unfinished / PHOTO, encoded)
-        save_png(
-            unfinished / SKIN, np.isin(labels, (NARROW_FACE, FACE, HEAD))[..., None] * np.ones(3)
-        )
-        save_exr(unfinished / LINEAR_PHOTO, picture)
+        _save_photo(unfinished, picture, person.optics)
+        save_png(unfinished / SKIN, bare[..., None] * np.ones(3))
         write_json(unfinished / CAMERA, camera.to_json())
-        write_json(unfinished / LANDMARKS, landmarks)
-        write_arrays(
-            unfinished / TRUTH,
-            {
-                "vertices": vertices.astype(np.float32),
-                "identity": person.identity,
-                "expression": person.expression,
-                "light_position": lights.position,
-                "light_direction": lights.direction,
-                "light_corners": lights.corners,
-                "light_radiance": lights.radiance,
-                "albedo": face_tile(person.albedo, model).astype(np.float32),
-                "specular": person.specular,
-                "roughness": np.array(person.roughness),
-                "model_to_camera": person.model_to_camera,
-                "labels": labels,
-                "mask": mask,
-            },
+        write_json(
+            unfinished / LANDMARKS,
+            {"scheme": IBUG, "points": found, "visible": sightlines.visible(points)},
         )
+        write_arrays(unfinished / TRUTH, truth | {"labels": labels, "mask": mask})
 
 
 def noisy(picture: np.ndarray, electrons: float | None, rng: np.random.Generator) -> np.ndarray:
@@ -146,6 +118,32 @@ def face_tile(texture: np.ndarray, model: FaceModel) -> np.ndarray:
     size = len(texture)
     left, top, side = round(u * size), round((1 - v - scale) * size), round(scale * size)
     return texture[top : top + side, left : left + side]
+
+
+def _save_photo(folder: Path, picture: np.ndarray, optics: Optics) -> None:
+    """Write a linear picture (h, w, 3) as an EXR and as a photo, compressed where a camera does."""
+    encoded = srgb(picture)
+    if optics.jpeg_quality is not None:
+        save_jpeg(folder / COMPRESSED_PHOTO, encoded, optics.jpeg_quality)
+        encoded = read_pixels(folder / COMPRESSED_PHOTO)[..., :3]
+    save_png(folder / PHOTO, encoded)
+    save_exr(folder / LINEAR_PHOTO, picture)
+
+
+def _truth(person: Person, model: FaceModel, lights: LightStage) -> dict[str, np.ndarray]:
+    """What is true of the person and of the lights (camera frame), as truth.npz names it."""
+    return {
+        "identity": person.identity,
+        "expression": person.expression,
+        "light_position": lights.position,
+        "light_direction": lights.direction,
+        "light_corners": lights.corners,
+        "light_radiance": lights.radiance,
+        "albedo": face_tile(person.albedo, model).astype(np.float32),
+        "specular": person.specular,
+        "roughness": np.array(person.roughness),
+        "model_to_camera": person.model_to_camera,
+    }
 
 
 def _build(

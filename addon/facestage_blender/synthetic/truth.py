@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.contract.face_model import FaceModel
+from facestage.contract.landmarks import IBUG
 from facestage.contract.light_stage import LightStage
 
 SIZE, FOCAL_PX, DISTANCE = 256, 600.0, 0.78  # pixels, pixels, metres
@@ -53,3 +55,9 @@ class Person:
     focal_px: float = FOCAL_PX  # for a picture of SIZE pixels
     around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
     optics: Optics = PERFECT
+
+
+def landmark_points(model: FaceModel, vertices: np.ndarray) -> np.ndarray:
+    """(68, 3) landmarks of the ibug scheme on a head's vertices (n, 3), in their frame."""
+    corners, weights = model.landmark_vertices(IBUG)
+    return np.einsum("mi,mix->mx", weights, vertices[corners])

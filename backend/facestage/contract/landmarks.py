@@ -18,7 +18,8 @@ from facestage.contract.schemas.schema import FileSchema, checked
 
 # A profile is a third as wide as it is high; landmarks narrower than this share are no face.
 LINE_SHARE = 0.04
-SCHEME_SIZES = {"ibug68": 68, "mediapipe478": 478}
+IBUG, MEDIAPIPE = "ibug68", "mediapipe478"
+SCHEME_SIZES = {IBUG: 68, MEDIAPIPE: 478}
 PIXEL_MAX = 1e7  # a point further off is no place on any photo
 WEIGHT_MAX = 1e6
 

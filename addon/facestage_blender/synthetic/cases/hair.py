@@ -8,8 +8,8 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..truth import Worn
-from .mesh import front, joined_parts, landmarks, sheet, shell, skin_vertices
+from ..truth import Worn, landmark_points
+from .mesh import front, joined_parts, sheet, shell, skin_vertices
 
 HAIRLINE = 0.048  # m above the brows
 SCALP_THICKNESS, SCALP_JAG = 0.008, 0.006
@@ -26,7 +26,7 @@ def strands(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) ->
     """Hair over the scalp, and locks of thin strands that hang over the forehead to the brows and
     beyond.
     """
-    brow = float(landmarks(model, vertices)[17:27, 1].mean())
+    brow = float(landmark_points(model, vertices)[17:27, 1].mean())
     hairline = brow + HAIRLINE
     places = np.linspace(-0.12, 0.12, 33)
     jag = SCALP_JAG * rng.uniform(-1, 1, len(places))

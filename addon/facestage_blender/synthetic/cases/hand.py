@@ -9,8 +9,8 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..truth import Worn
-from .mesh import front, joined_parts, landmarks, sheet, skin_vertices
+from ..truth import Worn, landmark_points
+from .mesh import front, joined_parts, sheet, skin_vertices
 
 # Index finger to little finger: length in m from knuckle to tip; radius in m at knuckle and tip.
 LENGTHS = (0.072, 0.080, 0.074, 0.058)
@@ -26,7 +26,7 @@ def hand(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Wo
     """Four fingers on the cheek, the palm below the jaw, a wrist; on a side that is drawn, of the
     face's own skin.
     """
-    marks, side = landmarks(model, vertices), rng.choice([-1.0, 1.0])
+    marks, side = landmark_points(model, vertices), rng.choice([-1.0, 1.0])
     jaw, mouth = (marks[4], marks[48]) if side < 0 else (marks[12], marks[54])
     skin = vertices[skin_vertices(model)].astype(np.float64)
     lean = np.radians(rng.uniform(-8, 8))

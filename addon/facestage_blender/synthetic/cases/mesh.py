@@ -14,12 +14,6 @@ SUBDIVISIONS = 2
 WIRE = 0.0018  # radius of the glasses' frame
 
 
-def landmarks(model: FaceModel, vertices: np.ndarray) -> np.ndarray:
-    """(68, 3) landmarks of the ibug68 scheme."""
-    corners, weights = model.landmark_vertices("ibug68")
-    return np.einsum("mi,mix->mx", weights, vertices[corners])
-
-
 def skin_vertices(model: FaceModel) -> np.ndarray:
     """(n,) bool: vertices of skin triangles."""
     marked = np.zeros(len(model.vertices), bool)

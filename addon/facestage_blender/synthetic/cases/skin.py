@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.face_model import SKIN, FaceModel
 
 from ...pictures.texture import paint_vertices
+from ..truth import landmark_points
 
 MOTTLE_CELLS = (24, 96, 384)  # knots across the texture
 FRECKLES = 450
@@ -88,8 +89,7 @@ def bearded(albedo: np.ndarray, model: FaceModel, rng: np.random.Generator) -> n
 
 def beard_weight(model: FaceModel) -> np.ndarray:
     """(n,) 0..1: how much beard grows at each vertex of the mean face, from its 68 landmarks."""
-    corners, weights = model.landmark_vertices("ibug68")
-    mark = np.einsum("mi,mix->mx", weights, model.vertices[corners])
+    mark = landmark_points(model, model.vertices)
     x, y, z = model.vertices.T.astype(np.float64)
     half_width = 0.5 * abs(mark[14, 0] - mark[2, 0])
     # Up to the nose, down to the corners of the mouth on the cheeks, up again to the ears.

@@ -14,20 +14,10 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
-from ..truth import Worn
+from ..truth import Worn, landmark_points
 from .hair import strands
 from .hand import hand
-from .mesh import (
-    WIRE,
-    front,
-    half_width,
-    joined_parts,
-    landmarks,
-    sheet,
-    shell,
-    skin_vertices,
-    tube,
-)
+from .mesh import WIRE, front, half_width, joined_parts, sheet, shell, skin_vertices, tube
 
 CAP_HEIGHT, CAP_THICKNESS = 0.014, 0.006  # m above the brows; off the skin
 BRIM_LENGTH, BRIM_DROP, BRIM_ANGLE = 0.065, 0.018, 62.0  # m, m, degrees to either side
@@ -40,7 +30,7 @@ BROWS = slice(17, 27)
 
 def cap(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Worn:
     """A cap whose brim shades the forehead and the eyes."""
-    edge = landmarks(model, vertices)[BROWS, 1].max() + CAP_HEIGHT
+    edge = landmark_points(model, vertices)[BROWS, 1].max() + CAP_HEIGHT
     crown, triangles = shell(
         model,
         vertices,
@@ -64,7 +54,7 @@ def cap(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Wor
 
 def fringe(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> Worn:
     """Hair over the scalp whose ragged edge hangs over the forehead."""
-    brow = landmarks(model, vertices)[BROWS, 1].mean()
+    brow = landmark_points(model, vertices)[BROWS, 1].mean()
     places, strands = np.linspace(-0.12, 0.12, 33), np.linspace(-0.12, 0.12, 121)
     jag, thickness = (
         rng.uniform(-1, 1, len(places)),
@@ -85,7 +75,7 @@ def fringe(model: FaceModel, vertices: np.ndarray, rng: np.random.Generator) -> 
 
 def glasses(model: FaceModel, vertices: np.ndarray, _rng: np.random.Generator) -> Worn:
     """A wire frame with two rims, a bridge on the nose and temples to the ears, without lenses."""
-    marks = landmarks(model, vertices)
+    marks = landmark_points(model, vertices)
     skin = vertices[skin_vertices(model)].astype(np.float64)
     eyes = np.stack([marks[36:42].mean(axis=0), marks[42:48].mean(axis=0)])
     around = np.linspace(0, 2 * np.pi, 49)[:-1]
