@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -82,13 +83,30 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
     return out
 
 
-@pytest.fixture
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+@contextmanager
+def without_pictures() -> Iterator[None]:
     """The reports have tests of their own."""
-    monkeypatch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-    monkeypatch.setattr(
-        "facestage.fit.result.person.write_person_report", lambda folder, person: None
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
+        patch.setattr(
+            "facestage.fit.result.person.write_person_report", lambda folder, person: None
+        )
+        yield
+
+
+@pytest.fixture
+def no_pictures() -> Iterator[None]:
+    with without_pictures():
+        yield
+
+
+@pytest.fixture(scope="module")
+def pair(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The two photos fitted quickly together, to compare with; nobody may change it."""
+    out = tmp_path_factory.mktemp("pair") / "out"
+    with without_pictures():
+        quick_fit(jobs[:2], out)
+    return out
 
 
 def identity_error(scene: Scene, identity: np.ndarray) -> float:
@@ -141,8 +159,10 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_stopped_in_the_middle_it_ends_at_the_same_place(jobs: list[Job], tmp_path: Path):
-    whole = quick_fit(jobs[:2], tmp_path / "whole")
+def test_stopped_in_the_middle_it_ends_at_the_same_place(
+    jobs: list[Job], pair: Path, tmp_path: Path
+):
+    whole = Person.load(pair)
 
     def stop(event: Event) -> None:
         if "together: geometry, step 1" in event.message:
@@ -153,7 +173,7 @@ def test_stopped_in_the_middle_it_ends_at_the_same_place(jobs: list[Job], tmp_pa
     again = quick_fit(jobs[:2], tmp_path / "out", resume=True)
     np.testing.assert_allclose(again.identity, whole.identity, rtol=1e-6, atol=1e-9)
     for photo in whole.photos:
-        one, other = (Result.load(tmp_path / name / photo.folder) for name in ("whole", "out"))
+        one, other = (Result.load(out / photo.folder) for out in (pair, tmp_path / "out"))
         np.testing.assert_allclose(one.vertices, other.vertices, atol=1e-7)
 
 
@@ -172,9 +192,9 @@ def test_a_checkpoint_of_other_photos_is_refused(jobs: list[Job], tmp_path: Path
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], tmp_path: Path):
+def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], pair: Path, tmp_path: Path):
     small = [read_problem(job).face_size_px for job in jobs[:2]]
-    plain = quick_fit(jobs[:2], tmp_path / "plain")
+    plain = Person.load(pair)
     # As if the faces were larger than what the phases look at.
     fineness = replace(QUICK, joint_face_px=0.8 * max(small))
     person = person_fit.fit_person(jobs[:2], tmp_path / "out", fineness=fineness)
@@ -198,13 +218,13 @@ def test_another_person_is_named(jobs: list[Job], tmp_path: Path):
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_another_person_among_three_is_left_out(jobs: list[Job], scene: Scene, tmp_path: Path):
+def test_another_person_among_three_is_left_out(jobs: list[Job], pair: Path, tmp_path: Path):
     person = quick_fit(jobs, tmp_path / "three")
     assert person.status == STOPPED and person.advice.startswith(
         "Photo 3 (photo.png): This photo may show another"
     )
     assert [photo.shares_shape for photo in person.photos] == [True, True, False]
-    two = quick_fit(jobs[:2], tmp_path / "two")
+    two = Person.load(pair)
     np.testing.assert_allclose(person.identity, two.identity, rtol=1e-6, atol=1e-9)
 
 
