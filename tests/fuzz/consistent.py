@@ -19,6 +19,10 @@ class InconsistentError(Exception):
     """A reader accepted something that it must not."""
 
 
+class RefusedError(Exception):
+    """The command line refused its arguments with a sentence."""
+
+
 def require(condition: object, what: str) -> None:
     if not condition:
         raise InconsistentError(what)

@@ -13,7 +13,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from fuzz.case import Case
-from fuzz.targets import Target
+from fuzz.target import Target
 
 
 def _seeds() -> list[Case]:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz.case import Case
-from fuzz.worker import FINDING
+from fuzz.worker import FINDING, TABLE
 
 TESTS = Path(__file__).resolve().parent.parent
 SECONDS = 5.0  # of an input: of processor time, or of waiting without any
@@ -54,7 +54,7 @@ class Outcome:
 class Hand:
     """One worker process, started again whenever it is gone."""
 
-    def __init__(self, home: Path, table: str = "fuzz.targets", seconds: float = SECONDS) -> None:
+    def __init__(self, home: Path, table: str = TABLE, seconds: float = SECONDS) -> None:
         """``table``: the module whose TARGETS are read; ``seconds`` that an input may take."""
         self.table, self.seconds = table, seconds
         self.home, self.seeds = home / f"worker-{os.urandom(4).hex()}", home / "seeds"

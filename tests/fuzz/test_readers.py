@@ -14,7 +14,7 @@ from fuzz.targets import TARGETS, counts
 from fuzz.worker import FINDING
 
 REGRESSIONS = Path(__file__).with_name("regressions")
-INPUTS, SEED, JOBS = 800, 1, 2
+INPUTS, SEED, JOBS = 800, 1, 1
 # Calls that read what may come from a user.
 READING = {
     "read_text",
@@ -56,8 +56,14 @@ OWN_FILES = {
 
 
 @pytest.fixture(scope="module")
-def hand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hand]:
-    made = Hand(tmp_path_factory.mktemp("fuzz"))
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the workers keep the seeds that one of them has made."""
+    return tmp_path_factory.mktemp("fuzz")
+
+
+@pytest.fixture(scope="module")
+def hand(home: Path) -> Iterator[Hand]:
+    made = Hand(home)
     yield made
     made.stop()
 
@@ -72,10 +78,10 @@ def test_what_was_found_once_is_read_or_refused(hand: Hand, folder: Path) -> Non
     assert outcome.verdict != FINDING, described(outcome)
 
 
-def test_a_short_run_over_every_reader_finds_nothing(tmp_path: Path) -> None:
+def test_a_short_run_over_every_reader_finds_nothing(home: Path) -> None:
     campaign = Campaign()
     plan = {name: range(count) for name, count in counts(INPUTS).items()}
-    campaign.run(plan, SEED, JOBS, tmp_path, print)
+    campaign.run(plan, SEED, JOBS, home, print)
     assert set(campaign.tallies) == set(TARGETS)
     assert not campaign.findings, "\n".join(
         described(outcome) for outcome in campaign.findings.values()

@@ -29,6 +29,7 @@ from typing import Any
 from fuzz.case import Case, lay_out, read_back
 
 ACCEPTED, REFUSED, FINDING, SKIPPED = "accepted", "refused", "finding", "skipped"
+TABLE = "fuzz.targets"
 MEMORY_LIMIT = 2 << 30
 SENTENCE_LIMIT = 2000
 FILE_LIMIT = 1 << 30
@@ -136,8 +137,7 @@ class Worker:
 
 def _judged(target: Any, folder: Path) -> dict[str, Any]:
     from facestage.contract.errors import FacestageError
-    from fuzz.consistent import InconsistentError
-    from fuzz.readers.command import RefusedError
+    from fuzz.consistent import InconsistentError, RefusedError
 
     try:
         target.read(folder)
@@ -211,11 +211,13 @@ def _reset_peak() -> int:
 
 
 def main() -> None:
-    from fuzz.readers.files import install_small_default_model
+    home, seeds, name = sys.argv[1:]
+    if name == TABLE:
+        # First, so that no module of the table has taken the large one.
+        from fuzz.readers.files import install_small_default_model
 
-    install_small_default_model()
-    home, seeds, table = sys.argv[1:]
-    Worker(Path(home), Path(seeds), importlib.import_module(table).TARGETS).serve()
+        install_small_default_model()
+    Worker(Path(home), Path(seeds), importlib.import_module(name).TARGETS).serve()
 
 
 if __name__ == "__main__":

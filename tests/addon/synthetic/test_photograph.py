@@ -12,18 +12,23 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.storage import read_arrays
 from facestage.contract.landmarks import Landmarks
 
-SIZE = 64
+SIZE, TEXTURE = 64, 192
 
 
-@pytest.fixture
-def case(scene, head: FaceModel, tmp_path: Path) -> Path:
+def render_case(head: FaceModel, folder: Path) -> Path:
+    """A photo of person number 3, in an empty scene."""
+    from facestage_blender.headless import pipeline
     from facestage_blender.synthetic.cases.person import random_person
     from facestage_blender.synthetic.photograph import render_person
 
-    render_person(
-        scene, head, random_person(head, 3), tmp_path / "case", samples=8, seed=3, size=SIZE
-    )
-    return tmp_path / "case"
+    person = random_person(head, 3, TEXTURE)
+    render_person(pipeline.empty_scene(), head, person, folder, samples=8, seed=3, size=SIZE)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def case(head: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return render_case(head, tmp_path_factory.mktemp("person") / "case")
 
 
 def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
@@ -70,20 +75,15 @@ def test_lights_of_the_truth_face_the_head(case: Path) -> None:
 
 
 def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
-    from facestage_blender.headless import pipeline
     from facestage_blender.pictures.render import read_pixels
     from facestage_blender.synthetic.cases.person import random_person
-    from facestage_blender.synthetic.photograph import render_person
 
-    scene = pipeline.empty_scene()
-    render_person(
-        scene, head, random_person(head, 3), tmp_path / "again", samples=8, seed=3, size=SIZE
-    )
+    render_case(head, tmp_path / "again")
     np.testing.assert_array_equal(
         read_pixels(case / "photo.exr"), read_pixels(tmp_path / "again" / "photo.exr")
     )
     assert (case / "landmarks.json").read_text() == (
         tmp_path / "again" / "landmarks.json"
     ).read_text()
-    other = random_person(head, 4)
-    assert not np.allclose(other.identity, random_person(head, 3).identity)
+    one, other = (random_person(head, seed, TEXTURE) for seed in (3, 4))
+    assert not np.allclose(other.identity, one.identity)

@@ -17,12 +17,8 @@ from unittest import mock
 
 import numpy as np
 
-from fuzz.consistent import check_array, require
+from fuzz.consistent import RefusedError, check_array, require
 from fuzz.readers.files import check_result
-
-
-class RefusedError(Exception):
-    """The command line refused its arguments with a sentence."""
 
 
 def read_render(folder: Path) -> None:
