@@ -7,7 +7,9 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,8 +97,8 @@ def head() -> FaceModel:
     )
 
 
-@pytest.fixture
-def scene() -> Iterator[object]:
+@contextmanager
+def addon_enabled() -> Iterator[Any]:
     """An empty scene with the add-on enabled; disabled afterwards."""
     import addon_utils
     import bpy
@@ -106,6 +108,18 @@ def scene() -> Iterator[object]:
     yield bpy.context.scene
     addon_utils.disable("facestage_blender", default_set=True)
     bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+@pytest.fixture
+def scene() -> Iterator[object]:
+    with addon_enabled() as scene:
+        yield scene
+
+
+@pytest.fixture(scope="session")
+def empty_scene() -> Callable[[], AbstractContextManager[Any]]:
+    """For fixtures that several tests share: ``with empty_scene() as scene``."""
+    return addon_enabled
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from facestage.contract.partial import partial_folder
 from facestage.contract.result import Result
 from facestage_blender.backend.commands import find_backend, fit_command, model_command
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("scene")]
 SIZE = 96
 
 
@@ -30,7 +30,7 @@ def backend() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def case(backend: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def case(empty_scene, backend: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small photo of the default model's person number 7."""
     from facestage_blender.headless import pipeline
     from facestage_blender.synthetic.cases.person import random_person
@@ -40,10 +40,10 @@ def case(backend: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     pipeline.run_backend(
         model_command(backend, "default", folder / "model.npz"), lambda _event: None
     )
-    model, scene = FaceModel.load(folder / "model.npz"), pipeline.empty_scene()
-    render_person(
-        scene, model, random_person(model, 7), folder / "case", samples=32, seed=7, size=SIZE
-    )
+    model = FaceModel.load(folder / "model.npz")
+    person = random_person(model, 7)
+    with empty_scene() as scene:
+        render_person(scene, model, person, folder / "case", samples=32, seed=7, size=SIZE)
     return folder / "case"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +16,20 @@ from facestage.contract.landmarks import Landmarks
 SIZE, TEXTURE = 64, 192
 
 
-def render_case(head: FaceModel, folder: Path) -> Path:
-    """A photo of person number 3, in an empty scene."""
-    from facestage_blender.headless import pipeline
+def render_case(scene: Any, head: FaceModel, folder: Path) -> Path:
+    """A photo of person number 3."""
     from facestage_blender.synthetic.cases.person import random_person
     from facestage_blender.synthetic.photograph import render_person
 
     person = random_person(head, 3, TEXTURE)
-    render_person(pipeline.empty_scene(), head, person, folder, samples=8, seed=3, size=SIZE)
+    render_person(scene, head, person, folder, samples=8, seed=3, size=SIZE)
     return folder
 
 
 @pytest.fixture(scope="module")
-def case(head: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return render_case(head, tmp_path_factory.mktemp("person") / "case")
+def case(empty_scene, head: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    with empty_scene() as scene:
+        return render_case(scene, head, tmp_path_factory.mktemp("person") / "case")
 
 
 def test_truth_is_where_the_photo_shows_it(case: Path) -> None:
@@ -74,11 +75,11 @@ def test_lights_of_the_truth_face_the_head(case: Path) -> None:
     )
 
 
-def test_same_seed_same_photo(case: Path, head: FaceModel, tmp_path: Path) -> None:
+def test_same_seed_same_photo(scene, case: Path, head: FaceModel, tmp_path: Path) -> None:
     from facestage_blender.pictures.render import read_pixels
     from facestage_blender.synthetic.cases.person import random_person
 
-    render_case(head, tmp_path / "again")
+    render_case(scene, head, tmp_path / "again")
     np.testing.assert_array_equal(
         read_pixels(case / "photo.exr"), read_pixels(tmp_path / "again" / "photo.exr")
     )
