@@ -9,9 +9,8 @@ from .backend.commands import find_backend
 
 REPORT_LINES = 14
 OFFLINE = (
-    "Online access is off (System > Network), so the backend downloads nothing: to find faces "
-    "it needs the landmark "
-    "model on this machine, and Check Backend says where."
+    "Online access is off (System > Network), so the backend downloads nothing: to find faces it "
+    "needs the landmark model on this machine, and Check Backend says where."
 )
 
 

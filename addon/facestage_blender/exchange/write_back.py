@@ -33,8 +33,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if rig.facestage_face.model != result.model:
         raise InputError(
             f"The result is of the face model '{result.model}', the rig of "
-            f"'{rig.facestage_face.model}'; "
-            "build the rig of the result's model first."
+            f"'{rig.facestage_face.model}'; build the rig of the result's model first."
         )
     if not settings.keep_camera and scene.camera is not None and scene.camera.type != "CAMERA":
         raise InputError(

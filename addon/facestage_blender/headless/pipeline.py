@@ -271,9 +271,8 @@ def _known_camera(order: Order, width: int, height: int) -> Camera | None:
         camera = Camera.read(order.camera)
         if (camera.width, camera.height) != (width, height):
             raise InputError(
-                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} "
-                "pixels, the photo has "
-                f"{width} x {height}; give the camera of this photo."
+                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} pixels, "
+                f"the photo has {width} x {height}; give the camera of this photo."
             )
         return camera
     return None if order.focal_px is None else Camera.default(width, height, order.focal_px)

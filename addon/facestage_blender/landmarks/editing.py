@@ -108,8 +108,8 @@ def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks
         if photo_size(plane) != (width, height):
             raise InputError(
                 f"The landmarks shown are of a photo of {photo_size(plane)[0]} x "
-                f"{photo_size(plane)[1]} pixels, the "
-                f"photo has {width} x {height}; press Done, then Detect Landmarks again."
+                f"{photo_size(plane)[1]} pixels, the photo has {width} x {height}; press Done, "
+                "then Detect Landmarks again."
             )
         landmarks = edited_landmarks(scene)
     elif scene.facestage.landmarks:

@@ -174,8 +174,7 @@ def slider_values(
     if missing:
         raise InputError(
             f"The face rig '{rig.name}' has no shape key '{missing[0]}' ({len(missing)} of "
-            f"{len(wanted)} are missing); "
-            "build the rig of the same face model."
+            f"{len(wanted)} are missing); build the rig of the same face model."
         )
     return {
         name: min(max(float(value), -SLIDER_LIMIT), SLIDER_LIMIT) for name, value in wanted.items()

@@ -31,9 +31,8 @@ def read_mesh(item: bpy.types.Object | None) -> tuple[RigFile, OwnMesh, list[str
     mesh = item.data
     if len(mesh.vertices) < 100 or len(mesh.polygons) < 100:
         raise InputError(
-            f"The mesh '{item.name}' has {len(mesh.vertices)} vertices and "
-            f"{len(mesh.polygons)} faces; a face needs at "
-            "least 100 of each: make the mesh of a face active."
+            f"The mesh '{item.name}' has {len(mesh.vertices)} vertices and {len(mesh.polygons)} "
+            "faces; a face needs at least 100 of each: make the mesh of a face active."
         )
     vertices, identity, expression, own, notes = read_shapes(item)
     layer, corner_uvs = face_uvs(item)
@@ -68,8 +67,7 @@ def model_frame(rig: RigFile, model: FaceModel) -> np.ndarray:
     if len(model.vertices) != len(rig.vertices):
         raise InputError(
             f"The backend's model has {len(model.vertices)} vertices, the mesh "
-            f"{len(rig.vertices)}; press Use My Mesh "
-            "again."
+            f"{len(rig.vertices)}; press Use My Mesh again."
         )
     middle = rig.vertices.mean(axis=0)
     size = max(float(np.ptp(rig.vertices)), 1e-12)

@@ -88,8 +88,7 @@ def check_vertices(rig: bpy.types.Object, result: Result) -> None:
     if len(rig.data.vertices) != len(result.vertices):
         raise InputError(
             f"The mesh '{rig.name}' has {len(rig.data.vertices)} vertices, the result "
-            f"{len(result.vertices)}; press "
-            "Use My Mesh and fit again."
+            f"{len(result.vertices)}; press Use My Mesh and fit again."
         )
 
 

@@ -106,9 +106,8 @@ def own_slider_values(
                 continue
             if name not in shapes or shapes[name][0] not in keys:
                 raise InputError(
-                    f"The mesh '{rig.name}' has no shape key "
-                    f"'{shapes.get(name, (name, 0))[0]}' any more; press Use My "
-                    "Mesh again."
+                    f"The mesh '{rig.name}' has no shape key '{shapes.get(name, (name, 0))[0]}' "
+                    "any more; press Use My Mesh again."
                 )
             key, factor = shapes[name]
             values[key] = values.get(key, 0.0) + factor * float(weight)

@@ -96,8 +96,8 @@ class FACESTAGE_OT_edit_landmarks(Action, bpy.types.Operator):
     bl_idname = "facestage.edit_landmarks"
     bl_label = "Edit Landmarks"
     bl_description = (
-        "Show the landmarks on the photo as points that you can drag (G). "
-        "The ones between them follow"
+        "Show the landmarks on the photo as points that you can drag (G). The ones between them "
+        "follow"
     )
 
     def act(self, context: bpy.types.Context) -> None:

@@ -78,8 +78,8 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
         ensure_stage(scene)
         adopt(scene, item, f"rig:{path}", model, rig, own)
         sliders = (
-            f"{len(own.expression)} expressions, "
-            f"{len(own.identity) or len(model.identity_names)} shapes of faces"
+            f"{len(own.expression)} expressions, {len(own.identity) or len(model.identity_names)} "
+            "shapes of faces"
         )
         self.report({"INFO"}, "; ".join([f"'{name}' is the face now: {sliders}", *notes]) + ".")
 

@@ -110,8 +110,8 @@ def test_radiance_of_a_light_on_a_white_card(scene, position, side) -> None:
     expected = irradiance(light) / math.pi
     found = white_card(scene, light)
     print(
-        f"white card: {found} against {expected}, off by "
-        f"{np.abs(found / expected - 1).max():.2%} of at most 1 %"
+        f"white card: {found} against {expected}, off by {np.abs(found / expected - 1).max():.2%} "
+        "of at most 1 %"
     )
     np.testing.assert_allclose(found, expected, rtol=0.01)
 
