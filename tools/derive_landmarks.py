@@ -29,6 +29,7 @@ from scipy.spatial import cKDTree
 from facestage.contract.face_model import EYES, SKIN
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.fit.face.geometry import FaceGeometry
+from facestage.models.mesh.surface import closest_weights
 from facestage.models.registry import load_model
 
 COUNT, FIRST_IRIS = 478, 468
@@ -244,39 +245,10 @@ def nearest_on_mesh(vertices: np.ndarray, triangles: np.ndarray, points: np.ndar
     result = []
     for point in points:
         near = triangles[centre_tree.query(point, min(40, len(triangles)))[1]]
-        weights = _nearest_weights(vertices[near], point)
+        weights = closest_weights(point, vertices[near])
         distance = np.linalg.norm(np.einsum("ti,tix->tx", weights, vertices[near]) - point, axis=1)
         result.append(np.concatenate([near[distance.argmin()], weights[distance.argmin()]]))
     return np.array(result)
-
-
-def _nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(t, 3) barycentric weights of the point of each triangle (t, 3, 3) nearest to ``point``."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    normal = np.cross(b - a, c - a)
-    double = np.maximum((normal**2).sum(axis=1), 1e-30)
-    inside = (
-        np.stack(
-            [
-                np.einsum("tx,tx->t", np.cross(c - b, point - b), normal),
-                np.einsum("tx,tx->t", np.cross(a - c, point - c), normal),
-                np.einsum("tx,tx->t", np.cross(b - a, point - a), normal),
-            ],
-            axis=1,
-        )
-        / double[:, None]
-    )
-    choices, distances = [inside], [np.where((inside >= 0).all(1), 0.0, np.inf)]
-    distances[0] += np.linalg.norm(np.einsum("ti,tix->tx", inside, corners) - point, axis=1)
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        edge = corners[:, second] - corners[:, first]
-        length = np.maximum((edge**2).sum(axis=1), 1e-30)
-        share = np.clip(np.einsum("tx,tx->t", point - corners[:, first], edge) / length, 0, 1)
-        weights = np.zeros_like(inside)
-        weights[:, first], weights[:, second] = 1 - share, share
-        choices.append(weights)
-        distances.append(np.linalg.norm(np.einsum("ti,tix->tx", weights, corners) - point, axis=1))
-    return np.stack(choices)[np.argmin(distances, axis=0), np.arange(len(corners))]
 
 
 def residuals(table: np.ndarray, seen: Observations) -> tuple[np.ndarray, np.ndarray]:

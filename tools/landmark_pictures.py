@@ -18,13 +18,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
+from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
-from facestage.images.image_io import linear_to_srgb
 
 SIDE, NET_SIDE = 384, 256
 LIGHTS = 20

@@ -11,10 +11,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from facestage.contract.color import srgb_to_linear
 from facestage.contract.result import LIGHT_PROBE, Result
 
 from ..pictures.images import image_pixels, load_image
-from ..pictures.render import Crop, linear, read_pixels, render_linear, srgb
+from ..pictures.render import Crop, read_pixels, render_linear, srgb
 from ..rig.face_rig import read_weights, require_rig, set_weights
 from ..scene.relight import relight, restore_lights
 
@@ -36,7 +37,7 @@ def showcase(
 ) -> dict[str, np.ndarray]:
     """Caption -> sRGB picture (h, w, 3) in 0..1. Leaves lights and sliders as the fit had them."""
     rig = require_rig(scene)
-    background = linear(_shown(photo, crop))
+    background = srgb_to_linear(_shown(photo, crop))
     fit = render_linear(scene, samples, crop=crop, denoise=True)
     pictures = {
         "photo": srgb(background),

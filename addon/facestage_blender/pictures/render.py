@@ -14,6 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from facestage.contract.color import linear_to_srgb
+
 from .images import image_pixels
 
 BOUNCES = (
@@ -120,17 +122,7 @@ def save_exr(path: Path, pixels: np.ndarray) -> None:
 
 def srgb(linear: np.ndarray) -> np.ndarray:
     """SRGB encoding of linear values, clipped to 0..1."""
-    linear = np.clip(np.nan_to_num(linear), 0.0, 1.0)
-    return np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
-
-
-def linear(encoded: np.ndarray) -> np.ndarray:
-    """Linear values of sRGB-encoded ones."""
-    return np.where(
-        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4
-    )
+    return linear_to_srgb(np.clip(np.nan_to_num(linear), 0.0, 1.0))
 
 
 def save_jpeg(path: Path, pixels: np.ndarray, quality: int) -> None:

@@ -10,13 +10,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from facestage.contract.color import srgb_to_linear
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
 
 from ..pictures.images import image_pixels, load_image
-from ..pictures.render import linear
 from ..rig.face_rig import SLIDER_LIMIT, read_weights, rig_axes
 from ..scene import frames
 from ..scene.camera import read_camera
@@ -140,5 +140,5 @@ def _photo_pixels(path: str, width: int, height: int) -> np.ndarray:
         y = ((np.arange(height) + 0.5) * len(photo) / height).astype(int)
         x = ((np.arange(width) + 0.5) * photo.shape[1] / width).astype(int)
         photo = photo[y[:, None], x]
-        pixels[..., :3] = photo if image.is_float else linear(photo)
+        pixels[..., :3] = photo if image.is_float else srgb_to_linear(photo)
     return pixels.reshape(-1, 4)

@@ -24,6 +24,7 @@ from facestage.fit.face.unknowns import SHAPE, SKIN
 from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.runs.driver import FitRun
+from facestage.fit.solve.cholesky import with_ridge
 from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.phases import Phase, PhaseName, Schedule
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
@@ -159,8 +160,7 @@ def _initial_harmonics(run: FitRun, phase: Phase, state: State) -> State:
         usable = evaluation.base_weight[y, x] * ~photo.photo.clipped[y, x, channel]
         weighted = columns * usable[:, None]
         normal = weighted.T @ columns
-        ridge = RIDGE * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
         target = weighted.T @ photo.photo.color[y, x, channel]
-        coefficients[:, channel] = np.linalg.solve(normal + ridge * np.eye(COEFFICIENTS), target)
+        coefficients[:, channel] = np.linalg.solve(with_ridge(normal, RIDGE), target)
     run.view.light_scale = max(float(np.abs(coefficients[0]).mean()), 1e-9)
     return replace(state, lights=coefficients.ravel())

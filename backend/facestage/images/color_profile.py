@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.color import srgb_to_linear
+
 # CIE XYZ under D50, Bradford-adapted, of linear Rec. 709: the colorants of the ICC's own sRGB
 # profiles.
 REC709_TO_D50 = np.array(
@@ -39,20 +41,6 @@ COLORANTS, CURVES = ("rXYZ", "gXYZ", "bXYZ"), ("rTRC", "gTRC", "bTRC")
 # Number of parameters of each type of parametric curve (ICC.1:2022, table 68).
 PARAMETERS = (1, 3, 4, 5, 7)
 Curve = Callable[[np.ndarray], np.ndarray]
-
-
-def srgb_to_linear(value: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, decoding; 0..1 in and out."""
-    return np.where(
-        value <= 0.04045, value / 12.92, ((np.maximum(value, 0.0) + 0.055) / 1.055) ** 2.4
-    )
-
-
-def linear_to_srgb(value: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, encoding; 0..1 in and out."""
-    return np.where(
-        value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055
-    )
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,6 @@ from facestage.images.color_profile import (
     decoder_of,
     through_littlecms,
 )
-from facestage.images.color_profile import linear_to_srgb as linear_to_srgb
-from facestage.images.color_profile import srgb_to_linear as srgb_to_linear
 from facestage.images.exif import FocalPrior, focal_prior
 from facestage.images.exr_pixels import check_size, read_exr_pixels
 from facestage.images.opencv import opencv

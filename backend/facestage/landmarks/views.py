@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from facestage.images.image_io import Photograph, linear_to_srgb, resize
+from facestage.contract.color import linear_to_srgb
+from facestage.images.image_io import Photograph, resize
 from facestage.landmarks.crop import Crop
 
 # Each sample of a view is the mean of so many squared samples of the photo.

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import FaceModel
 from facestage.models.head.default_head import build_default_model
 
@@ -75,11 +76,7 @@ def sheet(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
 
 def write_png(path: Path, image: np.ndarray) -> None:
     """Write linear RGB (h, w, 3) as an 8-bit sRGB PNG."""
-    linear = np.clip(image, 0.0, 1.0)
-    srgb = np.where(
-        linear < 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
-    pixels = np.round(255 * srgb).astype(np.uint8)
+    pixels = np.round(255 * linear_to_srgb(np.clip(image, 0.0, 1.0))).astype(np.uint8)
     # each row starts with filter type 0
     rows = np.pad(pixels.reshape(len(pixels), -1), ((0, 0), (1, 0)))
 

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from facestage.contract.color import REC709, linear_to_srgb
+
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 MAX_SIDE = 1024  # pixels of the longer side of any picture of the photo or a texture
-REC709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 # A photo whose highlights (99th percentile) lie in this range is shown as it is.
 HIGHLIGHTS = (0.1, 1.25)
 _HIGHLIGHT_SAMPLES = 100_000
@@ -33,13 +34,12 @@ def to_srgb8(linear: np.ndarray) -> np.ndarray:
 def _srgb_table() -> np.ndarray:
     """(65536,) uint8: a look-up is ten times faster than the power."""
     linear = np.arange(65536) / 65535.0
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255.0 * encoded).astype(np.uint8)
+    return np.round(255.0 * linear_to_srgb(linear)).astype(np.uint8)
 
 
 def luminance(linear: np.ndarray) -> np.ndarray:
     """(...) Rec. 709 luminance of (..., 3) linear RGB."""
-    return linear @ REC709
+    return linear @ np.array(REC709, np.float32)
 
 
 def exposure(photo: np.ndarray) -> float:

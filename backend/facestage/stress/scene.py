@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import LINEAR_PHOTO, TRUTH
+from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.storage import write_arrays
 from facestage.contract.job import Job
@@ -22,7 +23,6 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SPECULAR_MEAN
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.images.image_io import linear_to_srgb
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 

@@ -13,15 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from facestage.contract.color import linear_to_srgb, srgb_to_linear
 from facestage.contract.errors import InputError
-from facestage.images.image_io import (
-    linear_to_srgb,
-    read_exr,
-    read_photograph,
-    resize,
-    srgb_to_linear,
-    write_exr,
-)
+from facestage.images.image_io import read_exr, read_photograph, resize, write_exr
 
 RANDOM = np.random.default_rng(0)
 PIXELS = RANDOM.integers(0, 256, (5, 7, 3)).astype(np.uint8)

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facestage.images.image_io import Photograph, srgb_to_linear
+from facestage.contract.color import srgb_to_linear
+from facestage.images.image_io import Photograph
 from facestage.landmarks.crop import Crop, crop_around
 from facestage.landmarks.views import PhotoViews
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facestage.models.mesh.similarity import procrustes
+
 # Skin whose brightest percent lies outside this range was not exposed for a display.
 DISPLAY_WHITE_MIN, DISPLAY_WHITE_MAX = 0.02, 4.0
 
@@ -17,14 +19,9 @@ def aligned_difference(found: np.ndarray, truth: np.ndarray, scale: bool) -> np.
     """(n, 3) metres, ``found`` less ``truth`` after the best rigid (or similarity) alignment of
     ``found`` to ``truth``.
 
-    Both (n, 3), row for row; Umeyama (1991), eqs. 38-42.
+    Both (n, 3), row for row.
     """
-    a, b = found - found.mean(0), truth - truth.mean(0)
-    u, singular, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = (u * sign) @ vt
-    factor = float((singular * sign).sum() / max((a**2).sum(), 1e-30)) if scale else 1.0
-    return factor * a @ rotation.T - b
+    return procrustes(found, truth, rigid=not scale).apply(found) - truth
 
 
 def psnr(found: np.ndarray, truth: np.ndarray, mask: np.ndarray, white: float = 1.0) -> float:

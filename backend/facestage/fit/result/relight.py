@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.color import linear_to_srgb
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_file
@@ -31,7 +32,7 @@ from facestage.fit.forward.rendering import Textures, face_pixels, render_pictur
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import select_lights
 from facestage.fit.result.memory import check_picture, machine_memory
-from facestage.images.image_io import linear_to_srgb, read_exr, resize, write_exr
+from facestage.images.image_io import read_exr, resize, write_exr
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import cho_solve
+
+from facestage.fit.solve.cholesky import firm_cholesky
 
 DAMPING_START, DAMPING_MIN, DAMPING_MAX = 1e-3, 1e-9, 1e9
 # The scaled system has a unit diagonal, so a factor of two in a small damping changes nothing.
@@ -96,21 +98,8 @@ def bounded_step(
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:
-    """Solution and a condition estimate; grows the diagonal when rounding made the matrix
-    indefinite.
-    """
-    extra = 0.0
-    while True:
-        try:
-            factor = cho_factor(
-                matrix + extra * np.eye(len(matrix)) if extra else matrix,
-                lower=True,
-                check_finite=False,
-            )
-        except LinAlgError:
-            extra = max(10 * extra, 1e-10)
-            continue
-        diagonal = np.abs(np.diag(factor[0]))
-        return cho_solve(factor, right, check_finite=False), float(
-            (diagonal.max() / diagonal.min()) ** 2
-        )
+    """Solution and a condition estimate."""
+    factor = firm_cholesky(matrix)
+    diagonal = np.abs(np.diag(factor[0]))
+    condition = float((diagonal.max() / diagonal.min()) ** 2)
+    return cho_solve(factor, right, check_finite=False), condition

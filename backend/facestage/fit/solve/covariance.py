@@ -5,7 +5,9 @@ asked for.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
+
+from facestage.fit.solve.cholesky import firm_cholesky
 
 # Relative to a unit diagonal: keeps null directions of the system invertible, their deviation
 # large.
@@ -26,7 +28,9 @@ def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:
         scale = 1.0 / np.sqrt(diagonal[index])
         matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
         matrix[np.diag_indices_from(matrix)] += RIDGE
-        inverse = cho_solve(_factor(matrix), np.eye(len(index)), check_finite=False)
+        inverse = cho_solve(
+            firm_cholesky(matrix, 10 * RIDGE), np.eye(len(index)), check_finite=False
+        )
         result[np.ix_(index, index)] = inverse * scale[:, None] * scale[None, :]
     open_entries = np.flatnonzero(active & (diagonal <= 0))
     result[open_entries, open_entries] = np.inf
@@ -48,16 +52,7 @@ def marginal_hessian(hessian: np.ndarray, kept: np.ndarray, free: np.ndarray) ->
         matrix = hessian[np.ix_(index, index)] * scale[:, None] * scale[None, :]
         matrix[np.diag_indices_from(matrix)] += RIDGE
         cross = hessian[np.ix_(index, kept)] * scale[:, None]
-        result = result - cross.T @ cho_solve(_factor(matrix), cross, check_finite=False)
+        result = result - cross.T @ cho_solve(
+            firm_cholesky(matrix, 10 * RIDGE), cross, check_finite=False
+        )
     return result
-
-
-def _factor(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Cholesky factor; the diagonal grows until rounding allows one."""
-    extra = RIDGE
-    while True:
-        try:
-            return cho_factor(matrix, lower=True, check_finite=False)
-        except np.linalg.LinAlgError:
-            extra *= 10
-            matrix = matrix + extra * np.eye(len(matrix))

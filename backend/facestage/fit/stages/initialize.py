@@ -13,6 +13,7 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.solve.cholesky import with_ridge
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 
@@ -123,8 +124,7 @@ def _robust_nnls(
             break
         weighted = columns * (usable * robust)[:, None]
         normal = weighted.T @ columns
-        added = ridge * max(float(np.linalg.eigvalsh(normal)[-1]), 1e-30)
-        factor = np.linalg.cholesky(normal + added * np.eye(len(normal)))
+        factor = np.linalg.cholesky(with_ridge(normal, ridge))
         radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
         residual = np.abs(columns @ radiance - target)
         scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)

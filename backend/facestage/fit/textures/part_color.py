@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float
+from facestage.contract.color import REC709
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
@@ -15,7 +16,7 @@ from facestage.fit.forward.reflectance import albedo_seen, by_albedo, by_c_spec
 from facestage.fit.forward.shading import ForwardModel
 from facestage.render.light_terms import PLAIN
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+LUMINANCE = np.array(REC709)
 SAMPLES = 16
 # Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand
 # for it are blurred into each other, and dimmed so that they do not veil the iris.

@@ -9,6 +9,7 @@ from facestage.contract.arrays import Float, Int, Integer
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas
+from facestage.models.mesh.surface import closest_weights
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 # A texel whose mirrored point lies farther from the point that it was given, in metres and in
@@ -63,8 +64,7 @@ def nearest_points(
     ``points``.
 
     Looked for on the triangles around each point's nearest vertices, so right where triangles are
-    as large as their neighbours. The nearest point of a triangle: Ericson 2004, Real-Time Collision
-    Detection, 5.1.5.
+    as large as their neighbours.
     """
     used, order = np.unique(triangles), np.argsort(triangles.ravel(), kind="stable")
     first = np.searchsorted(triangles.ravel()[order], np.arange(len(vertices) + 1))
@@ -77,39 +77,12 @@ def nearest_points(
     owner = np.repeat(np.repeat(np.arange(len(points)), near.shape[1]), counts)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     candidate = order[np.repeat(first[near].ravel(), counts) + within] // 3
-    weights = _nearest_on_triangle(points[owner], vertices[triangles[candidate]])
+    weights = closest_weights(points[owner], vertices[triangles[candidate]])
     offset = np.einsum("ci,cix->cx", weights, vertices[triangles[candidate]]) - points[owner]
     distance = (offset**2).sum(1)
     best = np.lexsort((distance, owner))
     best = best[np.searchsorted(owner[best], np.arange(len(points)))]
     return candidate[best], weights[best]
-
-
-def _nearest_on_triangle(
-    points: Float[np.ndarray, "points 3"], corners: Float[np.ndarray, "points 3 3"]
-) -> Float[np.ndarray, "points 3"]:
-    """Barycentric weights of the point of each triangle nearest to ``points``."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    result = np.zeros((len(points), 3))
-    best = np.full(len(points), np.inf)
-    # The plane's point where that is inside, else the nearest on an edge.
-    ab, ac, ap = b - a, c - a, points - a
-    d11, d12, d22 = (ab * ab).sum(1), (ab * ac).sum(1), (ac * ac).sum(1)
-    d1, d2 = (ab * ap).sum(1), (ac * ap).sum(1)
-    determinant = np.maximum(d11 * d22 - d12**2, 1e-30)
-    v, w = (d22 * d1 - d12 * d2) / determinant, (d11 * d2 - d12 * d1) / determinant
-    inside = (v >= 0) & (w >= 0) & (v + w <= 1)
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        edge = corners[:, j] - corners[:, i]
-        along = ((points - corners[:, i]) * edge).sum(1) / np.maximum((edge**2).sum(1), 1e-30)
-        along = np.clip(along, 0, 1)
-        distance = ((corners[:, i] + along[:, None] * edge - points) ** 2).sum(1)
-        closer = distance < best
-        best = np.where(closer, distance, best)
-        weights = np.zeros_like(result)
-        weights[:, i], weights[:, j] = 1 - along, along
-        result = np.where(closer[:, None], weights, result)
-    return np.where(inside[:, None], np.stack([1 - v - w, v, w], axis=1), result)
 
 
 def _texel_size(

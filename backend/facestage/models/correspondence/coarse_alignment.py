@@ -4,11 +4,12 @@ the mesh has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from facestage.models.mesh.similarity import Similarity
 from facestage.models.mesh.surface import Surface
 
 # A face that is further away than this, in the default face's metres, is not this face.
@@ -16,38 +17,6 @@ CUTOFF = 0.015
 # Height of the whole default head over that of what a mesh may show: a mask, a head, a bust.
 _HEIGHT_RATIOS = (2.0, 1.6, 1.28, 1.0, 0.8, 0.64, 0.5)
 _FEW, _MANY = 100, 300
-
-
-@dataclass(frozen=True)
-class Similarity:
-    """target = scale * rotation @ source + translation."""
-
-    scale: float
-    rotation: np.ndarray  # (3, 3)
-    translation: np.ndarray  # (3,)
-
-    def apply(self, points: np.ndarray) -> np.ndarray:
-        """Points (m, 3) of the source frame in the target's."""
-        return self.scale * points @ self.rotation.T + self.translation
-
-    def inverse(self) -> Similarity:
-        """From the target's frame to the source's."""
-        rotation = self.rotation.T
-        return Similarity(1.0 / self.scale, rotation, -(rotation @ self.translation) / self.scale)
-
-
-def procrustes(
-    source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None
-) -> Similarity:
-    """The least-squares similarity from points (m, 3) to points (m, 3), m >= 3 (Umeyama 1991)."""
-    w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
-    middle_s, middle_t = w @ source, w @ target
-    a, b = source - middle_s, target - middle_t
-    u, singular, vt = np.linalg.svd((b * w[:, None]).T @ a)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = (u * sign) @ vt
-    scale = float(singular @ sign / max(float(w @ (a**2).sum(axis=1)), 1e-300))
-    return Similarity(scale, rotation, middle_t - scale * rotation @ middle_s)
 
 
 def coarse_alignments(
@@ -144,21 +113,11 @@ def _icp_step(
     residual = np.einsum("mc,mc->m", normal, foot - moved) / unit
     system = (columns * weight[:, None]).T @ columns + 1e-3 * weight.sum() * np.eye(7)
     step = np.linalg.solve(system, (columns * weight[:, None]).T @ residual)
-    turn = rotation_of(np.clip(step[:3], -0.3, 0.3))
+    turn = Rotation.from_rotvec(np.clip(step[:3], -0.3, 0.3)).as_matrix()
     grow = float(np.exp(np.clip(step[6], -0.15, 0.15)))
     shift = step[3:6] * unit
     translation = grow * turn @ (similarity.translation - middle) + middle + shift
     return Similarity(similarity.scale * grow, turn @ similarity.rotation, translation)
-
-
-def rotation_of(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation about an axis by its length in radians (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
 
 
 def axis_rotation(up: int, front: int) -> np.ndarray:

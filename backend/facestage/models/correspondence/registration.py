@@ -13,17 +13,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
-from facestage.models.correspondence.coarse_alignment import (
-    Similarity,
-    coarse_alignments,
-    procrustes,
-    rotation_of,
-)
+from facestage.models.correspondence.coarse_alignment import coarse_alignments
 from facestage.models.correspondence.face_openings import FrontView, face_features
 from facestage.models.correspondence.smooth_warp import smooth_displacement
+from facestage.models.mesh.similarity import Similarity, procrustes
 from facestage.models.mesh.surface import Surface, normals_and_areas, pieces, vertex_normals
 
 SCHEME = "ibug68"
@@ -356,7 +353,7 @@ def _moved(similarity: Similarity, step: np.ndarray) -> Similarity:
     source frame.
     """
     turn, grow = (
-        rotation_of(np.clip(step[:3], -0.3, 0.3)),
+        Rotation.from_rotvec(np.clip(step[:3], -0.3, 0.3)).as_matrix(),
         float(np.exp(np.clip(step[6], -0.15, 0.15))),
     )
     rotation = similarity.rotation @ turn

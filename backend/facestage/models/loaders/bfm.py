@@ -32,6 +32,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.color import srgb_to_linear
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.files.reading import GIB
@@ -250,8 +251,7 @@ def log_albedo(color: np.ndarray, modes: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _linear(srgb: np.ndarray) -> np.ndarray:
-    value = np.clip(srgb, _DARK, _BRIGHT)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return srgb_to_linear(np.clip(srgb, _DARK, _BRIGHT))
 
 
 def _arrays(reader: Reader, path: Path, names: tuple[str, ...], kind: str) -> dict[str, np.ndarray]:

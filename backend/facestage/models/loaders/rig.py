@@ -14,13 +14,14 @@ from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceM
 from facestage.contract.rig_file import UNKNOWN_PART, RigFile
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.correspondence.borrowed_modes import borrowed_modes
-from facestage.models.correspondence.coarse_alignment import Similarity, axis_rotations
+from facestage.models.correspondence.coarse_alignment import axis_rotations
 from facestage.models.correspondence.registration import Registration, register
 from facestage.models.correspondence.transfer import (
     landmark_tables,
     parts_of_pieces,
     region_vertices,
 )
+from facestage.models.mesh.similarity import Similarity
 from facestage.models.mesh.surface import pieces
 
 # What a modeler's unit is in metres; the first that makes the face a plausible size is taken.

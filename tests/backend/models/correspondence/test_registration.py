@@ -6,17 +6,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import OTHER, SKIN, FaceModel
-from facestage.models.correspondence.coarse_alignment import (
-    Similarity,
-    axis_rotation,
-    procrustes,
-    rotation_of,
-)
+from facestage.models.correspondence.coarse_alignment import axis_rotation
 from facestage.models.correspondence.registration import register
 from facestage.models.correspondence.transfer import landmark_tables
+from facestage.models.mesh.similarity import Similarity, procrustes
 from facestage.models.mesh.surface import Surface
 from facestage.models.registry import load_model
 
@@ -59,7 +56,11 @@ def sphere(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
 
 def disguised(vertices: np.ndarray) -> np.ndarray:
     """In centimetres, Z up, a little turned, away from the origin."""
-    turned = vertices @ axis_rotation(2, 4).T @ rotation_of(np.array([0.1, 0.15, -0.2])).T
+    turned = (
+        vertices
+        @ axis_rotation(2, 4).T
+        @ Rotation.from_rotvec(np.array([0.1, 0.15, -0.2])).as_matrix().T
+    )
     return CENTIMETRES * turned + [3.0, -7.0, 150.0]
 
 
@@ -79,7 +80,11 @@ def test_nearest_points_are_those_of_every_triangle():
 
 def test_procrustes_finds_a_similarity():
     rng = np.random.default_rng(1)
-    truth = Similarity(3.0, rotation_of(np.array([0.3, -1.0, 0.5])), np.array([1.0, 2.0, -3.0]))
+    truth = Similarity(
+        3.0,
+        Rotation.from_rotvec(np.array([0.3, -1.0, 0.5])).as_matrix(),
+        np.array([1.0, 2.0, -3.0]),
+    )
     points = rng.normal(size=(9, 3))
     found = procrustes(points, truth.apply(points))
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
