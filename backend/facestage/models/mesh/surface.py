@@ -130,12 +130,13 @@ def closest_weights(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     area = np.maximum(uu * vv - uv * uv, 1e-300)
     beta, gamma = (vv * wu - uv * wv) / area, (uu * wv - uv * wu) / area
     inside = np.stack([1 - beta - gamma, beta, gamma], axis=-1)
-    best, best_distance = inside, np.where((inside >= 0).all(axis=-1), 0.0, np.inf)
+    lies_inside = (beta >= 0) & (gamma >= 0) & (beta + gamma <= 1)
+    best, best_distance = inside, np.where(lies_inside, 0.0, np.inf)
     # Outside: the nearest point of the three edges.
     for first, second in ((0, 1), (1, 2), (2, 0)):
         start, edge = corners[..., first, :], corners[..., second, :] - corners[..., first, :]
         t = np.clip(_dot(points - start, edge) / np.maximum(_dot(edge, edge), 1e-300), 0.0, 1.0)
-        away = points - start - t[..., None] * edge
+        away = start + t[..., None] * edge - points
         distance = 1e-300 + _dot(away, away)
         weights = np.zeros_like(inside)
         weights[..., first], weights[..., second] = 1 - t, t
@@ -146,7 +147,7 @@ def closest_weights(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("...c,...c->...", a, b)
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
 def _centres(step: int) -> np.ndarray:
