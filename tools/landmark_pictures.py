@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
-from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import SKIN, FaceModel
+from facestage.contract.files.color import linear_to_srgb
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.color import linear_to_srgb
+from facestage.contract.files.color import linear_to_srgb
 from reference.synthetic_scene import Scene
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from facestage.contract.color import srgb_to_linear
+from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.result import LIGHT_PROBE, Result
 
 from ..pictures.images import image_pixels, load_image

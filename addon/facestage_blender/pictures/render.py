@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from facestage.contract.color import linear_to_srgb
+from facestage.contract.files.color import linear_to_srgb
 
 from .images import image_pixels
 

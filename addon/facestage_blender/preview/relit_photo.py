@@ -10,8 +10,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from facestage.contract.color import srgb_to_linear
 from facestage.contract.errors import InputError
+from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.color import srgb_to_linear
+from facestage.contract.files.color import srgb_to_linear
 
 # CIE XYZ under D50, Bradford-adapted, of linear Rec. 709: the colorants of the ICC's own sRGB
 # profiles.

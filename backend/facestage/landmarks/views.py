@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from facestage.contract.color import linear_to_srgb
+from facestage.contract.files.color import linear_to_srgb
 from facestage.images.image_io import Photograph, resize
 from facestage.landmarks.crop import Crop
 

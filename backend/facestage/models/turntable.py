@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.color import linear_to_srgb
 from facestage.models.head.default_head import build_default_model
 
 # direction from the face, level

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from facestage.contract.color import REC709, linear_to_srgb
+from facestage.contract.files.color import REC709, linear_to_srgb
 
 if TYPE_CHECKING:
     from PIL.Image import Image

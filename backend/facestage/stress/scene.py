@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import LINEAR_PHOTO, TRUTH
-from facestage.contract.color import linear_to_srgb
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.color import linear_to_srgb
 from facestage.contract.files.storage import write_arrays
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from facestage.contract.color import linear_to_srgb, srgb_to_linear
 from facestage.contract.errors import InputError
+from facestage.contract.files.color import linear_to_srgb, srgb_to_linear
 from facestage.images.color_profile import chromaticities_to_rec709, decoder_of
 from facestage.images.image_io import read_photograph, write_exr
 from reference.known import known

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from facestage.contract.color import linear_to_srgb, srgb_to_linear
 from facestage.contract.errors import InputError
+from facestage.contract.files.color import linear_to_srgb, srgb_to_linear
 from facestage.images.image_io import read_exr, read_photograph, resize, write_exr
 
 RANDOM = np.random.default_rng(0)

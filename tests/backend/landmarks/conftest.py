@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from facestage.contract.color import srgb_to_linear
+from facestage.contract.files.color import srgb_to_linear
 from facestage.images.image_io import Photograph
 from facestage.landmarks.finder import Face, FaceFinder
 from facestage.landmarks.model_file import Bundle, find_model, open_model

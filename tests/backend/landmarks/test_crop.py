@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facestage.contract.color import srgb_to_linear
+from facestage.contract.files.color import srgb_to_linear
 from facestage.images.image_io import Photograph
 from facestage.landmarks.crop import Crop, crop_around
 from facestage.landmarks.views import PhotoViews

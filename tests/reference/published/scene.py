@@ -112,7 +112,7 @@ def landmark_job(folder: Path, scene: Scene, specification: str) -> Job:
     """A job on the scene's picture: landmarks, camera and model as the user would give them."""
     from PIL import Image
 
-    from facestage.contract.color import linear_to_srgb
+    from facestage.contract.files.color import linear_to_srgb
 
     color, _ = scene.render(samples=16)
     color = 0.75 * color / color.max()

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from facestage.contract.color import linear_to_srgb
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_file
+from facestage.contract.files.color import linear_to_srgb
 from facestage.contract.files.paths import is_file
 from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
 from facestage.contract.parameters import WEIGHT_MAX

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float
-from facestage.contract.color import REC709
 from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.files.color import REC709
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State

@@ -32,9 +32,9 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.color import srgb_to_linear
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import SKIN, FaceModel
+from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.files.reading import GIB
 from facestage.models.anatomy.regions import face_regions, outward, quads_of
 from facestage.models.correspondence.embedding import SCHEME, landmark_schemes, table_of_vertices

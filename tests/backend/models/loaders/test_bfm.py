@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from facestage.contract.color import srgb_to_linear
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.files.color import srgb_to_linear
 from facestage.models.loaders.bfm import LICENSE, log_albedo
 from facestage.models.mesh.unwrap import flipped
 from reference.published.bfm import color_modes, head_2009, skin_srgb, write_2009, write_statismo

@@ -1,4 +1,4 @@
-"""Color as both sides take it: linear Rec. 709, and sRGB where a screen or a file wants codes."""
+"""Color as pictures hold it: linear Rec. 709, and sRGB where a screen or a file wants codes."""
 
 from __future__ import annotations
 
