@@ -85,24 +85,24 @@ TESTS: dict[str, tuple[str, ...]] = {
     "fit.solve.descent": (FIT + "solve/test_descent.py",),
     "fit.energy.photo_term": (
         FIT + "energy/test_energy_values.py",
-        FIT + "energy/test_photometric.py",
+        FIT + "energy/test_photo_jacobian.py",
         FIT + "energy/test_plan.py",
     ),
     "fit.trust.guard": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.energy.landmark_term": (
-        FIT + "energy/test_landmark_values.py",
+        FIT + "energy/test_landmark_term_values.py",
         FIT + "energy/test_landmark_term.py",
         FIT + "face/test_contour_lines.py",
     ),
     "fit.energy.noise": (FIT + "energy/test_noise_values.py", FIT + "energy/test_noise.py"),
     "fit.energy.normal_equations": (FIT + "energy/test_normal_equations.py",),
     "fit.energy.photo_jacobian": (
-        FIT + "energy/test_photometric_values.py",
+        FIT + "energy/test_photo_jacobian_values.py",
         FIT + "energy/test_normal_equations.py",
-        FIT + "energy/test_photometric.py",
+        FIT + "energy/test_photo_jacobian.py",
     ),
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
-    "fit.energy.priors": (FIT + "energy/test_prior_values.py", FIT + "energy/test_priors.py"),
+    "fit.energy.priors": (FIT + "energy/test_priors_values.py", FIT + "energy/test_priors.py"),
     "fit.stages.stage": (
         FIT + "stages/test_photo_descent_values.py",
         FIT + "energy/test_plan.py",
@@ -116,7 +116,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         FIT + "energy/test_silhouette_values.py",
         FIT + "energy/test_silhouette.py",
     ),
-    "fit.solve.bounded_step": (FIT + "solve/test_solver.py",),
+    "fit.solve.bounded_step": (FIT + "solve/test_bounded_step.py",),
 }
 HEAVY = (
     "numpy",
