@@ -325,7 +325,7 @@ class FaceArrays(FileSchema):
     meta = Words()
 
 
-def _within(indices: Integer[np.ndarray, ...], count: int) -> bool:
+def _within(indices: Num[np.ndarray, " ..."], count: int) -> bool:
     return not indices.size or bool(indices.min() >= 0 and indices.max() < count)
 
 

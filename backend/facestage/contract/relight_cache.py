@@ -88,7 +88,7 @@ class RelightCache:
         """Number of lights."""
         return self.images.shape[1]
 
-    def colors(self, radiance: Num[np.ndarray, ...]) -> Float32[np.ndarray, "pixels 3"]:
+    def colors(self, radiance: Num[np.ndarray, " ..."]) -> Float32[np.ndarray, "pixels 3"]:
         """Linear RGB of :attr:`pixels` under the lights' ``radiance`` (lights, 3).
 
         Raises InputError for another number of lights, or radiance that is negative or not finite.
@@ -112,7 +112,7 @@ class RelightCache:
             result[:, channel] = np.einsum("j,jp->p", weights[:, channel], self.images[channel])
         return result
 
-    def relight(self, radiance: Num[np.ndarray, ...]) -> Float32[np.ndarray, "height width 3"]:
+    def relight(self, radiance: Num[np.ndarray, " ..."]) -> Float32[np.ndarray, "height width 3"]:
         """Linear RGB under ``radiance`` (lights, 3), 0 where the head is not; see :meth:`colors`.
 
         The same as tracing the result again with the same samples, to a relative 5e-4 (half

@@ -19,9 +19,8 @@ class Evaluation:
     state: State
     image: Image
     residual: Float[np.ndarray, "height width 3"]  # model minus photo, 0 where unused
-    highlight: Float[
-        np.ndarray, "height width 1"
-    ]  # the model's specular radiance, mean of the channels
+    # the model's specular radiance, mean of the channels
+    highlight: Float[np.ndarray, "height width 1"]
     base_weight: Float[np.ndarray, "height width"]  # 0..1 before robust weighting
     seed: int
     penumbra: Penumbra | None = None  # found where the motion of shadows counts

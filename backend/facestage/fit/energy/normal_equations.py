@@ -40,7 +40,12 @@ class NormalEquations:
             np.zeros((CHANNELS, texels, lights)),
         )
 
-    def add(self, block: JacobianBlock, residual: np.ndarray, weights: np.ndarray) -> None:
+    def add(
+        self,
+        block: JacobianBlock,
+        residual: Float[np.ndarray, "pixels 3"],
+        weights: Float[np.ndarray, " pixels"],
+    ) -> None:
         """Add a block's pixels with ``residual`` and ``weights``, shared by the
         channels.
         """
@@ -79,7 +84,9 @@ class NormalEquations:
         for channel in range(CHANNELS):
             self._texels_lights[channel] += pick @ (gloss[channel, :, None] * lights[channel])
 
-    def assembled(self) -> tuple[np.ndarray, np.ndarray]:
+    def assembled(
+        self,
+    ) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
         """Hessian and gradient over all parameters; zero for those without a
         column.
         """

@@ -32,19 +32,21 @@ class RobustResiduals(Placed):
     share: np.ndarray | float
 
     @abstractmethod
-    def residuals(self, state: State) -> np.ndarray:
-        """(m components,) standard deviations."""
+    def residuals(self, state: State) -> Float[np.ndarray, " residuals"]:
+        """The residuals in standard deviations, observation by observation."""
 
     @abstractmethod
-    def jacobian(self, state: State, layout: Layout) -> np.ndarray:
-        """(m components, size) derivative of :meth:`residuals`."""
+    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "residuals unknowns"]:
+        """The derivative of :meth:`residuals`."""
 
-    def robust_weights(self, residuals: np.ndarray) -> np.ndarray:
-        """(m components,) without ``weight``, equal within an observation."""
+    def robust_weights(
+        self, residuals: Float[np.ndarray, " residuals"]
+    ) -> Float[np.ndarray, " residuals"]:
+        """The weights without ``weight``, equal within an observation."""
         weights = self.share / (1.0 + self._squared(residuals) / CAUCHY_SCALE**2)
         return np.repeat(weights, self.components)
 
-    def robust_energy(self, residuals: np.ndarray) -> float:
+    def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
         """The Cauchy energy that :meth:`robust_weights` belong to, without ``weight``."""
         losses = self.share * np.log1p(self._squared(residuals) / CAUCHY_SCALE**2)
         return 0.5 * CAUCHY_SCALE**2 * float(losses.sum())
@@ -68,8 +70,8 @@ class WeighedResiduals(Weighed):
 
     placed: RobustResiduals
     state: State
-    residuals: np.ndarray
-    weights: np.ndarray
+    residuals: Float[np.ndarray, " residuals"]
+    weights: Float[np.ndarray, " residuals"]
 
     @property
     def energies(self) -> dict[str, float]:
