@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError, dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pytest
 
+from facestage.contract.camera import Camera
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy import energy as sum_of_terms
@@ -16,6 +17,7 @@ from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.plan import Plan
 from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.silhouette import Silhouette, SilhouetteTerm
@@ -25,10 +27,11 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SHARED
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.fineness import Fineness
 from facestage.fit.given.problem import read_problem
 from facestage.fit.stages.joint_descent import JointDescent
 from facestage.fit.stages.passage import Passage, walk
-from facestage.fit.stages.phases import Schedule
+from facestage.fit.stages.phases import PhaseName, Schedule
 from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from reference.outlined_head import outlined_head
@@ -45,6 +48,22 @@ def head(renderer: str) -> tuple[Energy, State]:
 def fitted(scene: Scene) -> tuple[Energy, State]:
     photo, _ = scene.render(samples=4)
     return scene.solver(photo, BLOCKS, 1, Weights(), samples=2).energy, scene.state
+
+
+@pytest.fixture
+def view(case: Case, small_maps: Fineness) -> View:
+    landmarks, camera = Landmarks.read(case.landmarks), Camera.read(case.camera)
+    job = Job(case.photo, case.model_option, landmarks, camera, device="cpu")
+    problem = read_problem(job, fineness=small_maps)
+    return View(problem, ForwardModel(problem.geometry, problem.lights))
+
+
+@pytest.fixture
+def geometry_phase(view: View) -> Passage:
+    """Where a phase begins that moves shape, skin and lamps."""
+    passage = Passage.prepared(view, Schedule()[PhaseName.GEOMETRY], view.start_state())
+    assert passage is not None
+    return passage
 
 
 def test_gradient_and_robust_energies_belong_together(head: tuple[Energy, State]):
@@ -79,7 +98,10 @@ def test_the_model_predicts_the_decrease_of_a_small_step(head: tuple[Energy, Sta
 def test_a_face_behind_the_camera_is_no_step(head: tuple[Energy, State]):
     energy, state = head
     behind = replace(state, translation=-state.translation)
-    assert energy.at(state).system(state).decrease(behind, None) == -np.inf
+    system = energy.at(state).system(state)
+    assert system.decrease(behind, None) == -np.inf
+    nowhere = replace(state, identity=np.full_like(state.identity, np.nan))
+    assert system.decrease(nowhere, None) == -np.inf
 
 
 def test_robust_terms_weigh_what_is_far_less(head: tuple[Energy, State]):
@@ -116,24 +138,52 @@ def test_without_an_evaluation_the_photo_is_silent(fitted: tuple[Energy, State])
         energy.term(SilhouetteTerm)
 
 
-def test_every_energy_has_words_of_its_own(head: tuple[Energy, State]):
-    energy, state = head
-    words = words_of_energies()
-    assert set(energy.at(state).robust(state)) | {"photo"} == set(words)
-    assert len(set(words.values())) == len(words)
-
-
-def test_an_energy_and_its_terms_are_frozen(
+def test_every_energy_has_words_of_its_own(
     head: tuple[Energy, State], fitted: tuple[Energy, State]
 ):
-    photo = fitted[0].photo
-    assert photo is not None
-    held = [head[0], *head[0].terms, photo, photo.plan]
-    assert {type(one) for one in held} >= set(TERMS)
-    for one in held:
-        for name in vars(one):
-            with pytest.raises(FrozenInstanceError):
-                setattr(one, name, None)
+    words = words_of_energies()
+    assert len(set(words.values())) == len(words) == sum(len(term.words) for term in TERMS)
+    for energy, state in (head, fitted):
+        placed = energy.at(state, energy.evaluate(state, 1))
+        assert placed.robust(state).keys() <= words.keys()
+
+
+@pytest.mark.parametrize("kind", [Energy, Setup, Plan, *TERMS])
+def test_an_energy_and_what_it_holds_are_frozen(kind: Any):
+    parameters: Any = getattr(kind, "__dataclass_params__", None)
+    assert parameters is not None and parameters.frozen
+
+
+def test_a_phase_has_the_terms_that_have_a_say_in_it(view: View, geometry_phase: Passage):
+    def kinds(passage: Passage | None) -> set[type[Term]]:
+        assert passage is not None
+        return {type(term) for term in passage.descent.energy.terms}
+
+    start = view.start_state()
+    landmarks, light = (
+        kinds(Passage.prepared(view, Schedule()[name], start))
+        for name in (PhaseName.LANDMARKS, PhaseName.LIGHT)
+    )
+    assert {PhotoTerm, SilhouetteTerm}.isdisjoint(landmarks)
+    assert PhotoTerm in light and SilhouetteTerm not in light, "the shape rests"
+    assert kinds(geometry_phase) >= {Priors, LandmarkTerm, SilhouetteTerm, PhotoTerm}
+
+
+@pytest.mark.parametrize("kind", TERMS)
+def test_each_term_s_slope_is_that_of_its_energy(geometry_phase: Passage, kind: type[Term]):
+    """As a phase makes it; exactly but for the photo, whose derivatives have tests of their own."""
+    energy, state = geometry_phase.descent.energy, geometry_phase.scaled
+    mine = replace(energy, terms=tuple(one for one in energy.terms if type(one) is kind))
+    placed, layout = mine.at(state), energy.layout
+    slope = placed.system(state).gradient
+    for seed in range(3):
+        direction = np.random.default_rng(seed).normal(size=layout.size)
+        sides = (layout.apply(state, sign * 1e-6 * direction) for sign in (1, -1))
+        plus, minus = (sum(placed.robust(side).values()) for side in sides)
+        scale = float(np.linalg.norm(slope))
+        assert slope @ direction == pytest.approx((plus - minus) / 2e-6, abs=1e-4 * scale)
+    if kind in (Priors, LandmarkTerm):
+        assert slope.any(), "both pull"
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +201,7 @@ class Anchor(RobustResiduals):
         return np.eye(layout.size)[layout.slices["identity"]] / 0.1
 
 
+@dataclass(frozen=True, eq=False)
 class AnchorTerm(Term):
     words: ClassVar = {"anchor": "An anchor"}
 
@@ -171,11 +222,8 @@ def anchored(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("anchored")
-def test_a_term_that_nobody_knows_of_is_in_every_step(case: Case):
+def test_a_term_that_nobody_knows_of_is_in_every_step(view: View):
     assert words_of_energies()["anchor"] == "An anchor"
-    job = Job(case.photo, case.model_option, Landmarks.read(case.landmarks), device="cpu")
-    problem = read_problem(job)
-    view = View(problem, ForwardModel(problem.geometry, problem.lights))
     heard: list[tuple[str, set[type[Term]], Iteration]] = []
 
     def told(passage: Passage, item: Iteration) -> None:
@@ -184,8 +232,8 @@ def test_a_term_that_nobody_knows_of_is_in_every_step(case: Case):
 
     end = walk(view, Schedule().landmark_phases, view.start_state(), told=told)
     (first, *_, last) = heard
-    assert first[:2] == ("pose", {Priors, LandmarkTerm}), "where it has no say it is not made"
-    assert last[:2] == ("landmarks", {Priors, LandmarkTerm, AnchorTerm})
+    assert first[0] == "pose" and AnchorTerm not in first[1], "where it has no say"
+    assert last[0] == "landmarks" and last[1] >= {Priors, LandmarkTerm, AnchorTerm}
     assert "anchor" in last[2].energy
     assert np.abs(end.identity - 0.5).max() < 0.2
 
