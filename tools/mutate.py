@@ -88,6 +88,8 @@ TESTS: dict[str, tuple[str, ...]] = {
         FIT + "energy/test_photo_jacobian.py",
         FIT + "energy/test_plan.py",
     ),
+    "fit.energy.energy": (FIT + "energy/test_energy.py", FIT + "energy/test_energy_values.py"),
+    "fit.energy.robust_residuals": (FIT + "energy/test_energy.py",),
     "fit.trust.guard": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.energy.landmark_term": (
         FIT + "energy/test_landmark_term_values.py",
@@ -103,9 +105,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "fit.energy.plan": (FIT + "energy/test_energy_values.py", FIT + "energy/test_plan.py"),
     "fit.energy.priors": (FIT + "energy/test_priors_values.py", FIT + "energy/test_priors.py"),
-    "fit.stages.stage": (
+    "fit.stages.photo_descent": (
         FIT + "stages/test_photo_descent_values.py",
-        FIT + "energy/test_plan.py",
         FIT + "stages/test_recovery.py",
     ),
     "fit.energy.shadow_edges": (
