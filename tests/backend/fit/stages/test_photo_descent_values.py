@@ -112,3 +112,17 @@ def test_a_step_says_what_it_was_taken_from(scene: Scene):
     moved = stage.moved(start, wider)
     np.testing.assert_allclose(moved.identity, start.identity + 0.5)
     np.testing.assert_allclose(stage.values(moved) - stage.values(start), wider)
+
+
+def test_beside_another_photo_a_stage_leaves_the_priors_of_the_face_to_it(scene: Scene):
+    stage, layout = landmark_stage(scene, "identity"), Layout(scene.state)
+    other = stage.beside_another(frozenset({"identity"}))
+    alone, beside = (np.diag(one.system(scene.state, None).prior_hessian) for one in (stage, other))
+    where = layout.slices["identity"]
+    assert alone[where].all() and not beside[where].any()
+    rest = ~layout.mask(("identity",))
+    np.testing.assert_array_equal(beside[rest], alone[rest])
+    # All else is the same; the step of one photo is that of the run.
+    assert (other.blocks, other.steps, other.name) == (stage.blocks, stage.steps, stage.name)
+    (first, *_) = stage.run(scene.state, 3, float("inf"))
+    assert first.parts == (first,)
