@@ -89,7 +89,11 @@ TESTS: dict[str, tuple[str, ...]] = {
         FIT + "energy/test_plan.py",
     ),
     "fit.energy.energy": (FIT + "energy/test_energy.py", FIT + "energy/test_energy_values.py"),
-    "fit.energy.robust_residuals": (FIT + "energy/test_energy.py",),
+    "fit.energy.robust_residuals": (
+        FIT + "energy/test_landmark_term_values.py",
+        FIT + "energy/test_silhouette_values.py",
+        FIT + "energy/test_energy.py",
+    ),
     "fit.trust.guard": (FIT + "trust/test_guard_values.py", FIT + "trust/test_guard.py"),
     "fit.energy.landmark_term": (
         FIT + "energy/test_landmark_term_values.py",
