@@ -1,6 +1,7 @@
 """Makes photographs with known truth; the command itself is :mod:`.headless.cases`.
 
-python -P -m facestage_blender.cases --out DIR [options]
+python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE]
+python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
 """
 
 import sys

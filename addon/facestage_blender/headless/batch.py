@@ -1,8 +1,4 @@
-"""Facestage without a window.
-
-    python -P -m facestage_blender.batch --image PHOTO --out DIR [options]
-    blender -b --factory-startup --python addon/facestage_blender/batch.py -- --image PHOTO --out
-    DIR [options]
+"""Fits a photo without a window: to a .blend, and to pictures in other light if asked.
 
 Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.
 """
@@ -17,8 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     import bpy
 
-from facestage.contract.errors import CancelledError, FacestageError, InputError
-from facestage.contract.files.machine import machine_trouble
+from facestage.contract.errors import InputError
 from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
 from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.parameters import PARAMETERS
@@ -26,6 +21,7 @@ from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend
 from ..scene.frames import LIGHT_DIRECTIONS
+from .command import exit_code
 
 
 class Parser(argparse.ArgumentParser):
@@ -41,6 +37,15 @@ def parser() -> argparse.ArgumentParser:
     result = Parser(
         prog="facestage_blender.batch", description="Fit a face to a photo and save it as a .blend."
     )
+    _add_photo(result)
+    _add_model(result)
+    _add_fit(result)
+    _add_pictures(result)
+    return result
+
+
+def _add_photo(result: argparse.ArgumentParser) -> None:
+    """The options that say what is known of the photo."""
     result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
     result.add_argument(
         "--out", type=Path, required=True, help="folder for the .blend, the result and the pictures"
@@ -61,6 +66,10 @@ def parser() -> argparse.ArgumentParser:
     lens = result.add_mutually_exclusive_group()
     lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
+
+
+def _add_model(result: argparse.ArgumentParser) -> None:
+    """The options of the face and of the light stage."""
     result.add_argument("--model", default=DEFAULT_MODEL, help=MODEL_FORMS)
     result.add_argument(
         "--rig-blend",
@@ -73,6 +82,10 @@ def parser() -> argparse.ArgumentParser:
         "--lights", type=int, default=DEFAULT_COUNT, help="number of lights on the stage"
     )
     result.add_argument("--light-color", choices=LIGHT_COLORS, default=LIGHT_COLORS[0])
+
+
+def _add_fit(result: argparse.ArgumentParser) -> None:
+    """The options of the fit itself."""
     result.add_argument(
         "--freeze",
         choices=PARAMETERS,
@@ -94,6 +107,10 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--resume", action="store_true", help="go on from the last checkpoint in --out"
     )
+
+
+def _add_pictures(result: argparse.ArgumentParser) -> None:
+    """The options of the extra pictures."""
     result.add_argument(
         "--relight",
         choices=sorted(LIGHT_DIRECTIONS),
@@ -115,35 +132,23 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--samples", type=int, default=64, help="samples per pixel of the extra pictures"
     )
-    return result
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Do what the command line asks; returns the exit code."""
     options = parser().parse_args(own_arguments() if arguments is None else arguments)
-    try:
-        if not options.image.is_file():
-            raise InputError(f"The photo '{options.image}' does not exist; check the path.")
-        backend = find_backend()
-        run(options, backend)
-    except FacestageError as error:
-        print(f"facestage: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print(
-            "facestage: Cancelled; --resume goes on from the last checkpoint, if there is one.",
-            file=sys.stderr,
-        )
-        return CancelledError.exit_code
-    except OSError as error:
-        print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
-        return InputError.exit_code
-    return 0
+    return exit_code(
+        lambda: run(options),
+        "Cancelled; --resume goes on from the last checkpoint, if there is one.",
+    )
 
 
-def run(options: argparse.Namespace, backend: list[str]) -> None:
+def run(options: argparse.Namespace) -> None:
     """Fit, save, and render the extra pictures."""
-    from . import pipeline
+    if not options.image.is_file():
+        raise InputError(f"The photo '{options.image}' does not exist; check the path.")
+    backend = find_backend()
+    from . import pipeline  # loads Blender
 
     out = options.out.resolve()
     order = pipeline.Order(

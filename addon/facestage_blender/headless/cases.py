@@ -1,25 +1,20 @@
-"""Makes photographs with known truth.
-
-python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict:PATH|npz:FILE]
-[--size 256] [--seed 0] python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4]
-[--model ...]
-"""
+"""Makes photographs with known truth: of one person of each kind, or several of the same."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from facestage.contract.errors import CancelledError, FacestageError, InputError
+from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
+from .command import exit_code
 
 SAMPLES = 96
 SIZE_MIN, SIZE_MAX = 16, 4096
@@ -70,31 +65,27 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Make the cases; returns the exit code."""
     options = parser().parse_args(arguments)
-    try:
-        chosen = (
-            choose(options.count, options.only)
-            if options.person is None
-            else photos(options.photos)
+    return exit_code(lambda: run(options), "cancelled; the finished cases are kept.")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Make the cases, or list them."""
+    if options.person is None:
+        chosen = choose(options.count, options.only)
+    else:
+        chosen = photos(options.photos)
+    if options.list:
+        for name, recipe in chosen.items():
+            print(f"{name:<20}{recipe.hard}")
+        return
+    if options.out is None:
+        raise InputError("No folder was given for the cases; add --out DIR.")
+    if not SIZE_MIN <= options.size <= SIZE_MAX or options.samples < 1:
+        raise InputError(
+            f"Photos of {options.size} pixels with {options.samples} samples cannot be made; "
+            f"--size goes from {SIZE_MIN} to {SIZE_MAX}, --samples from 1."
         )
-        if options.list:
-            for name, recipe in chosen.items():
-                print(f"{name:<20}{recipe.hard}")
-            return 0
-        if options.out is None:
-            raise InputError("No folder was given for the cases; add --out DIR.")
-        if not SIZE_MIN <= options.size <= SIZE_MAX or options.samples < 1:
-            raise InputError(
-                f"Photos of {options.size} pixels with {options.samples} samples cannot be made; "
-                f"--size goes from {SIZE_MIN} to {SIZE_MAX}, --samples from 1."
-            )
-        make(chosen, options)
-    except FacestageError as error:
-        print(f"facestage: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("facestage: cancelled; the finished cases are kept.", file=sys.stderr)
-        return CancelledError.exit_code
-    return 0
+    make(chosen, options)
 
 
 def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:

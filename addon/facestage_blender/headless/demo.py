@@ -17,8 +17,7 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
-from facestage.contract.errors import CancelledError, FacestageError, InputError
-from facestage.contract.files.machine import machine_trouble
+from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_json
 from facestage.contract.job import DEFAULT_MODEL
 from facestage.contract.landmarks import Landmarks
@@ -26,6 +25,7 @@ from facestage.contract.result import RENDER, Result
 from facestage.contract.result_files import REPORT
 
 from ..pictures.texture import inside_polygon
+from .command import exit_code
 
 if TYPE_CHECKING:
     import bpy
@@ -62,22 +62,16 @@ def main(arguments: list[str] | None = None) -> int:
         "--budget", type=float, default=BUDGET_SECONDS, help="seconds for each of the two fits"
     )
     options = parser.parse_args(arguments)
-    started = time.monotonic()
-    try:
-        real = fit_astronaut(options.out.resolve(), options.samples, options.budget)
-        synthetic = fit_synthetic(options.out.resolve(), options.samples, options.budget)
-    except FacestageError as error:
-        print(f"facestage: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("facestage: cancelled.", file=sys.stderr)
-        return CancelledError.exit_code
-    except OSError as error:
-        print(f"facestage: {machine_trouble(error)}", file=sys.stderr)
-        return InputError.exit_code
+    return exit_code(lambda: run(options), "cancelled.")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Fit both photos, then say what came of them."""
+    started, out = time.monotonic(), options.out.resolve()
+    real = fit_astronaut(out, options.samples, options.budget)
+    synthetic = fit_synthetic(out, options.samples, options.budget)
     for line in (*real, "", *synthetic, "", f"Done in {time.monotonic() - started:.0f} s."):
         print(line)
-    return 0
 
 
 def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
