@@ -293,7 +293,7 @@ class Jacobian:
         # Row by row in memory: BLAS takes no other order.
         diffuse = np.ascontiguousarray(image.terms.diffuse[part][:, self.light_index])
         specular = np.ascontiguousarray(image.terms.specular[part][:, self.light_index])
-        return np.stack([*image.skin.part(part).by_light(diffuse, specular, np.float32)])
+        return image.skin.part(part).by_lights(diffuse, specular, np.float32)
 
     def _light_positions(
         self, part: slice, positions: PositionDerivatives
@@ -301,7 +301,7 @@ class Jacobian:
         """By the angles of the lights: each one's own terms change, times its radiance."""
         image = self.image
         skin = image.skin.part(part)
-        by_angle = np.stack([*skin.by_light(positions.diffuse[part], positions.specular[part])])
+        by_angle = skin.by_lights(positions.diffuse[part], positions.specular[part])
         by_angle *= image.radiance[positions.lights].T[:, None, :, None]
         first = self.layout.slices["light_position"].start + AXES * positions.lights
         return by_angle.reshape(CHANNELS, -1, AXES * len(positions.lights))[

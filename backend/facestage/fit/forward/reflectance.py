@@ -16,6 +16,7 @@ from numpy.typing import DTypeLike
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Float, Shaped
+from facestage.fit.face.light_parameters import CHANNELS
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,33 @@ class Skin:
         ``irradiance`` and ``lobe`` (P, ...), such as one column for each light. A channel at a
         time: all at once are too many numbers for a photo.
         """
-        glossy = _beside(brdf.gloss(self.c_spec, 1.0).astype(dtype), lobe) * lobe
-        for albedo in self.albedo.T:
-            color = _beside(brdf.matte(albedo, 1.0).astype(dtype), irradiance) * irradiance
-            color += glossy
-            yield color
+        glossy = self._glossy(lobe, dtype)
+        for channel in range(CHANNELS):
+            yield self._image(channel, irradiance, glossy, np.empty(irradiance.shape, dtype))
+
+    def by_lights(
+        self,
+        irradiance: Float[np.ndarray, "points ..."],
+        lobe: Float[np.ndarray, "points ..."],
+        dtype: DTypeLike = np.float64,
+    ) -> Float[np.ndarray, "3 points ..."]:
+        """All that :meth:`by_light` gives, at once."""
+        glossy, result = self._glossy(lobe, dtype), np.empty((CHANNELS, *irradiance.shape), dtype)
+        for channel in range(CHANNELS):
+            self._image(channel, irradiance, glossy, result[channel])
+        return result
+
+    def _glossy(self, lobe: np.ndarray, dtype: DTypeLike) -> np.ndarray:
+        return _beside(brdf.gloss(self.c_spec, 1.0).astype(dtype), lobe) * lobe
+
+    def _image(
+        self, channel: int, irradiance: np.ndarray, glossy: np.ndarray, out: np.ndarray
+    ) -> np.ndarray:
+        """``out``, where one channel's radiance is put."""
+        white = brdf.matte(self.albedo[:, channel], 1.0).astype(out.dtype)
+        np.multiply(_beside(white, irradiance), irradiance, out=out)
+        out += glossy
+        return out
 
     def by_log_albedo(
         self, irradiance: Float[np.ndarray, "points ..."]

@@ -45,6 +45,7 @@ def test_the_lights_images_add_up_to_the_picture(drawn):
     wanted = skin.radiance(irradiance @ color, lobe @ color)
     images = list(skin.by_light(irradiance, lobe))
     assert len(images) == 3
+    np.testing.assert_array_equal(skin.by_lights(irradiance, lobe), images)
     for channel, image in enumerate(images):
         np.testing.assert_allclose(image @ color[:, channel], wanted[:, channel], rtol=1e-12)
 
