@@ -11,7 +11,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
-from facestage.contract.result import ROUGHNESS, TEXTURE_MAX, Result
+from facestage.contract.result import ALBEDO, ROUGHNESS, SPECULAR, TEXTURE_MAX, Result
 
 from ..pictures.images import image_pixels
 
@@ -32,22 +32,22 @@ def load_textures(result: Result) -> ResultTextures:
 
     Raises InputError when one is missing, damaged or not finite; then none is left behind.
     """
-    names = ["albedo", "specular"]
+    files = [ALBEDO, SPECULAR]
     if result.folder is not None and is_file(Path(result.folder) / ROUGHNESS):
-        names.append(Path(ROUGHNESS).stem)
+        files.append(ROUGHNESS)
     loaded: dict[str, bpy.types.Image] = {}
     try:
-        for name in names:
-            loaded[name] = _load(result, name)
+        for file in files:
+            loaded[file] = _load(result, file)
     except InputError:
         for image in loaded.values():
             bpy.data.images.remove(image)
         raise
-    return ResultTextures(loaded["albedo"], loaded["specular"], loaded.get("roughness"))
+    return ResultTextures(loaded[ALBEDO], loaded[SPECULAR], loaded.get(ROUGHNESS))
 
 
-def _load(result: Result, name: str) -> bpy.types.Image:
-    path = Path(result.folder or "") / f"{name}.exr"
+def _load(result: Result, file: str) -> bpy.types.Image:
+    path = Path(result.folder or "") / file
     if result.folder is None or not is_file(path):
         raise InputError(f"The result has no '{path}'; run the fit again.")
     size = exr_size(path, "result's picture", TEXTURE_MAX, SIDE_MAX)
@@ -57,7 +57,7 @@ def _load(result: Result, name: str) -> bpy.types.Image:
     except RuntimeError as error:
         raise damaged from error
     try:
-        image.name = f"Facestage {name.capitalize()}"
+        image.name = f"Facestage {path.stem.capitalize()}"
         image.colorspace_settings.name = "Non-Color"
         image.alpha_mode = "NONE"
         if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it

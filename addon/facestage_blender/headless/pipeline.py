@@ -20,7 +20,7 @@ from facestage.contract.errors import (
     FacestageError,
     InputError,
 )
-from facestage.contract.events import Event
+from facestage.contract.events import DONE, Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS
 from facestage.contract.landmarks import Landmarks
@@ -254,10 +254,7 @@ def progress_printer() -> Callable[[Event], None]:
             text += f"  about {event.seconds_left:.0f} s left"
         if terminal:
             print(
-                f"\r{text:<78}",
-                end="\n" if event.kind == "done" else "",
-                file=sys.stderr,
-                flush=True,
+                f"\r{text:<78}", end="\n" if event.kind == DONE else "", file=sys.stderr, flush=True
             )
         elif event.stage != last:
             print(text, file=sys.stderr, flush=True)
