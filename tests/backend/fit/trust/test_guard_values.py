@@ -116,6 +116,7 @@ def view_of(scene: Scene, frozen: set[str], share: float = 0.05) -> Any:
         ([1.0, 0.9, 0.86], True),
         ([1.0, 0.9, 0.85], False),
         ([1.0, None, 0.5], True),
+        ([None, 1.0, 0.5], False),
         ([1.0, 0.9, None], True),
     ],
 )
