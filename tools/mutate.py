@@ -60,7 +60,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         CONTRACT + "test_person.py",
         CONTRACT + "test_result.py",
     ),
-    "contract.partial": (CONTRACT + "test_partial.py",),
+    "contract.files.partial": (CONTRACT + "files/test_partial.py",),
     "contract.result": (CONTRACT + "test_result.py", CONTRACT + "test_tampered_result.py"),
     "contract.result_files": (CONTRACT + "test_result_files.py", CONTRACT + "files/test_atomic.py"),
     "contract.schemas.array_field": (

@@ -25,6 +25,7 @@ from facestage.contract.light_stage import (
 )
 from facestage.contract.parameters import TABLE
 from facestage.contract.quality import GOOD, QUALITIES, describe
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
 LANDMARK_SOURCES = {
@@ -93,15 +94,6 @@ class FaceSettings(bpy.types.PropertyGroup):
     roughness: FloatProperty(
         name="Roughness", description="Roughness of the skin as last fitted", default=0.45
     )
-    albedo_image: PointerProperty(
-        type=bpy.types.Image, name="Albedo", description="Diffuse albedo texture, linear"
-    )
-    specular_image: PointerProperty(
-        type=bpy.types.Image, name="Specular", description="Specular map, linear"
-    )
-    roughness_image: PointerProperty(
-        type=bpy.types.Image, name="Roughness Map", description="Roughness map, linear"
-    )
     own_mesh: StringProperty(
         name="Own mesh", description="How a mesh of the user's is tied to its face model"
     )
@@ -126,6 +118,15 @@ class FaceSettings(bpy.types.PropertyGroup):
         "the file; off: they stay on the mesh",
         default=True,
     )
+
+
+# The image of each texture map, as NAME_image.
+FaceSettings.__annotations__ |= {
+    f"{each.name}_image": PointerProperty(
+        type=bpy.types.Image, name=each.title, description=f"{each.title} texture, linear"
+    )
+    for each in TEXTURE_MAPS
+}
 
 
 class LandmarkSettings(bpy.types.PropertyGroup):

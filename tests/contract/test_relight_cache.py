@@ -13,14 +13,12 @@ import pytest
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.light_stage import OFF
-from facestage.contract.relight_cache import (
-    RELIGHT_CACHE,
-    TEXTURES,
-    RelightCache,
-    relight_fingerprint,
-)
+from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache, relight_fingerprint
 from facestage.contract.result import Result
+from facestage.contract.texture_maps import TEXTURE_MAPS
 from reference.known import known
+
+TEXTURES = tuple(each.file for each in TEXTURE_MAPS)
 
 PIXELS = np.array([3, 4, 97, 200, 96 * 80 - 1])
 # The second light is a thousand times weaker than half floats reach; the third does not reach the

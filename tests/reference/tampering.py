@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.files.storage import read_arrays
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 Tampering = tuple[str, Callable[[Path], None]]
 GONE = object()
@@ -69,7 +70,7 @@ TEXTS: dict[str, bytes] = {
     "Latin": b'{"schema": "\xe9"}',
     "zeros": bytes(1000),
 }
-PICTURES = ("albedo.exr", "specular.exr", "roughness.exr")
+PICTURES = tuple(each.file for each in TEXTURE_MAPS)
 
 
 def tamperings(folder: Path) -> Iterator[Tampering]:

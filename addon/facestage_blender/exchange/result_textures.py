@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -11,43 +10,34 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
-from facestage.contract.result import ALBEDO, ROUGHNESS, SPECULAR, TEXTURE_MAX, Result
+from facestage.contract.result import TEXTURE_MAX, Result
+from facestage.contract.texture_maps import TEXTURE_MAPS, TextureMap
 
 from ..pictures.images import image_pixels
 
 SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
 
 
-@dataclass(frozen=True)
-class ResultTextures:
-    """The images that :func:`load_textures` made."""
-
-    albedo: bpy.types.Image
-    specular: bpy.types.Image
-    roughness: bpy.types.Image | None  # older results have one value alone
-
-
-def load_textures(result: Result) -> ResultTextures:
-    """The result's maps, packed into the .blend and never color-converted.
+def load_textures(result: Result) -> dict[str, bpy.types.Image]:
+    """The result's maps by name, packed into the .blend and never color-converted.
 
     Raises InputError when one is missing, damaged or not finite; then none is left behind.
     """
-    files = [ALBEDO, SPECULAR]
-    if result.folder is not None and is_file(Path(result.folder) / ROUGHNESS):
-        files.append(ROUGHNESS)
     loaded: dict[str, bpy.types.Image] = {}
     try:
-        for file in files:
-            loaded[file] = _load(result, file)
+        for each in TEXTURE_MAPS:
+            folder = Path(result.folder or "")
+            if each.plain is None or (result.folder is not None and is_file(folder / each.file)):
+                loaded[each.name] = _load(result, each)
     except InputError:
         for image in loaded.values():
             bpy.data.images.remove(image)
         raise
-    return ResultTextures(loaded[ALBEDO], loaded[SPECULAR], loaded.get(ROUGHNESS))
+    return loaded
 
 
-def _load(result: Result, file: str) -> bpy.types.Image:
-    path = Path(result.folder or "") / file
+def _load(result: Result, each: TextureMap) -> bpy.types.Image:
+    path = Path(result.folder or "") / each.file
     if result.folder is None or not is_file(path):
         raise InputError(f"The result has no '{path}'; run the fit again.")
     size = exr_size(path, "result's picture", TEXTURE_MAX, SIDE_MAX)
@@ -57,7 +47,7 @@ def _load(result: Result, file: str) -> bpy.types.Image:
     except RuntimeError as error:
         raise damaged from error
     try:
-        image.name = f"Facestage {path.stem.capitalize()}"
+        image.name = f"Facestage {each.socket}"
         image.colorspace_settings.name = "Non-Color"
         image.alpha_mode = "NONE"
         if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it

@@ -9,6 +9,7 @@ import bpy
 
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
+from facestage.contract.texture_maps import PLAIN
 
 from ..rig.face_rig import move_sliders, require_rig, rig_axes, slider_values
 from ..rig.material import set_textures
@@ -52,7 +53,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         write_shape(rig, own, identity, borrowed)
     build_stage(scene, result.stage)
     place(empty, rig, result.model_to_stage, rig_axes(rig))
-    set_textures(rig, textures.albedo, textures.specular, result.roughness, textures.roughness)
+    set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)

@@ -11,11 +11,9 @@ from mathutils import Matrix
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 
-from ..pictures.images import texture_image
-from ..pictures.texture import paint_vertices
 from ..scene import frames
 from ..scene.stage import facestage_collection
-from .material import part_materials, set_textures
+from .material import part_materials, show_model
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
 
@@ -23,7 +21,6 @@ NAME = "Facestage Face"
 IDENTITY = "identity/"
 SLIDER_RANGE = 5.0  # standard deviations
 SLIDER_LIMIT = 10.0  # Blender's own
-TEXTURE_SIZE = 512
 NAME_LENGTH = 63  # bytes of a name in Blender
 
 
@@ -55,15 +52,7 @@ def build_rig(
         rig.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
     if retired is not None:
         _remove_mesh(retired)
-    albedo = paint_vertices(
-        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
-    )
-    specular = np.ones((32, 32), np.float32)
-    images = (
-        texture_image("Facestage Albedo", albedo),
-        texture_image("Facestage Specular", specular),
-    )
-    set_textures(rig, *images, roughness=rig.facestage_face.roughness)
+    show_model(rig, model)
     return rig
 
 

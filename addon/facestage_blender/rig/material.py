@@ -4,16 +4,21 @@ textures.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
 import numpy as np
 
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
-from facestage.contract.face_model import OTHER, PARTS
+from facestage.contract.face_model import OTHER, PARTS, FaceModel
+from facestage.contract.texture_maps import PLAIN, TEXTURE_MAPS
+
+from ..pictures.images import texture_image
+from ..pictures.texture import paint_vertices
 
 GROUP = "Facestage Skin"
-TEXTURES = ("Albedo", "Specular", "Roughness")  # the roughness map is linked where there is one
+TEXTURE_SIZE, GLOSS_SIZE = 512, 32  # of a rig without a result
 
 
 def skin_group() -> bpy.types.NodeTree:
@@ -27,16 +32,12 @@ def skin_group() -> bpy.types.NodeTree:
     if group is not None:
         return group
     group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-    sockets = (
-        ("Albedo", "Color", (0.5, 0.3, 0.2, 1.0)),
-        ("Specular", "Float", 1.0),
-        ("Roughness", "Float", 0.45),
-    )
-    for name, kind, default in sockets:
-        socket = group.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
-        socket.default_value = default
-        if kind == "Float":
-            socket.min_value, socket.max_value = 0.0, SPECULAR_MAX if name == "Specular" else 1.0
+    for each in TEXTURE_MAPS:
+        kind = "NodeSocketColor" if each.colored else "NodeSocketFloat"
+        socket = group.interface.new_socket(each.socket, in_out="INPUT", socket_type=kind)
+        socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
+        if not each.colored:
+            socket.min_value, socket.max_value = 0.0, each.most
     group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
     _wire_group(group)
     return group
@@ -134,12 +135,12 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
     output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(skin.outputs["BSDF"], output.inputs["Surface"])
-    for row, texture in enumerate(TEXTURES):
+    for row, each in enumerate(TEXTURE_MAPS):
         node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
-        node.name = node.label = texture
+        node.name = node.label = each.socket
         node.interpolation, node.extension = "Linear", "EXTEND"
-        if texture != "Roughness":
-            links.new(node.outputs["Color"], skin.inputs[texture])
+        if each.plain is None:  # others are linked where there is an image
+            links.new(node.outputs["Color"], skin.inputs[each.socket])
         if uv_map:
             uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
             uvs.uv_map = uv_map
@@ -148,39 +149,53 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
 
 
 def set_textures(
-    rig: bpy.types.Object,
-    albedo: bpy.types.Image,
-    specular: bpy.types.Image,
-    roughness: float,
-    roughness_map: bpy.types.Image | None = None,
+    rig: bpy.types.Object, images: Mapping[str, bpy.types.Image], plain: Mapping[str, float]
 ) -> None:
-    """Give all materials of a rig these textures; images used no more are removed.
+    """Give all materials of a rig these textures by name; images used no more are removed.
 
-    Without a ``roughness_map`` the skin has the one value ``roughness``.
+    Where a map is missing the skin has one value: that of its parameter in ``plain``.
     """
-    face, images = rig.facestage_face, (albedo, specular, roughness_map)
-    before = (face.albedo_image, face.specular_image, face.roughness_image)
-    retired = [image for image in before if image is not None and image not in images]
-    face.albedo_image, face.specular_image, face.roughness_image = images
-    face.roughness = roughness
+    face = rig.facestage_face
+    before = [getattr(face, f"{each.name}_image") for each in TEXTURE_MAPS]
+    retired = [image for image in before if image is not None and image not in images.values()]
+    for each in TEXTURE_MAPS:
+        setattr(face, f"{each.name}_image", images.get(each.name))
+    for name, value in plain.items():
+        setattr(face, name, value)
     for slot in rig.material_slots:
         material = slot.material
         if material is None or material.node_tree is None:
             continue
         nodes, links = material.node_tree.nodes, material.node_tree.links
-        for name, image in zip(TEXTURES, images, strict=True):
-            if name in nodes:
-                nodes[name].image = image
-        if GROUP in nodes:
-            socket = nodes[GROUP].inputs["Roughness"]
-            socket.default_value = roughness
+        for each in TEXTURE_MAPS:
+            image = images.get(each.name)
+            if each.socket in nodes:
+                nodes[each.socket].image = image
+            if each.plain is None or GROUP not in nodes:
+                continue
+            socket = nodes[GROUP].inputs[each.socket]
+            socket.default_value = plain[each.plain]
             for link in list(socket.links):
                 links.remove(link)
-            if roughness_map is not None and "Roughness" in nodes:
-                links.new(nodes["Roughness"].outputs["Color"], socket)
+            if image is not None and each.socket in nodes:
+                links.new(nodes[each.socket].outputs["Color"], socket)
     for image in retired:
         if not image.users:
             bpy.data.images.remove(image)
+
+
+def show_model(rig: bpy.types.Object, model: FaceModel) -> None:
+    """Give a rig what its face model alone knows of the skin: the mean albedo, and one gloss."""
+    albedo = paint_vertices(
+        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
+    )
+    images = {}
+    for each in TEXTURE_MAPS:
+        if each.plain is None:
+            values = np.full((GLOSS_SIZE, GLOSS_SIZE), each.default[0], np.float32)
+            image = texture_image(f"Facestage {each.socket}", albedo if each.colored else values)
+            images[each.name] = image
+    set_textures(rig, images, {name: getattr(rig.facestage_face, name) for name in PLAIN})
 
 
 def _node(nodes: bpy.types.Nodes, kind: str, x: float, y: float) -> bpy.types.Node:

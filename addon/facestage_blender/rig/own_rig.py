@@ -12,16 +12,12 @@ from facestage.contract.face_model import OTHER, PARTS, FaceModel
 from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
-from ..pictures.images import texture_image
-from ..pictures.texture import paint_vertices
-from .material import GROUP, part_materials, set_textures
+from .material import GROUP, part_materials, show_model
 from .own_marks import slot_parts
 from .own_mesh import model_frame, read_mesh
 from .own_record import OwnMesh
 from .own_sliders import read_shapes
 
-TEXTURE_SIZE = 512
-SPECULAR_SIZE = 32
 OFFSET_MAX = 1e12  # units of the mesh; beyond, single floats end
 
 
@@ -72,15 +68,7 @@ def adopt(
     if not face.own_materials:
         return
     _replace_materials(item, own.uv_layer)
-    albedo = paint_vertices(
-        model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
-    )
-    specular = np.ones((SPECULAR_SIZE, SPECULAR_SIZE), np.float32)
-    images = (
-        texture_image("Facestage Albedo", albedo),
-        texture_image("Facestage Specular", specular),
-    )
-    set_textures(item, *images, roughness=face.roughness)
+    show_model(item, model)
 
 
 def check_vertices(rig: bpy.types.Object, result: Result) -> None:

@@ -161,11 +161,11 @@ def _build(
         dict(zip(model.identity_names, person.identity, strict=True)),
         dict(zip(model.expression_names, person.expression, strict=True)),
     )
-    images = (
-        texture_image("True Albedo", person.albedo),
-        texture_image("True Specular", person.specular),
-    )
-    set_textures(rig, *images, roughness=person.roughness)
+    images = {
+        name: texture_image(f"True {name.capitalize()}", getattr(person, name))
+        for name in ("albedo", "specular")
+    }
+    set_textures(rig, images, {"roughness": person.roughness})
     view = ensure_camera(scene, facestage_collection(scene))
     write_camera(scene, view.data, camera)
     pose = camera_to_stage @ person.model_to_camera

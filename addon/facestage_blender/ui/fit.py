@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty
 
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.files.paths import is_folder
-from facestage.contract.partial import partial_folder
 from facestage.contract.result import CONVERGED, Result
 
 from ..backend.commands import fit_command

@@ -150,7 +150,7 @@ def run(options: argparse.Namespace) -> int:
 
 def cancelled(options: argparse.Namespace) -> str:
     """What a stopped fit says: whether there is a checkpoint to go on from."""
-    from facestage.contract.partial import has_checkpoint, partial_folder
+    from facestage.contract.files.partial import has_checkpoint, partial_folder
 
     if has_checkpoint(partial_folder(options.out.resolve())):
         return "cancelled; the last checkpoint is kept, --resume continues from it."

@@ -17,14 +17,14 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
 from facestage.contract.files.reading import GIB, read_bytes
 from facestage.contract.files.storage import finite, read_arrays, write_arrays
-from facestage.contract.result import ALBEDO, ROUGHNESS, SPECULAR, TEXTURE_MAX, Result
+from facestage.contract.result import TEXTURE_MAX, Result
 from facestage.contract.schemas.array_field import WHOLE, Array, Words
 from facestage.contract.schemas.schema import FileSchema, checked
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 RELIGHT_CACHE = "relight.npz"
 # Raise it when the forward model changes, so that no cache of the former one is used.
 VERSION = 1
-TEXTURES = (ALBEDO, SPECULAR)
 ARRAYS = ("size", "pixels", "coverage", "images", "scale", "samples", "fingerprint")
 CACHE_ARRAYS_MAX = 2 * GIB
 # Coverage and images are rounded to half floats; an image's brightest value is 1.
@@ -220,7 +220,9 @@ def relight_fingerprint(result: Result) -> str:
     for array in numbers:
         values = np.ascontiguousarray(array, np.float64)
         digest.update(f"{values.shape}".encode() + values.tobytes())
-    for name in TEXTURES + ((ROUGHNESS,) if is_file(result.folder / ROUGHNESS) else ()):
-        content = read_bytes(result.folder / name, "result's texture", TEXTURE_MAX)
+    for each in TEXTURE_MAPS:
+        if each.plain is not None and not is_file(result.folder / each.file):
+            continue
+        content = read_bytes(result.folder / each.file, "result's texture", TEXTURE_MAX)
         digest.update(f"{len(content)}\n".encode() + content)
     return digest.hexdigest()

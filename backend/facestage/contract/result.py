@@ -33,6 +33,7 @@ from facestage.contract.schemas.fields import (
     Whole,
 )
 from facestage.contract.schemas.schema import FileSchema, check_version, checked, sections
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 SCHEMA_VERSION = 1
 # Nothing speaks against the fit | the time ended first | the advice says what does.
@@ -42,12 +43,11 @@ FILE, ARRAYS = "result.json", "result.npz"
 RESULT_ARRAYS_MAX = 512 * MIB
 TEXTURE_MAX = 512 * MIB  # of a picture's file
 VERTICES_MAX, NAMES_MAX = 5_000_000, 10_000
-ALBEDO, SPECULAR = "albedo.exr", "specular.exr"
 RENDER, LIGHT_PROBE = "render.exr", "light_probe.exr"
-PICTURES = (ALBEDO, SPECULAR, RENDER, LIGHT_PROBE)
-# Maps that older results lack: they have one roughness, and say nothing of where their texels are
-# from.
-ROUGHNESS, COVERAGE = "roughness.exr", "coverage.png"
+# The pictures of every result; newer ones have the other texture maps too, and COVERAGE: where
+# their texels are from.
+PICTURES = (*(each.file for each in TEXTURE_MAPS if each.plain is None), RENDER, LIGHT_PROBE)
+COVERAGE = "coverage.png"
 # The red channel of COVERAGE; 0: the model's own.
 SEEN, BY_SYMMETRY = 255, 128
 
@@ -56,7 +56,7 @@ SEEN, BY_SYMMETRY = 255, 128
 class Result:
     """The fitted face.
 
-    ``folder`` holds the pictures named in PICTURES, ROUGHNESS and COVERAGE, and the report.
+    ``folder`` holds the pictures named in PICTURES, all texture maps, COVERAGE and the report.
     """
 
     status: str  # CONVERGED, BUDGET_SPENT or STOPPED

@@ -9,6 +9,7 @@ from pathlib import PurePath
 
 from facestage.contract import job, person, result
 from facestage.contract.relight_cache import RELIGHT_CACHE
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
 TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
@@ -23,7 +24,7 @@ FILES = frozenset(
         RELIGHT_CACHE,
         REPORT,
         *result.PICTURES,
-        result.ROUGHNESS,
+        *(each.file for each in TEXTURE_MAPS),
         result.COVERAGE,
         person.FILE,
         PERSON_REPORT,
@@ -32,15 +33,13 @@ FILES = frozenset(
 )
 REPORT_PICTURES = frozenset(
     {
-        "albedo",
+        *(each.name for each in TEXTURE_MAPS),
         "certainty",
         "comparison",
         "face",
         "face_photo",
         "landmarks",
         "light_probe",
-        "roughness",
-        "specular",
         "texture_coverage",
         "trace",
         "weights",

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
+from facestage.contract.texture_maps import TEXTURE_MAPS, TextureMap
 from facestage.report import tables
 from facestage.report.certainty import CERTAINTY
 from facestage.report.page_style import COMPARE_INPUT, CSS
@@ -163,24 +164,31 @@ def relit_file(name: str) -> str:
 
 
 def _textures(folder: Path, data: ReportData) -> str:
-    faded = " Of faded texels the photo says nothing." if data.texture_coverage is not None else ""
-    albedo = _figure(
-        folder / "albedo.png", "Diffuse albedo over the UV square", f"Diffuse albedo.{faded}"
-    )
-    fitted = tables.number(data.result.roughness, 3)
-    caption = (
-        "Specular map." if data.roughness is not None else f"Specular map; roughness {fitted}."
-    )
-    figures = albedo + _figure(folder / "specular.png", "Specular map over the UV square", caption)
-    if data.roughness is not None:
-        caption = f"Roughness; {fitted} where no highlight tells."
-        figures += _figure(folder / "roughness.png", "Roughness over the UV square", caption)
+    figures = ""
+    for each in TEXTURE_MAPS:
+        if each.name in data.maps:
+            alternative = f"{each.title} over the UV square"
+            figures += _figure(folder / map_file(each), alternative, _map_caption(each, data))
     if data.texture_coverage is not None:
         caption = "Where the albedo is from."
         figures += _figure(
             folder / TEXTURE_COVERAGE, "Origin of the albedo over the UV square", caption
         )
     return f'<div class="columns">{figures}</div>'
+
+
+def map_file(each: TextureMap) -> str:
+    """The file name of a map's picture."""
+    return f"{each.name}.png"
+
+
+def _map_caption(each: TextureMap, data: ReportData) -> str:
+    if each.plain is not None:
+        plain = tables.number(float(data.result.parameters[each.plain]), 3)
+        return f"{each.title}; {plain} where the photo does not tell."
+    if each.colored and data.texture_coverage is not None:
+        return f"{each.title}. Of faded texels the photo says nothing."
+    return f"{each.title}."
 
 
 def _light(folder: Path, data: ReportData) -> str:

@@ -226,13 +226,15 @@ def landmark_distances(data: ReportData) -> np.ndarray:
     return distances[data.visible & np.isfinite(distances)]
 
 
-def draw_albedo(path: Path, data: ReportData) -> None:
-    """The diffuse albedo over the UV square; texels of which the photo says nothing are faded."""
-    albedo = shrink(data.albedo)
-    if data.texture_coverage is not None:
-        known = shrink(data.texture_coverage[..., 0] > 0)[..., None]
-        albedo = albedo * (0.3 + 0.7 * known)
-    save_linear(path, albedo)
+def draw_colors(path: Path, values: np.ndarray, coverage: np.ndarray | None) -> None:
+    """A map (S, S, 3) over the UV square; texels of which the photo says nothing are faded.
+
+    ``coverage`` (S, S, 3) uint8 as of CONVENTIONS.md.
+    """
+    values = shrink(values)
+    if coverage is not None:
+        values = values * (0.3 + 0.7 * shrink(coverage[..., 0] > 0)[..., None])
+    save_linear(path, values)
 
 
 def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
+from facestage.contract.texture_maps import TEXTURE_MAPS
 
 # The saved job lies beside the report, so the command holds wherever the folder is moved.
 REPEAT_COMMAND = "facestage fit --job . --out ../again"
@@ -31,15 +32,14 @@ class ReportData:
     photo: np.ndarray  # (h, w, 3) linear
     render: np.ndarray  # (h, w, 3) linear
     coverage: np.ndarray  # (h, w) bool, true where the face was fitted
-    albedo: np.ndarray  # (S, S, 3) linear, row 0 at v = 1
-    specular: np.ndarray  # (s, s) c_spec, row 0 at v = 1
+    # By the names of TEXTURE_MAPS, (S, S, 3) linear or (s, s), row 0 at v = 1. What is missing has
+    # the result's one value everywhere.
+    maps: Mapping[str, np.ndarray]
     # (H, W, 3) lat-long, stage frame: +Y at the top, +Z (the camera) in the middle
     light_probe: np.ndarray
     landmarks: np.ndarray  # (m, 2) pixels, as given
     projected: np.ndarray  # (m, 2) pixels, as fitted
     visible: np.ndarray  # (m,) bool
-    # (r, r), row 0 at v = 1; None: the result's one value everywhere
-    roughness: np.ndarray | None = None
     # (S, S, 3) uint8, where the albedo's texels are from (CONVENTIONS.md)
     texture_coverage: np.ndarray | None = None
     relit: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> (h, w, 3) linear
@@ -61,18 +61,18 @@ class ReportData:
             "landmarks": (count, 2),
             "projected": (count, 2),
             "visible": (count,),
-            "albedo": (*self.albedo.shape[:2], 3),
-            "specular": self.specular.shape[:2],
             "light_probe": (*self.light_probe.shape[:2], 3),
         }
         if self.texture_coverage is not None:
-            expected["texture_coverage"] = (*self.albedo.shape[:2], 3)
-        if self.roughness is not None:
-            expected["roughness"] = self.roughness.shape[:2]
+            expected["texture_coverage"] = (*self.maps["albedo"].shape[:2], 3)
+        shapes = {name: getattr(self, name).shape for name in expected}
+        for each in TEXTURE_MAPS:
+            if each.name in self.maps:
+                shapes[each.name] = self.maps[each.name].shape
+                expected[each.name] = (*shapes[each.name][:2], *((3,) if each.colored else ()))
         for name, shape in expected.items():
-            found = getattr(self, name).shape
-            if found != shape:
-                raise InputError(f"The report's {name} has shape {found}, expected {shape}.")
+            if shapes[name] != shape:
+                raise InputError(f"The report's {name} has shape {shapes[name]}, expected {shape}.")
         for name, picture in self.relit.items():
             if picture.ndim != 3 or picture.shape[2] != 3:
                 raise InputError(

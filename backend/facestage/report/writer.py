@@ -6,15 +6,16 @@ from pathlib import Path
 
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.result_files import REPORT
+from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
 from facestage.report.light_picture import draw_light_probe
-from facestage.report.page import TEXTURE_COVERAGE, build_page, relit_file
+from facestage.report.page import TEXTURE_COVERAGE, build_page, map_file, relit_file
 from facestage.report.pictures import (
     COMPARISON_MARGIN,
     View,
-    draw_albedo,
+    draw_colors,
     draw_comparison,
     draw_coverage,
     draw_faces,
@@ -28,8 +29,8 @@ from facestage.report.report_data import ReportData
 def write_report(folder: Path, data: ReportData) -> None:
     """Write report.html and its PNG pictures into an existing folder.
 
-    comparison, face, face_photo, landmarks, albedo, specular, roughness and texture_coverage (where
-    they are known), light_probe, trace, weights, certainty (where any parameter was fitted), and
+    comparison, face, face_photo, landmarks, the texture maps and texture_coverage (where they are
+    known), light_probe, trace, weights, certainty (where any parameter was fitted), and
     one relit_NAME for each relit picture. All pictures of the photo share the exposure of
     :func:`color.exposure` and are shrunk to at most ``color.MAX_SIDE`` pixels. The page embeds them
     all and needs no other file.
@@ -39,10 +40,13 @@ def write_report(folder: Path, data: ReportData) -> None:
     draw_comparison(folder / "comparison.png", view)
     draw_faces(folder, view)
     draw_landmarks(folder / "landmarks.png", view, data)
-    draw_albedo(folder / "albedo.png", data)
-    draw_map(folder / "specular.png", data.specular)
-    if data.roughness is not None:
-        draw_map(folder / "roughness.png", data.roughness)
+    for each in TEXTURE_MAPS:
+        if each.name in data.maps:
+            file, values = folder / map_file(each), data.maps[each.name]
+            if each.colored:
+                draw_colors(file, values, data.texture_coverage)
+            else:
+                draw_map(file, values)
     if data.texture_coverage is not None:
         draw_coverage(folder / TEXTURE_COVERAGE, data.texture_coverage)
     draw_light_probe(folder / "light_probe.png", data)

@@ -13,7 +13,7 @@ import pytest
 
 from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.face_model import FaceModel
-from facestage.contract.partial import partial_folder
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.result import Result
 from facestage_blender.backend.commands import find_backend, fit_command, model_command
 

@@ -65,12 +65,12 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
     material = part_materials(np.array([0]))[0]
     ball.data.materials.append(material)
     if textured:
-        maps = (
-            texture_image("map", np.full((4, 4), 1, np.float32) * value)
-            for value in (c_spec, roughness)
-        )
-        plain = texture_image("albedo", np.full((4, 4, 3), albedo, np.float32))
-        set_textures(ball, plain, next(maps), 0.9, next(maps))
+        maps = {
+            name: texture_image("map", np.full((4, 4), 1, np.float32) * value)
+            for name, value in (("specular", c_spec), ("roughness", roughness))
+        }
+        maps["albedo"] = texture_image("albedo", np.full((4, 4, 3), albedo, np.float32))
+        set_textures(ball, maps, {"roughness": 0.9})
     else:
         skin = material.node_tree.nodes[skin_group().name]
         for name in ("Albedo", "Specular"):

@@ -81,19 +81,19 @@ def report_data(size: tuple[int, int] = (48, 40), lights: int = 20, **changes: A
     coverage = np.hypot((rows - height / 2) / height, (columns - width / 2) / width) < 0.35
     landmarks = rng.uniform(0.3, 0.7, (68, 2)) * [width, height]
     light_stage = stage(lights)
+    maps = {"albedo": rng.uniform(0.2, 0.6, (16, 16, 3)), "specular": np.full((4, 4), 0.5)}
+    maps["roughness"] = np.full((4, 4), 0.4)
     values: dict[str, Any] = {
         "title": "Ada & friends",
         "result": result(light_stage, size),
         "photo": photo,
         "render": np.where(coverage[..., None], 0.9 * photo, 0.0),
         "coverage": coverage,
-        "albedo": rng.uniform(0.2, 0.6, (16, 16, 3)),
-        "specular": np.full((4, 4), 0.5),
+        "maps": maps,
         "light_probe": rng.uniform(0.0, 3.0, (8, 16, 3)),
         "landmarks": landmarks,
         "projected": landmarks + np.array([3.0, 4.0]),
         "visible": np.arange(68) % 5 > 0,
-        "roughness": np.full((4, 4), 0.4),
         "texture_coverage": 255 * np.eye(16, dtype=np.uint8)[..., None].repeat(3, axis=2),
         "relit": {"from left": photo},
         "trace": trace(),

@@ -13,7 +13,7 @@ from facestage.report.figure import nice_limit
 from facestage.report.pictures import (
     View,
     difference_limit,
-    draw_albedo,
+    draw_colors,
     draw_coverage,
     draw_faces,
     landmark_distances,
@@ -61,10 +61,7 @@ def test_the_fit_replaces_the_photo_where_it_was_rendered(tmp_path: Path) -> Non
 def test_texels_of_which_the_photo_says_nothing_are_faded(tmp_path: Path) -> None:
     coverage = np.zeros((16, 16, 3), np.uint8)
     coverage[:4, :, 0], coverage[4:8, :, 0] = SEEN, BY_SYMMETRY
-    draw_albedo(
-        tmp_path / "albedo.png",
-        report_data(albedo=np.full((16, 16, 3), 0.5), texture_coverage=coverage),
-    )
+    draw_colors(tmp_path / "albedo.png", np.full((16, 16, 3), 0.5), coverage)
     with Image.open(tmp_path / "albedo.png") as image:
         pixels = np.asarray(image)
     assert (pixels[:8] == 188).all()

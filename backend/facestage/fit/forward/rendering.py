@@ -25,11 +25,16 @@ PROBE_HEIGHT = 128
 
 @dataclass(frozen=True)
 class Textures:
-    """The maps of the atlas, row 0 at v = 1."""
+    """The maps of the atlas, row 0 at v = 1, by the names of TEXTURE_MAPS."""
 
     albedo: Float[np.ndarray, "_ _ 3"]
     specular: Float[np.ndarray, "_ _"]  # c_spec
-    roughness: Float[np.ndarray, "_ _"] | None = None  # ; None: the state's one value
+    roughness: Float[np.ndarray, "_ _"] | None = None  # None: the state's one value
+
+    @property
+    def known(self) -> dict[str, Float[np.ndarray, "_ _ ..."]]:
+        """All that there are, by name."""
+        return {name: values for name, values in vars(self).items() if values is not None}
 
 
 @dataclass(frozen=True)

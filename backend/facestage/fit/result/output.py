@@ -18,16 +18,9 @@ from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
-from facestage.contract.result import (
-    ALBEDO,
-    COVERAGE,
-    LIGHT_PROBE,
-    RENDER,
-    ROUGHNESS,
-    SPECULAR,
-    Result,
-)
+from facestage.contract.result import COVERAGE, LIGHT_PROBE, RENDER, Result
 from facestage.contract.result_files import LANDMARKS, TRACE
+from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
@@ -209,11 +202,10 @@ def write_result(
     problem.job.write_into(folder, copy_image=False)
     assert problem.job.landmarks is not None
     write_json(folder / LANDMARKS, problem.job.landmarks.to_json())
-    textures = finished.refined.textures
-    write_exr(folder / ALBEDO, textures.albedo)
-    write_exr(folder / SPECULAR, textures.specular)
-    if textures.roughness is not None:
-        write_exr(folder / ROUGHNESS, textures.roughness)
+    textures = finished.refined.textures.known
+    for each in TEXTURE_MAPS:
+        if each.name in textures:
+            write_exr(folder / each.file, textures[each.name])
     write_png(folder / COVERAGE, finished.refined.coverage)
     write_exr(folder / RENDER, problem.window.enlarged(finished.picture.color))
     cache = finished.picture.relight_cache(relight_fingerprint(result))
@@ -268,9 +260,7 @@ def _report_data(
         photo=problem.photograph.color,
         render=finished.picture.color,
         coverage=finished.picture.fitted & problem.photograph.mask,
-        albedo=finished.refined.textures.albedo,
-        specular=finished.refined.textures.specular,
-        roughness=finished.refined.textures.roughness,
+        maps=finished.refined.textures.known,
         texture_coverage=finished.refined.coverage,
         light_probe=probe,
         relit=finished.picture.relit,

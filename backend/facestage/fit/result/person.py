@@ -12,12 +12,13 @@ from pathlib import Path
 from facestage.contract import person as contract
 from facestage.contract.events import Event
 from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.partial import forget_checkpoint
 from facestage.contract.job import Job
 from facestage.contract.parameters import as_fields
-from facestage.contract.partial import forget_checkpoint
 from facestage.contract.person import Person, PersonPhoto
-from facestage.contract.result import ALBEDO, Result
+from facestage.contract.result import Result
 from facestage.contract.result_files import is_result_file
+from facestage.contract.texture_maps import ALBEDO
 from facestage.fit.face.unknowns import SHARED, kept
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.fineness import USUAL, Fineness
@@ -112,7 +113,7 @@ def _write(
         "checks": sum(one.check_seconds for one in fitted.photos),
         "results": time.monotonic() - started,
     }
-    write_exr(folder / ALBEDO, shared.textures.albedo)
+    write_exr(folder / ALBEDO.file, shared.textures.albedo)
     person = _person(run, fitted, results, timings)
     person.write_into(folder)
     write_person_report(folder, person)

@@ -18,10 +18,11 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.light_stage import ON, RADIANCE_MAX, LightStage
 from facestage.contract.parameters import WEIGHT_MAX
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import ALBEDO, NAMES_MAX, ROUGHNESS, SPECULAR, Result
+from facestage.contract.result import NAMES_MAX, Result
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Number, Table
 from facestage.contract.schemas.schema import HandWritten, checked
+from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -170,11 +171,12 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     _check_model(result, model)
     start_renderer("auto")
     folder = _folder(result)
-    rough = folder / ROUGHNESS  # older results have one value alone
     textures = Textures(
-        read_exr(folder / ALBEDO),
-        read_exr(folder / SPECULAR)[..., 0],
-        read_exr(rough)[..., 0] if is_file(rough) else None,
+        **{
+            each.name: read_exr(folder / each.file)[..., slice(None) if each.colored else 0]
+            for each in TEXTURE_MAPS
+            if each.plain is None or is_file(folder / each.file)
+        }
     )
     geometry = FaceGeometry(model)
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))

@@ -11,8 +11,8 @@ from pathlib import Path
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.partial import forget_checkpoint
 from facestage.contract.job import Job
-from facestage.contract.partial import forget_checkpoint
 from facestage.contract.result import Result
 from facestage.contract.result_files import RESULT, is_result_file
 from facestage.fit.forward.shading import ForwardModel

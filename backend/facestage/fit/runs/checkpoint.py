@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
+from facestage.contract.files.partial import CHECKPOINT
 from facestage.contract.files.storage import finite as finite_json
 from facestage.contract.files.storage import read_arrays, write_arrays
-from facestage.contract.partial import CHECKPOINT
 from facestage.contract.schemas.schema import checked, decoded_meta, sections
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.state import State

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.files.partial import PERSON_CHECKPOINT
 from facestage.contract.files.storage import read_arrays, write_arrays
-from facestage.contract.partial import PERSON_CHECKPOINT
 from facestage.contract.schemas.schema import decoded_meta
 from facestage.fit.runs.checkpoint import AGAIN, SCHEMA_VERSION, Checkpoint, damaged, other_version
 from facestage.fit.runs.checkpoint_schema import finite

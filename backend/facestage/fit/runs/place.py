@@ -12,8 +12,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from facestage.contract.errors import InputError
-from facestage.contract.files.temporaries import sweep
-from facestage.contract.partial import (
+from facestage.contract.files.partial import (
     LOCK,
     has_checkpoint,
     make_partial,
@@ -21,6 +20,7 @@ from facestage.contract.partial import (
     partial_folder,
     remove_partial,
 )
+from facestage.contract.files.temporaries import sweep
 from facestage.contract.result_files import is_result_file
 
 TRIES = 100

@@ -11,7 +11,7 @@ import numpy as np
 
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.face_model import FaceModel
-from facestage.contract.partial import PREVIEW
+from facestage.contract.files.partial import PREVIEW
 from facestage.fit.runs.progress import FITTED, Progress, drawing, painting
 from facestage.report import write_preview
 

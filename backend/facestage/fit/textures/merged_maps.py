@@ -6,6 +6,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.result import SEEN
+from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.rendering import Textures
@@ -26,8 +27,8 @@ class MergedMaps:
         self._skin = Atlas.build(geometry, size).skin
         self._detail = MergedTexture(geometry, size, log_albedo)
         self._weight = 0.0
-        # Sums of the logarithm of the albedo, of c_spec and of roughness.
-        self._sums: list[np.ndarray | float] = [0.0, 0.0, 0.0]
+        # Sums over the photos, by map; of the albedo the sum of logarithms.
+        self._sums: dict[str, np.ndarray] = {}
         self._coverage = np.zeros((size, size, 3), np.uint8)
 
     def add(self, maps: Refined, state: State, weight: float) -> None:
@@ -36,13 +37,12 @@ class MergedMaps:
         # Photos differ in the light that they were given, so by a factor: the mean is one of
         # logarithms.
         logs = np.log(np.maximum(textures.albedo, 1e-6))
-        roughness = np.full_like(textures.specular, state.roughness)
-        rough = roughness if textures.roughness is None else textures.roughness
         self._detail.add(logs, maps.coverage[..., 0] == SEEN, state, weight)
-        self._sums = [
-            total + weight * own
-            for total, own in zip(self._sums, (logs, textures.specular, rough), strict=True)
-        ]
+        for each in TEXTURE_MAPS:
+            own = logs if each.name == "albedo" else textures.known.get(each.name)
+            if own is None:
+                own = np.full_like(textures.specular, getattr(state, each.plain or each.name))
+            self._sums[each.name] = self._sums.get(each.name, 0.0) + weight * own
         self._weight += weight
         self._coverage = np.maximum(self._coverage, maps.coverage)
 
@@ -50,7 +50,9 @@ class MergedMaps:
         """The merged maps, once there is a photo: skin by how well each photo sees it, all else
         their mean.
         """
-        logs, specular, roughness = (np.asarray(total) / self._weight for total in self._sums)
-        albedo = np.exp(np.where(self._skin[..., None], self._detail.mean(), logs))
-        textures = Textures(*(each.astype(np.float32) for each in (albedo, specular, roughness)))
+        maps = {name: total / self._weight for name, total in self._sums.items()}
+        maps["albedo"] = np.exp(
+            np.where(self._skin[..., None], self._detail.mean(), maps["albedo"])
+        )
+        textures = Textures(**{name: values.astype(np.float32) for name, values in maps.items()})
         return Refined(textures, self._coverage)

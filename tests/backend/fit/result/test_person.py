@@ -16,10 +16,10 @@ from PIL import Image
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, STARTED, Event
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.contract.partial import partial_folder
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.contract.result_files import is_result_file

@@ -11,11 +11,11 @@ import pytest
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.files.partial import CHECKPOINT
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.contract.partial import CHECKPOINT
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State

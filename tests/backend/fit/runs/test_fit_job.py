@@ -18,11 +18,11 @@ import pytest
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, STARTED, Event
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
 from facestage.contract.parameters import PARAMETERS
-from facestage.contract.partial import partial_folder
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
 from facestage.fit.result import run

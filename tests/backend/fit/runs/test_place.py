@@ -17,10 +17,10 @@ import pytest
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
+from facestage.contract.files.partial import CHECKPOINT, LOCK, MARKER, partial_folder
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.contract.partial import CHECKPOINT, LOCK, MARKER, partial_folder
 from facestage.contract.result import Result
 from facestage.fit.result import person, run
 from facestage.fit.runs.place import claimed
@@ -203,7 +203,7 @@ def test_a_full_disk_leaves_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         raise InputError("Cannot write: No space left on device; make room.")
 
     with monkeypatch.context() as patch:
-        patch.setattr("facestage.contract.partial.write_json", full)
+        patch.setattr("facestage.contract.files.partial.write_json", full)
         with (
             pytest.raises(InputError, match="No space left"),
             claimed(tmp_path / "deep" / "out", RESULT),

@@ -11,10 +11,10 @@ from PIL import Image
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.contract.partial import partial_folder
 from facestage.contract.result import CONVERGED, STOPPED
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm

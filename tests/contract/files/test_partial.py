@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from facestage.contract.errors import InputError
-from facestage.contract.files.temporaries import PREFIX
-from facestage.contract.partial import (
+from facestage.contract.files.partial import (
     CHECKPOINT,
     LOCK,
     MARKER,
@@ -22,6 +21,7 @@ from facestage.contract.partial import (
     partial_folder,
     remove_partial,
 )
+from facestage.contract.files.temporaries import PREFIX
 
 WRITTEN = (CHECKPOINT, PERSON_CHECKPOINT, PREVIEW)
 

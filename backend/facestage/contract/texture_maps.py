@@ -1,0 +1,49 @@
+"""The texture maps of a face: one row for each, which both sides read.
+
+A row says how a map's file, its picture in the report, its image in Blender and its input of the
+skin's material are called, and what stands in its place where a result has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from facestage.contract.brdf import SPECULAR_MAX
+
+
+@dataclass(frozen=True)
+class TextureMap:
+    """One map over the UV square, row 0 at v = 1, linear."""
+
+    name: str  # also a field of fit.forward.rendering.Textures
+    title: str  # as people call it
+    default: tuple[float, ...]  # one value for each channel: 3 of a color, else 1
+    most: float = 1.0
+    # The parameter of a result that is the map's one value where an older result has no map; None:
+    # every result has the map.
+    plain: str | None = None
+
+    @property
+    def file(self) -> str:
+        """Its file in a result's folder."""
+        return f"{self.name}.exr"
+
+    @property
+    def colored(self) -> bool:
+        """Whether it has three channels."""
+        return len(self.default) == 3
+
+    @property
+    def socket(self) -> str:
+        """Its input of the skin's material, and its node there."""
+        return self.name.capitalize()
+
+
+ALBEDO = TextureMap("albedo", "Diffuse albedo", (0.5, 0.3, 0.2))
+TEXTURE_MAPS = (
+    ALBEDO,
+    TextureMap("specular", "Specular map", (1.0,), most=SPECULAR_MAX),
+    TextureMap("roughness", "Roughness", (0.45,), plain="roughness"),
+)
+# The parameters of a result that stand in for maps.
+PLAIN = tuple(each.plain for each in TEXTURE_MAPS if each.plain is not None)
