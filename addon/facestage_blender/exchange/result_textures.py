@@ -27,7 +27,7 @@ def load_textures(result: Result) -> dict[str, bpy.types.Image]:
     try:
         for each in TEXTURE_MAPS:
             folder = Path(result.folder or "")
-            if each.plain is None or (result.folder is not None and is_file(folder / each.file)):
+            if each.required or (result.folder is not None and is_file(folder / each.file)):
                 loaded[each.name] = _load(result, each)
     except InputError:
         for image in loaded.values():

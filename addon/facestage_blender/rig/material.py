@@ -139,7 +139,7 @@ def _part_material(name: str, uv_map: str) -> bpy.types.Material:
         node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
         node.name = node.label = each.socket
         node.interpolation, node.extension = "Linear", "EXTEND"
-        if each.plain is None:  # others are linked where there is an image
+        if each.required:  # others are linked where there is an image
             links.new(node.outputs["Color"], skin.inputs[each.socket])
         if uv_map:
             uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
@@ -171,10 +171,11 @@ def set_textures(
             image = images.get(each.name)
             if each.socket in nodes:
                 nodes[each.socket].image = image
-            if each.plain is None or GROUP not in nodes:
+            if each.required or GROUP not in nodes:
                 continue
             socket = nodes[GROUP].inputs[each.socket]
-            socket.default_value = plain[each.plain]
+            if each.plain is not None:
+                socket.default_value = plain[each.plain]
             for link in list(socket.links):
                 links.remove(link)
             if image is not None and each.socket in nodes:
@@ -191,7 +192,7 @@ def show_model(rig: bpy.types.Object, model: FaceModel) -> None:
     )
     images = {}
     for each in TEXTURE_MAPS:
-        if each.plain is None:
+        if each.required:
             values = np.full((GLOSS_SIZE, GLOSS_SIZE), each.default[0], np.float32)
             image = texture_image(f"Facestage {each.socket}", albedo if each.colored else values)
             images[each.name] = image

@@ -221,7 +221,7 @@ def relight_fingerprint(result: Result) -> str:
         values = np.ascontiguousarray(array, np.float64)
         digest.update(f"{values.shape}".encode() + values.tobytes())
     for each in TEXTURE_MAPS:
-        if each.plain is not None and not is_file(result.folder / each.file):
+        if not each.required and not is_file(result.folder / each.file):
             continue
         content = read_bytes(result.folder / each.file, "result's texture", TEXTURE_MAX)
         digest.update(f"{len(content)}\n".encode() + content)

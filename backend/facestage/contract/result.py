@@ -46,7 +46,7 @@ VERTICES_MAX, NAMES_MAX = 5_000_000, 10_000
 RENDER, LIGHT_PROBE = "render.exr", "light_probe.exr"
 # The pictures of every result; newer ones have the other texture maps too, and COVERAGE: where
 # their texels are from.
-PICTURES = (*(each.file for each in TEXTURE_MAPS if each.plain is None), RENDER, LIGHT_PROBE)
+PICTURES = (*(each.file for each in TEXTURE_MAPS if each.required), RENDER, LIGHT_PROBE)
 COVERAGE = "coverage.png"
 # The red channel of COVERAGE; 0: the model's own.
 SEEN, BY_SYMMETRY = 255, 128

@@ -19,8 +19,9 @@ class TextureMap:
     title: str  # as people call it
     default: tuple[float, ...]  # one value for each channel: 3 of a color, else 1
     most: float = 1.0
-    # The parameter of a result that is the map's one value where an older result has no map; None:
-    # every result has the map.
+    required: bool = True  # older results may lack the others
+    # The parameter of a result that is the map's one value where there is no map; without one it is
+    # the default.
     plain: str | None = None
 
     @property
@@ -43,7 +44,7 @@ ALBEDO = TextureMap("albedo", "Diffuse albedo", (0.5, 0.3, 0.2))
 TEXTURE_MAPS = (
     ALBEDO,
     TextureMap("specular", "Specular map", (1.0,), most=SPECULAR_MAX),
-    TextureMap("roughness", "Roughness", (0.45,), plain="roughness"),
+    TextureMap("roughness", "Roughness", (0.45,), required=False, plain="roughness"),
 )
 # The parameters of a result that stand in for maps.
 PLAIN = tuple(each.plain for each in TEXTURE_MAPS if each.plain is not None)

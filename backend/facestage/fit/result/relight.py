@@ -175,7 +175,7 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
         **{
             each.name: read_exr(folder / each.file)[..., slice(None) if each.colored else 0]
             for each in TEXTURE_MAPS
-            if each.plain is None or is_file(folder / each.file)
+            if each.required or is_file(folder / each.file)
         }
     )
     geometry = FaceGeometry(model)

@@ -41,7 +41,8 @@ class MergedMaps:
         for each in TEXTURE_MAPS:
             own = logs if each.name == "albedo" else textures.known.get(each.name)
             if own is None:
-                own = np.full_like(textures.specular, getattr(state, each.plain or each.name))
+                value = each.default[0] if each.plain is None else getattr(state, each.plain)
+                own = np.full_like(textures.specular, value)
             self._sums[each.name] = self._sums.get(each.name, 0.0) + weight * own
         self._weight += weight
         self._coverage = np.maximum(self._coverage, maps.coverage)
