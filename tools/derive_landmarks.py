@@ -93,8 +93,8 @@ def main() -> None:
     residual, cosine = residuals(table, seen)
     distance = 100 * np.linalg.norm(residual, axis=-1)[test][cosine[test] > COSINE_FULL]
     print(
-        f"held back: median {np.median(distance):.2f} %, 95 % "
-        f"{np.percentile(distance, 95):.2f} % of the eye corners"
+        f"held back: median {np.median(distance):.2f} %, 95 % {np.percentile(distance, 95):.2f} % "
+        "of the eye corners"
     )
     positions = _positions(geometry, table)
     table[:, :3] = geometry.used[table[:, :3].astype(int)]
@@ -181,9 +181,8 @@ def solve(geometry: FaceGeometry, seen: Observations, canonical: np.ndarray) -> 
     warped = _warped(canonical, positions[:FIRST_IRIS], settled[:FIRST_IRIS])
     gap = 1e3 * np.linalg.norm(warped - positions[:FIRST_IRIS], axis=1)[settled[:FIRST_IRIS]]
     print(
-        f"{(~settled).sum()} points left open; warped canonical face: median "
-        f"{np.median(gap):.2f} mm, "
-        f"95 % {np.percentile(gap, 95):.2f} mm from the others"
+        f"{(~settled).sum()} points left open; warped canonical face: median {np.median(gap):.2f} "
+        f"mm, 95 % {np.percentile(gap, 95):.2f} mm from the others"
     )
     positions[:FIRST_IRIS][~settled[:FIRST_IRIS]] = warped[~settled[:FIRST_IRIS]]
     return np.concatenate(

@@ -120,9 +120,8 @@ def find_python(wanted: str | None) -> str:
             return found[version]
     have = ", ".join(sorted(found)) or "none"
     raise SetupError(
-        f"Python {' or '.join(SUPPORTED)} is needed, found: {have}; "
-        "install Python 3.11 (Debian: apt-get install python3 python3-venv; elsewhere: "
-        "python.org) and run it again."
+        f"Python {' or '.join(SUPPORTED)} is needed, found: {have}; install Python 3.11 (Debian: "
+        "apt-get install python3 python3-venv; elsewhere: python.org) and run it again."
     )
 
 
@@ -183,8 +182,8 @@ def pip(*arguments: str) -> None:
     if done.returncode:
         print(done.stdout, file=sys.stderr)
         raise SetupError(
-            f"pip could not install the packages ({last_line(done)}); "
-            "check the network connection and the free disk space, and run it again."
+            f"pip could not install the packages ({last_line(done)}); check the network connection "
+            "and the free disk space, and run it again."
         )
 
 

@@ -61,8 +61,7 @@ def provide_native_libraries(venv: Path, python: Path) -> None:
     if not renderer_works(python):
         print(
             "make setup: the renderer does not work on this machine yet, because it found no "
-            "usable libLLVM; "
-            "'make doctor' says what to install.",
+            "usable libLLVM; 'make doctor' says what to install.",
             file=sys.stderr,
         )
 

@@ -40,7 +40,7 @@ def test_what_a_dataclass_refuses_it_says_itself():
 def test_the_annotations_are_jaxtypings_here_and_nothing_elsewhere():
     assert Float is jaxtyping.Float
     script = (
-        "import sys, typing; from facestage.contract.arrays import Float; "
-        "assert Float is typing.Annotated and 'jaxtyping' not in sys.modules"
+        "import sys, typing; from facestage.contract.arrays import Float; assert Float is "
+        "typing.Annotated and 'jaxtyping' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

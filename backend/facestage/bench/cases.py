@@ -72,9 +72,8 @@ def find_cases(
         ], f"Cases of the data folder, fitted with {words}."
     return [synthetic_case(scratch / SYNTHETIC, model, side_px)], (
         "No cases were given or found, so the photo is synthetic, rendered by Facestage's own "
-        "forward model: "
-        "it shows speed, not how well a fit stands what the model does not explain. Give real "
-        "ones with --case."
+        "forward model: it shows speed, not how well a fit stands what the model does not explain. "
+        "Give real ones with --case."
     )
 
 

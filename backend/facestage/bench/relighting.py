@@ -44,11 +44,10 @@ class Relighting:
     def sentence(self) -> str:
         """The row in words."""
         return (
-            f"Relit at {self.side_px} pixels with {self.lights} lights: {self.cached_ms:.2f} "
-            "ms a picture from a cache "
-            f"of {self.megabytes:.0f} MB, {self.traced_ms:.0f} ms traced again: "
-            f"{self.ratio:.0f}x; they differ by at "
-            f"most {100 * self.difference:.2f} % of the brightest."
+            f"Relit at {self.side_px} pixels with {self.lights} lights: {self.cached_ms:.2f} ms a "
+            f"picture from a cache of {self.megabytes:.0f} MB, {self.traced_ms:.0f} ms traced "
+            f"again: {self.ratio:.0f}x; they differ by at most {100 * self.difference:.2f} % of "
+            "the brightest."
         )
 
 

@@ -76,8 +76,8 @@ def run_bench(
                 if lineup.warm_up:
                     warm_up(problem, truth, contenders)
                 cold = (
-                    "Model, photo and kernels were ready after "
-                    f"{time.monotonic() - read:.1f} s, not counted below."
+                    f"Model, photo and kernels were ready after {time.monotonic() - read:.1f} s, "
+                    "not counted below."
                 )
             for contender in (*contenders, *qualities, *(sweep if number == 0 else ())):
                 if isinstance(contender, AdamSettings) and contender.name in main:

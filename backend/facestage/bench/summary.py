@@ -57,16 +57,14 @@ def summary_lines(finals: Sequence[Final]) -> list[str]:
     ahead = "No case ended further from the truth than its own landmark stage."
     average = (
         f"Facestage on {len(runs)} cases: landmarks alone {statistics.mean(starts):.2f} mm on "
-        "average, "
-        f"the fit {statistics.mean(ends):.2f} mm (median {statistics.median(ends):.2f}, worst "
-        f"{max(ends):.2f})."
+        f"average, the fit {statistics.mean(ends):.2f} mm (median {statistics.median(ends):.2f}, "
+        f"worst {max(ends):.2f})."
     )
     worse = f"Further from the truth than their own landmark stage: {', '.join(behind)}."
     lines = [average, worse if behind else ahead]
     for quality, found in measured_qualities(finals).items():
         lines.append(
             f"Quality {quality}: {found['seconds']:.1f} s, {found['similarity_mm']:.2f} mm, "
-            f"{found['psnr']:.1f} dB "
-            "(medians over the cases)."
+            f"{found['psnr']:.1f} dB (medians over the cases)."
         )
     return lines

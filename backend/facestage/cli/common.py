@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 MODELS = (
-    "default (built in), ict:PATH (ICT-FaceKit), flame:PATH, bfm:PATH (Basel Face Model), "
-    "gnm:PATH (GNM Head), "
-    "rig:FILE (a mesh exported from Blender) or npz:FILE (any of them as saved by facestage model)"
+    "default (built in), ict:PATH (ICT-FaceKit), flame:PATH, bfm:PATH (Basel Face Model), gnm:PATH "
+    "(GNM Head), rig:FILE (a mesh exported from Blender) or npz:FILE (any of them as saved by "
+    "facestage model)"
 )
 
 

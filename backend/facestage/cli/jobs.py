@@ -18,9 +18,8 @@ def read_job(options: argparse.Namespace) -> Job:
     jobs = read_jobs(options)
     if len(jobs) > 1:
         raise InputError(
-            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to "
-            "all of them, or fit them "
-            "one by one."
+            f"{len(jobs)} photos were given; add --same-person to fit one shape and skin to all of "
+            "them, or fit them one by one."
         )
     return jobs[0]
 
@@ -78,8 +77,7 @@ def _for_each(
     if len(values) != count:
         raise InputError(
             f"{len(values)} {what} were given for {count} photo{'' if count == 1 else 's'}; "
-            "expected one for each, in "
-            "the order of the photos."
+            "expected one for each, in the order of the photos."
         )
     return values
 

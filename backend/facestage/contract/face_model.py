@@ -148,8 +148,8 @@ class FaceModel:
         ):
             raise InputError(
                 f"Face model '{self.name}': expression_prior has {len(self.expression_prior)} "
-                "words for "
-                f"{len(self.expression_names)} expressions; expected one for each, or one for all."
+                f"words for {len(self.expression_names)} expressions; expected one for each, or "
+                "one for all."
             )
         words = (
             (self.expression_prior,)

@@ -121,10 +121,9 @@ class Landmarks:
         centre = np.median(points, axis=0)
         if not inside.all() or not (0 <= centre[0] <= width and 0 <= centre[1] <= height):
             raise InputError(
-                f"{int((~inside).sum())} landmarks lie far outside the {width} x {height} "
-                "photo (median at "
-                f"{centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and at this "
-                "size?"
+                f"{int((~inside).sum())} landmarks lie far outside the {width} x {height} photo "
+                f"(median at {centre[0]:.0f}, {centre[1]:.0f}); were they made for this photo and "
+                "at this size?"
             )
         if np.ptp(points, axis=0).max() < 4.0:
             raise InputError(

@@ -100,9 +100,8 @@ class RelightCache:
             or (radiance < 0).any()
         ):
             raise InputError(
-                f"The radiance to relight with has shape {radiance.shape}; expected "
-                f"({len(self)}, 3) finite numbers "
-                "of 0 or more, one row per light of the stage."
+                f"The radiance to relight with has shape {radiance.shape}; expected ({len(self)}, "
+                "3) finite numbers of 0 or more, one row per light of the stage."
             )
         weights = (radiance * self.scale[:, None]).astype(np.float32)
         result = np.empty((len(self.pixels), 3), np.float32)

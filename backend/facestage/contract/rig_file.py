@@ -97,8 +97,7 @@ class RigFile:
         if n < 100 or len(self.polygons) < 100:
             raise InputError(
                 f"The mesh '{self.name}' has {n} vertices and {len(self.polygons)} polygons; a "
-                "face needs at least "
-                "100 of each: choose the mesh of a face."
+                "face needs at least 100 of each: choose the mesh of a face."
             )
         for name, limit in (("polygons", n), ("polygon_uvs", len(self.uvs))):
             array = getattr(self, name)

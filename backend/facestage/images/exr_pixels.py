@@ -51,9 +51,8 @@ def check_size(width: int, height: int) -> None:
         raise ValueError(f"it is {width} x {height} pixels")
     if max(width, height) > SIDE_MAX or width * height > PIXELS_MAX:
         raise ValueError(
-            f"it is {width} x {height} pixels; at most {SIDE_MAX} a side and "
-            f"{PIXELS_MAX // 10**6} million in all are "
-            "read, make it smaller"
+            f"it is {width} x {height} pixels; at most {SIDE_MAX} a side and {PIXELS_MAX // 10**6} "
+            "million in all are read, make it smaller"
         )
 
 

@@ -228,8 +228,7 @@ def _read_exr(path: Path) -> Photograph:
     except ValueError as error:
         raise InputError(
             f"The photo '{path}' is not a readable EXR ({_plain(str(error))}); expected a flat "
-            "OpenEXR file with RGB "
-            "channels."
+            "OpenEXR file with RGB channels."
         ) from error
     finite = np.isfinite(image)
     mask = finite.all(axis=2)

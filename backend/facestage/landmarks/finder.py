@@ -178,16 +178,13 @@ def require_faces(search: Search) -> list[Face]:
     if len(search.unclear):
         x, y, side = search.unclear[np.argmax(search.unclear[:, 2])]
         raise InputError(
-            f"No face was found in the photo for sure: what is at ({x:.0f}, {y:.0f}), "
-            f"{side:.0f} pixels wide, may be "
-            f"one that is turned away by more than about {TURN_MAX} degrees, covered or "
-            "blurred; give its landmarks by "
-            "--landmarks FILE.json, or another photo."
+            f"No face was found in the photo for sure: what is at ({x:.0f}, {y:.0f}), {side:.0f} "
+            f"pixels wide, may be one that is turned away by more than about {TURN_MAX} degrees, "
+            "covered or blurred; give its landmarks by --landmarks FILE.json, or another photo."
         )
     raise InputError(
         "No face was found in the photo; crop it to the face, turn it upright, or give the "
-        "landmarks by "
-        "--landmarks FILE.json."
+        "landmarks by --landmarks FILE.json."
     )
 
 

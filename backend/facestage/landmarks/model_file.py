@@ -88,8 +88,7 @@ def _checked(path: Path, name: str) -> bytes:
     if _digest(data) != SHA256:
         raise InputError(
             f"The {name} '{path}' ({len(data)} bytes) is not the expected file (SHA-256 "
-            f"{SHA256[:16]}...): damaged, "
-            f"or another version; fetch it again from {URL}."
+            f"{SHA256[:16]}...): damaged, or another version; fetch it again from {URL}."
         )
     return data
 
@@ -102,11 +101,9 @@ def _fetch() -> tuple[Path, bytes]:
     """Download into the cache, checked and whole. Raises InputError."""
     if is_offline():
         raise InputError(
-            f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which is not on "
-            "this machine, and "
-            f"downloads are off (${OFFLINE_VARIABLE}, or Blender's Preferences > System > "
-            "Network); allow them, or "
-            f"{_by_hand(cached_path())}."
+            f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which is not on this "
+            f"machine, and downloads are off (${OFFLINE_VARIABLE}, or Blender's Preferences > "
+            f"System > Network); allow them, or {_by_hand(cached_path())}."
         )
     import pooch
 
@@ -130,15 +127,13 @@ def _fetch() -> tuple[Path, bytes]:
         reason = "what came from there is another file"
     raise InputError(
         f"Finding the face needs the landmark model {FILE_NAME} (3.7 MB), which could not be "
-        f"fetched ({reason}); "
-        f"{_by_hand(target)}."
+        f"fetched ({reason}); {_by_hand(target)}."
     )
 
 
 def _by_hand(target: Path) -> str:
     """What to do where nothing can be fetched."""
     return (
-        f"download {URL} elsewhere and put it at '{target}' (or name it with "
-        "--landmark-model), or give the fit "
-        "--landmarks FILE.json"
+        f"download {URL} elsewhere and put it at '{target}' (or name it with --landmark-model), or "
+        "give the fit --landmarks FILE.json"
     )

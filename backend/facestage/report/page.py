@@ -140,9 +140,8 @@ def _photo_and_fit(folder: Path) -> str:
     comparison = _figure(
         folder / "comparison.png",
         "Photo, fit and their difference",
-        "Dimmed: the photo where nothing was rendered. The difference covers the pixels that "
-        "count in the fit; "
-        "blue means that the fit is too dark, red that it is too bright.",
+        "Dimmed: the photo where nothing was rendered. The difference covers the pixels that count "
+        "in the fit; blue means that the fit is too dark, red that it is too bright.",
         wide=True,
     )
     return f'{comparison}<div class="columns">{slider}{landmarks}</div>'
@@ -196,8 +195,7 @@ def _light(folder: Path, data: ReportData) -> str:
         folder / "light_probe.png",
         "The fitted light as a lat-long map, with matte and mirror spheres",
         "Numbers are those of the table: the strongest lights. Rings are lights that are on, "
-        "crosses are off. "
-        "Left and right as in the photo; the spheres stand in for the face.",
+        "crosses are off. Left and right as in the photo; the spheres stand in for the face.",
         wide=True,
     )
     rows = "".join(_light_row(row) for row in tables.light_rows(data.result.stage))
@@ -230,10 +228,9 @@ def _certainty(folder: Path, data: ReportData) -> str:
             _figure(
                 folder / CERTAINTY,
                 "Standard deviation of each vertex, as in the photo and from the side",
-                "One standard deviation of each vertex in mm, size and pose taken out: what "
-                "photo, landmarks and face "
-                "statistics leave open if the face model holds. Right: along the camera's "
-                "axis alone.",
+                "One standard deviation of each vertex in mm, size and pose taken out: what photo, "
+                "landmarks and face statistics leave open if the face model holds. Right: along "
+                "the camera's axis alone.",
                 wide=True,
             )
         )

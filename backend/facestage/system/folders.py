@@ -56,8 +56,7 @@ def _home() -> Path:
 def _homeless() -> InputError:
     return InputError(
         "This user has no home folder, so there is no place for Facestage's cache; set "
-        "FACESTAGE_CACHE to a folder "
-        "that you may write to."
+        "FACESTAGE_CACHE to a folder that you may write to."
     )
 
 

@@ -89,8 +89,8 @@ def test_kill_and_resume_matches_the_undisturbed_run(
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     found, wanted = Result.load(tmp_path / "out"), Result.load(finished[0])
     print(
-        "after a kill: vertices off by "
-        f"{1e3 * np.abs(found.vertices - wanted.vertices).max():.1e} mm"
+        f"after a kill: vertices off by {1e3 * np.abs(found.vertices - wanted.vertices).max():.1e} "
+        "mm"
     )
     np.testing.assert_allclose(found.vertices, wanted.vertices, atol=1e-7)
     np.testing.assert_allclose(found.stage.radiance, wanted.stage.radiance, rtol=1e-6)

@@ -191,8 +191,7 @@ def test_the_largest_picture_takes_less_than_three_gigabytes(tmp_path: Path):
     (tmp_path / "a.png").write_bytes(png(side, side, chunk(b"IDAT", pixels)))
     script = (
         "import resource, sys; from pathlib import Path; from facestage.images.image_io import "
-        "read_photograph; "
-        "print(read_photograph(Path(sys.argv[1])).size, "
+        "read_photograph; print(read_photograph(Path(sys.argv[1])).size, "
         "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )
     said = subprocess.run(

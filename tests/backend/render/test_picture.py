@@ -95,10 +95,9 @@ def test_a_picture_equals_the_reference_wherever_the_stage_is(scene: Scene, metr
     error = np.abs(found[both] - wanted[both]).max(axis=1) / np.median(wanted[both])
     # A shadow ray that just misses in one precision just hits in the other.
     print(
-        f"stage {metres:g} m away: float32 against float64, median {np.median(error):.1e}, 95 "
-        "% below "
-        f"{np.percentile(error, 95):.1e}, {100 * (error > 1e-2).mean():.1f} % of pixels differ "
-        "by a shadow's edge"
+        f"stage {metres:g} m away: float32 against float64, median {np.median(error):.1e}, 95 % "
+        f"below {np.percentile(error, 95):.1e}, {100 * (error > 1e-2).mean():.1f} % of pixels "
+        "differ by a shadow's edge"
     )
     assert np.median(error) < 1e-4
     assert (error > 1e-2).mean() < 0.03

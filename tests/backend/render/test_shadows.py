@@ -73,8 +73,7 @@ def test_hard_shadows_pixel_by_pixel(tracer_of, name: str, tmp_path: Path):
     wrong = counted & (found != wanted)
     print(
         f"{name}: {counted.sum()} rays, {(counted & shadowed).sum()} in shadow, {wrong.sum()} "
-        "wrong, "
-        f"{(lit & ~agree).sum()} at an edge left out"
+        f"wrong, {(lit & ~agree).sum()} at an edge left out"
     )
     if wrong.any():
         np.savez(

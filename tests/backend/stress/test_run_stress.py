@@ -121,10 +121,9 @@ def test_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_help_costs_no_renderer() -> None:
     code = (
-        "import sys\nfrom facestage.cli import main\n"
-        "try:\n    main(['stress', '--help'])\nexcept SystemExit:\n    pass\n"
-        "assert not {'mitsuba', 'numpy', 'facestage.stress'} & set(sys.modules), "
-        "sorted(sys.modules)"
+        "import sys\nfrom facestage.cli import main\ntry:\n    main(['stress', '--help'])\nexcept "
+        "SystemExit:\n    pass\nassert not {'mitsuba', 'numpy', 'facestage.stress'} & "
+        "set(sys.modules), sorted(sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -169,9 +169,9 @@ def test_renderer_gets_the_library_chosen_and_not_what_it_finds_itself(
 ) -> None:
     library = working_library()
     code = (
-        "from facestage.render.variant import start_renderer; start_renderer('cpu'); import "
-        "drjit, os\n"
-        "print(os.environ['DRJIT_LIBLLVM_PATH'], drjit.sin(drjit.arange(drjit.llvm.Float, 3))[0])"
+        "from facestage.render.variant import start_renderer; start_renderer('cpu'); import drjit, "
+        "os\nprint(os.environ['DRJIT_LIBLLVM_PATH'], drjit.sin(drjit.arange(drjit.llvm.Float, "
+        "3))[0])"
     )
     # A choice of the user's that does not exist: Dr.Jit would take no other.
     settings = {

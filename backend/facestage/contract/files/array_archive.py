@@ -107,8 +107,7 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
         if wanted != member.file_size - start:
             raise ValueError(
                 f"{what} has {whole_bytes(member.file_size - start)}, expected "
-                f"{whole_bytes(wanted)} for the shape "
-                f"{shape} of {dtype}"
+                f"{whole_bytes(wanted)} for the shape {shape} of {dtype}"
             )
         data = np.empty(wanted, np.uint8)
         filled = 0

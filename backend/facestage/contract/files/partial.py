@@ -41,8 +41,8 @@ def make_partial(out: Path) -> Path:
     if others and MARKER not in others:
         raise InputError(
             f"The folder '{partial}' holds '{others[0]}' and was not made by this version of "
-            "Facestage; the fit "
-            "keeps its checkpoint there: move or delete it, or choose another --out."
+            "Facestage; the fit keeps its checkpoint there: move or delete it, or choose another "
+            "--out."
         )
     return partial
 

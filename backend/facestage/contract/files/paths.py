@@ -33,9 +33,8 @@ def user_path(text: str | Path, what: str) -> Path:
         path = Path(text).expanduser()
     except RuntimeError as error:
         raise InputError(
-            f"The {what} {quoted(text)} begins with the home of a user that this machine does "
-            "not know; write the "
-            "whole path."
+            f"The {what} {quoted(text)} begins with the home of a user that this machine does not "
+            "know; write the whole path."
         ) from error
     try:
         path.lstat()

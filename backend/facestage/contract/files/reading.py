@@ -46,8 +46,7 @@ def open_regular(path: Path, what: str, limit: int) -> BinaryIO:
         if status.st_size > limit:
             raise InputError(
                 f"The {what} '{path}' has {whole_bytes(status.st_size)}, expected at most "
-                f"{whole_bytes(limit)}; "
-                "is it the right file?"
+                f"{whole_bytes(limit)}; is it the right file?"
             )
         return os.fdopen(handle, "rb")
     except BaseException:

@@ -233,8 +233,7 @@ def _check_size(model: FaceModel) -> None:
     if not MODEL_SIZE_MIN <= size <= MODEL_SIZE_MAX:
         raise InputError(
             f"The face model '{model.name}' is {size:.3g} metres large, expected about 0.3 (at "
-            "least "
-            f"{MODEL_SIZE_MIN:g}, at most {MODEL_SIZE_MAX:g}); scale it to metres."
+            f"least {MODEL_SIZE_MIN:g}, at most {MODEL_SIZE_MAX:g}); scale it to metres."
         )
 
 
@@ -252,9 +251,8 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
     lost = ((geometry.new_index[vertices] < 0) & (weights != 0)).any(axis=1)
     if lost.any():
         raise InputError(
-            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a "
-            "vertex that is not "
-            "rendered; put it on the skin."
+            f"The face model '{name}' has landmark {int(lost.argmax())} of '{scheme}' on a vertex "
+            "that is not rendered; put it on the skin."
         )
     if geometry.face_normals(geometry.mean)[geometry.fitted, 2].sum() <= 0:
         raise InputError(
@@ -266,9 +264,8 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
     )
     if np.abs(np.cross(b - a, c - a)).sum() < UV_AREA_MIN:
         raise InputError(
-            f"The face model '{name}' has no usable texture coordinates: its skin covers no "
-            "area of the UV square; "
-            "unwrap it."
+            f"The face model '{name}' has no usable texture coordinates: its skin covers no area "
+            "of the UV square; unwrap it."
         )
 
 
@@ -297,8 +294,7 @@ def read_problem(
     if (camera.width, camera.height) != (width, height):
         raise InputError(
             f"The camera is for {camera.width} x {camera.height} pixels but the photo "
-            f"'{job.image}' has "
-            f"{width} x {height}; give the camera of this photo."
+            f"'{job.image}' has {width} x {height}; give the camera of this photo."
         )
     job = with_landmarks(job, photograph, landmark_model, emit)
     assert job.landmarks is not None

@@ -79,9 +79,8 @@ class Window:
         left, top, right, bottom = self.box
         width, height = self.size
         return (
-            f"{full}; worked on {right - left} x {bottom - top} pixels from ({left}, {top}), "
-            f"as {width} x {height}; "
-            "render.exr is enlarged from that"
+            f"{full}; worked on {right - left} x {bottom - top} pixels from ({left}, {top}), as "
+            f"{width} x {height}; render.exr is enlarged from that"
         )
 
     def camera(self, camera: Camera) -> Camera:

@@ -22,9 +22,9 @@ def check_picture(width: int, height: int, memory: int | None) -> None:
     needed = width * height * BYTES_PER_PIXEL
     if memory is not None and needed > memory:
         raise InputError(
-            f"A picture of {width} x {height} pixels takes about {whole_bytes(needed)} of "
-            "memory, this machine has "
-            f"{whole_bytes(memory)}; render it on a larger one, or fit the photo at a smaller size."
+            f"A picture of {width} x {height} pixels takes about {whole_bytes(needed)} of memory, "
+            f"this machine has {whole_bytes(memory)}; render it on a larger one, or fit the photo "
+            "at a smaller size."
         )
 
 

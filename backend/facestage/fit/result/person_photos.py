@@ -37,10 +37,9 @@ def check_jobs(jobs: Sequence[Job]) -> None:
     """Raise InputError unless the jobs can be of one person."""
     if not 2 <= len(jobs) <= PHOTOS_MAX:
         raise InputError(
-            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 "
-            f"to {PHOTOS_MAX}. "
-            "Leave out --same-person for one photo; of many, choose those that differ most in "
-            "pose and light."
+            f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 to "
+            f"{PHOTOS_MAX}. Leave out --same-person for one photo; of many, choose those that "
+            "differ most in pose and light."
         )
     for name, words in COMMON.items():
         for number, job in enumerate(jobs[1:], 2):

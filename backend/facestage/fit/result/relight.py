@@ -250,7 +250,6 @@ def _check_model(result: Result, model: FaceModel) -> None:
     for what, (found, wanted) in shapes.items():
         if found != wanted:
             raise InputError(
-                f"The result has {found} {what}, the face model '{result.model}' has {wanted}: "
-                "it is another one by "
-                "now; run the fit again."
+                f"The result has {found} {what}, the face model '{result.model}' has {wanted}: it "
+                "is another one by now; run the fit again."
             )

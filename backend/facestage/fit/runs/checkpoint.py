@@ -185,9 +185,8 @@ class Checkpoint:
         """
         if self.fingerprint != fingerprint:
             raise InputError(
-                f"The checkpoint in '{folder}' belongs to another job (photo, landmarks or "
-                "options differ); "
-                "start again without --resume, or restore the options."
+                f"The checkpoint in '{folder}' belongs to another job (photo, landmarks or options "
+                "differ); start again without --resume, or restore the options."
             )
         try:
             schedule[self.phase]

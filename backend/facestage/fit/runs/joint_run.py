@@ -252,9 +252,8 @@ class JointRun:
         if len(checkpoint.photos) != len(self.members):
             raise InputError(
                 f"The checkpoint in '{self.folder}' is of {len(checkpoint.photos)} photos, and "
-                f"{len(self.members)} "
-                "were given; give the same photos in the same order, or start again without "
-                "--resume."
+                f"{len(self.members)} were given; give the same photos in the same order, or start "
+                "again without --resume."
             )
         for photo, member in zip(checkpoint.photos, self.members, strict=True):
             photo.check(member.problem.fingerprint, member.schedule, self.folder)

@@ -31,9 +31,8 @@ def verdict(
     value = errors.get("psnr_skin", np.nan)
     if not fitted.in_time:
         return BUDGET_SPENT, (
-            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB "
-            "so far); "
-            "give more --budget, or continue with --resume."
+            f"The time budget ended before the last step of the schedule (PSNR {value:.1f} dB so "
+            "far); give more --budget, or continue with --resume."
         )
     hidden = _hidden_share(fitted, picture)
     against = _against(problem, fitted, picture, errors, hidden)
@@ -64,15 +63,13 @@ def _against(
     if pixels > LANDMARK_SHARE_MAX * problem.face_size_px / problem.window.factor:
         return (
             f"The fit ended with landmarks that are {pixels:.1f} px off (median); check the "
-            "landmark file, "
-            "or free the pose and expression."
+            "landmark file, or free the pose and expression."
         )
     if hidden > HIDDEN_MAX:
         return (
-            f"{hidden:.0%} of the face shows none of the shading that these lights must cast "
-            "on it, so the shape is "
-            "the landmarks' own; check the landmarks, lights that are held, and what stands "
-            "in front of the face."
+            f"{hidden:.0%} of the face shows none of the shading that these lights must cast on "
+            "it, so the shape is the landmarks' own; check the landmarks, lights that are held, "
+            "and what stands in front of the face."
         )
     if not np.isfinite(value):
         return (
@@ -82,42 +79,37 @@ def _against(
     if share < INFORMATIVE_SHARE_MIN:
         return (
             f"Only {share:.0%} of the face's pixels say anything, the rest is masked, black or "
-            "saturated: shape, skin "
-            "and light are little more than landmarks and statistics; give a photo of another "
-            "exposure, or mask less."
+            "saturated: shape, skin and light are little more than landmarks and statistics; give "
+            "a photo of another exposure, or mask less."
         )
     if fitted.company:
         return fitted.company
     if fitted.doubt:
         return (
-            f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, "
-            "and mask what is not the "
-            "face with an alpha channel."
+            f"The shape is the landmarks' own, because {fitted.doubt}; check the landmarks, and "
+            "mask what is not the face with an alpha channel."
         )
     if value < PSNR_MIN:
         return (
             f"The fit explains the photo poorly (PSNR {value:.1f} dB); hair, glasses, strong "
-            "make-up or "
-            "wrong landmarks are the usual reasons: mask them with an alpha channel."
+            "make-up or wrong landmarks are the usual reasons: mask them with an alpha channel."
         )
     if fitted.lens is not None and fitted.lens.doubtful:
         return (
-            f"The landmarks speak against the given focal length: {fitted.lens.ratio:g} times "
-            "it fits them better "
-            f"(F = {fitted.lens.statistic:.0f}); check the camera, or leave it out to have the "
-            "lens fitted."
+            f"The landmarks speak against the given focal length: {fitted.lens.ratio:g} times it "
+            f"fits them better (F = {fitted.lens.statistic:.0f}); check the camera, or leave it "
+            "out to have the lens fitted."
         )
     if problem.job.weights.prior == 0 and not {"identity", "expression"} <= set(problem.job.freeze):
         return (
-            "The statistical prior is off, so what one photo cannot tell, depth above all, is "
-            "held by nothing (PSNR "
-            f"{value:.1f} dB); give the prior a weight above 0."
+            "The statistical prior is off, so what one photo cannot tell, depth above all, is held "
+            f"by nothing (PSNR {value:.1f} dB); give the prior a weight above 0."
         )
     if not fitted.settled:
         return (
-            "The schedule ended while its steps still changed the fit, or found none that "
-            "improves it (PSNR "
-            f"{value:.1f} dB); the priors may be too weak, or held values contradict the photo."
+            "The schedule ended while its steps still changed the fit, or found none that improves "
+            f"it (PSNR {value:.1f} dB); the priors may be too weak, or held values contradict the "
+            "photo."
         )
     return ""
 

@@ -69,9 +69,8 @@ def doubt(statistic: float, limit: float, psnr: float | None, share: float) -> s
     """Why the photo is not believed about the shape, as a clause; empty when it is."""
     if statistic > limit:
         return (
-            "the photo pulls the shape further than landmarks and face statistics allow (a "
-            "squared distance of "
-            f"{statistic:.0f}, at most {limit:.0f} is plausible)"
+            "the photo pulls the shape further than landmarks and face statistics allow (a squared "
+            f"distance of {statistic:.0f}, at most {limit:.0f} is plausible)"
         )
     if share < INFORMATIVE_SHARE_MIN:
         return f"only {share:.0%} of the face's pixels are neither black nor saturated"

@@ -151,10 +151,8 @@ def register(
     if not known and (tiny or not _found(best)):
         raise InputError(
             "No face was found on the mesh: the nearest fit of a face is "
-            f"{best.median_distance * 1e3:.1f} mm off and "
-            f"covers {best.covered:.0%}; mark some landmarks (eye corners, nose tip, mouth "
-            "corners, chin), or choose "
-            "the mesh of a face."
+            f"{best.median_distance * 1e3:.1f} mm off and covers {best.covered:.0%}; mark some "
+            "landmarks (eye corners, nose tip, mouth corners, chin), or choose the mesh of a face."
         )
     return _warped(source, best, anchors) if warp else best
 

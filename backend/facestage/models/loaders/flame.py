@@ -45,9 +45,9 @@ from facestage.models.mesh.unwrap import SKIN_TILE, unwrap
 SOURCE = "https://flame.is.tue.mpg.de"
 OPEN_LICENSE = "CC-BY-4.0 (FLAME 2023 Open, Max Planck Institute for Intelligent Systems)"
 LICENSE = (
-    "FLAME model licence of the Max Planck Society: non-commercial scientific research, "
-    "education and art only "
-    "(https://flame.is.tue.mpg.de/modellicense.html); FLAME 2023 Open alone is CC-BY-4.0"
+    "FLAME model licence of the Max Planck Society: non-commercial scientific research, education "
+    "and art only (https://flame.is.tue.mpg.de/modellicense.html); FLAME 2023 Open alone is "
+    "CC-BY-4.0"
 )
 MODEL_NAMES = (
     "flame2023_Open.pkl",
@@ -214,9 +214,9 @@ def _landmarks(
                 )
                 return landmark_schemes(table, vertices, skin, default_head)
         raise InputError(
-            f"The FLAME landmark file '{path}' lacks full_lmk_faces_idx and "
-            "full_lmk_bary_coords; expected the "
-            "landmark_embedding.npy of DECA or the flame_static_embedding.pkl of RingNet, or none."
+            f"The FLAME landmark file '{path}' lacks full_lmk_faces_idx and full_lmk_bary_coords; "
+            "expected the landmark_embedding.npy of DECA or the flame_static_embedding.pkl of "
+            "RingNet, or none."
         )
     return landmark_schemes(np.zeros((0, 6)), vertices, skin, default_head)
 
@@ -246,9 +246,8 @@ def _uvs(
             or faces.max() >= len(points)
         ):
             raise InputError(
-                f"The FLAME texture file '{path}' has no UV layout of {TRIANGLE_COUNT} "
-                "triangles (vt, ft); "
-                "remove it, or fetch it again."
+                f"The FLAME texture file '{path}' has no UV layout of {TRIANGLE_COUNT} triangles "
+                "(vt, ft); remove it, or fetch it again."
             )
         return (
             np.clip(points[:, :2], 0, 1).astype(np.float32),

@@ -148,8 +148,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     if str(data["variant"]) != "head" or not str(data["version"]).startswith("3"):
         raise InputError(
             f"'{path}' is the GNM variant '{str(data['variant'])[:20]}' of version "
-            f"{str(data['version'])[:20]}; "
-            f"{_FETCH}"
+            f"{str(data['version'])[:20]}; {_FETCH}"
         )
     v, q = len(data["template_vertex_positions"]), len(data["quads"])
     i, e, j = len(data["identity_names"]), len(data["expression_names"]), len(data["joint_names"])
@@ -305,9 +304,8 @@ def _landmarks(path: Path, vertices: np.ndarray) -> np.ndarray:
         or not np.allclose(weights.sum(axis=1), 1, atol=1e-2)
     ):
         raise InputError(
-            f"The GNM landmark file '{file}' is of another model or damaged; expected 68 rows "
-            "of three vertices, each "
-            "followed by its weight."
+            f"The GNM landmark file '{file}' is of another model or damaged; expected 68 rows of "
+            "three vertices, each followed by its weight."
         )
     table = np.concatenate([indices, weights / weights.sum(axis=1, keepdims=True)], axis=1)
     points = landmark_points(vertices, table)

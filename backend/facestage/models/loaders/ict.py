@@ -95,9 +95,9 @@ def _read(path: Path) -> _Published:
     assert neutral is not None and landmarks is not None
     if (len(neutral.vertices), len(neutral.polygons)) != (VERTEX_COUNT, POLYGON_COUNT):
         raise InputError(
-            f"'{path}': {NEUTRAL} has {len(neutral.vertices)} vertices and "
-            f"{len(neutral.polygons)} polygons, expected "
-            f"{VERTEX_COUNT} and {POLYGON_COUNT}; fetch ICT-FaceKit again from {SOURCE}."
+            f"'{path}': {NEUTRAL} has {len(neutral.vertices)} vertices and {len(neutral.polygons)} "
+            f"polygons, expected {VERTEX_COUNT} and {POLYGON_COUNT}; fetch ICT-FaceKit again from "
+            f"{SOURCE}."
         )
     return _Published(neutral, _landmarks(landmarks), shapes)
 

@@ -140,9 +140,8 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
     worst = 0.0
     for name, error, share in columns(scene, block):
         print(
-            f"{name:14s} error {error:.1e} of the derivative's size over {100 * share:.0f} % "
-            "of the pixels, "
-            f"allowed {bound:.0e}, margin {bound / max(error, 1e-12):.0f}x"
+            f"{name:14s} error {error:.1e} of the derivative's size over {100 * share:.0f} % of "
+            f"the pixels, allowed {bound:.0e}, margin {bound / max(error, 1e-12):.0f}x"
         )
         worst = max(worst, error)
         assert share > 0.6

@@ -301,13 +301,10 @@ def test_every_parameter_that_moves_the_shadow(penumbra: SoftShadow, block: str,
             for key, found in (("with", moving), ("without", frozen))
         }
         print(
-            f"{name:14s} {compared.sum():4d} pixels: sum off by {100 * off['with']:.1f} % "
-            "(without edges "
-            f"{100 * off['without']:.0f} %), allowed {100 * SUM_BOUND:.0f} %, margin "
-            f"{SUM_BOUND / off['with']:.0f}x; "
-            f"correlation {like['with']:.3f} (without {like['without']:.3f}); error "
-            f"{error['with']:.2f} "
-            f"(without {error['without']:.2f})"
+            f"{name:14s} {compared.sum():4d} pixels: sum off by {100 * off['with']:.1f} % (without "
+            f"edges {100 * off['without']:.0f} %), allowed {100 * SUM_BOUND:.0f} %, margin "
+            f"{SUM_BOUND / off['with']:.0f}x; correlation {like['with']:.3f} (without "
+            f"{like['without']:.3f}); error {error['with']:.2f} (without {error['without']:.2f})"
         )
         np.savez(
             tmp_path / f"{name}.npz",

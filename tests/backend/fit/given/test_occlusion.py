@@ -39,8 +39,8 @@ def test_a_board_is_found_to_its_edge(rendered: tuple[np.ndarray, np.ndarray], s
     below = np.zeros_like(seen)
     below[SIDE // 2 :] = True
     print(
-        f"hidden {hidden[seen & below].mean():.3f} of what is, "
-        f"{hidden[seen & ~below].mean():.3f} of what is not"
+        f"hidden {hidden[seen & below].mean():.3f} of what is, {hidden[seen & ~below].mean():.3f} "
+        "of what is not"
     )
     assert hidden[seen & below].mean() > 0.99
     assert not hidden[: SIDE // 2 - 3].any()

@@ -167,18 +167,12 @@ def test_a_lock_ends_with_its_process(tmp_path: Path):
 def test_many_runs_for_one_place_take_turns(tmp_path: Path):
     """Each goes in and out again and again; two within it at once would find each other's file."""
     script = (
-        "import sys\nfrom pathlib import Path\nfrom facestage.contract.errors import InputError\n"
-        "from facestage.fit.runs.place import claimed\n"
-        "out, held = Path(sys.argv[1]), 0\n"
-        "while held < 20:\n"
-        "    try:\n"
-        "        with claimed(out, 'result.json') as partial:\n"
-        "            (partial / 'preview.png').open('x').close()\n"
-        "            (partial / 'preview.png').unlink()\n"
-        "            held += 1\n"
-        "    except InputError as error:\n"
-        "        assert 'Another fit' in str(error), error\n"
-        "print(held)\n"
+        "import sys\nfrom pathlib import Path\nfrom facestage.contract.errors import "
+        "InputError\nfrom facestage.fit.runs.place import claimed\nout, held = Path(sys.argv[1]), "
+        "0\nwhile held < 20:\n    try:\n        with claimed(out, 'result.json') as partial:\n     "
+        "       (partial / 'preview.png').open('x').close()\n            (partial / "
+        "'preview.png').unlink()\n            held += 1\n    except InputError as error:\n        "
+        "assert 'Another fit' in str(error), error\nprint(held)\n"
     )
     runs = [
         subprocess.Popen(

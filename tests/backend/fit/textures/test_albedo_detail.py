@@ -119,8 +119,7 @@ def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
     found, naive = painted(Doubts()), painted(Doubts(0.0, 0.0, 0.0))
     print(
         f"painted {found[0]:.4f} (without doubt {naive[0]:.4f}); correlation with the shadow's "
-        f"edge {found[1]:.2f} "
-        f"({naive[1]:.2f}), with the highlights {found[2]:.2f} ({naive[2]:.2f})"
+        f"edge {found[1]:.2f} ({naive[1]:.2f}), with the highlights {found[2]:.2f} ({naive[2]:.2f})"
     )
     assert strong.sum() > 20 and edge.sum() > 50
     assert found[0] < 0.6 * naive[0] and found[1] < min(naive[1], 0.3) and abs(found[2]) < 0.2
