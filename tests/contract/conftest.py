@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from facestage.contract.camera import Camera
-from facestage.contract.job import Job, Weights
+from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, fibonacci_stage
 from facestage.contract.result import CONVERGED, Result
+from reference.contract_files import full_job
 
 
 def rigid(seed: int) -> np.ndarray:
@@ -44,22 +45,12 @@ def photo(tmp_path: Path) -> Path:
 def job(photo: Path, landmarks: Landmarks) -> Job:
     stage = fibonacci_stage(5, radiance=2.5)
     stage = replace(stage, state=np.array([0, FROZEN, OFF, 0, 0])).with_radiance(stage.radiance)
-    return Job(
-        image=photo,
-        model="npz:face.npz",
+    return full_job(
+        photo,
+        rigid(3),
         landmarks=landmarks,
         camera=Camera(96, 80, 123.25, (47.5, 41.0)),
         stage=stage,
-        camera_to_stage=rigid(3),
-        light_color="uniform",
-        freeze=("pose", "roughness"),
-        weights=Weights(photo=0.5, light=2.0),
-        initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
-        budget_seconds=12.5,
-        seed=7,
-        device="cpu",
-        truth=Path("/elsewhere/truth.npz"),
-        face=2,
     )
 
 

@@ -13,29 +13,14 @@ import pytest
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.rig_file import MARKS, RigFile
+from reference.contract_files import full_rig
 from reference.synthetic_face import synthetic_face
 from reference.tampering import ARRAY_CHANGES, GONE
 
 
 @pytest.fixture(scope="module")
 def rig() -> RigFile:
-    model = synthetic_face(12, 14)
-    return RigFile(
-        name="Alice",
-        license="yours",
-        vertices=model.vertices.astype(float),
-        polygons=model.polygons,
-        polygon_uvs=model.polygon_uvs,
-        polygon_part=model.polygon_part,
-        uvs=model.uvs,
-        expression_names=model.expression_names,
-        expression_offsets=model.expression_basis,
-        identity_names=model.identity_names,
-        identity_offsets=model.identity_basis,
-        scale=(0.01, 0.01, 0.02),
-        borrow_identity=False,
-        marks={"chin": np.array([3, 5], np.int32)},
-    )
+    return full_rig(synthetic_face(12, 14), scale=(0.01, 0.01, 0.02))
 
 
 def test_round_trip_keeps_everything(tmp_path: Path, rig: RigFile):

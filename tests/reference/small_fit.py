@@ -9,3 +9,7 @@ from facestage.fit.given.fineness import Fineness
 SMALL = Fineness(specular_size=6, texture_min=64, texture_max=64, gloss_texture=32)
 # Two steps in each phase with a photo never settle.
 QUICK = replace(SMALL, steps_max=2, settled_share=1.0)
+
+
+class StopError(Exception):
+    """Raised by a listener in place of a kill."""

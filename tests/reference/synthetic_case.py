@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from facestage.contract.camera import Camera
 from facestage.contract.files.color import linear_to_srgb
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
 from reference.synthetic_scene import Scene
 
 
@@ -25,6 +30,19 @@ class Case:
     @property
     def model_option(self) -> str:
         return f"npz:{self.model}"
+
+    def job(self, lights: int = 4, **changes: Any) -> Job:
+        """A fit of the photo on the CPU; ``changes`` are fields of the job."""
+        job = Job(
+            self.photo,
+            self.model_option,
+            Landmarks.read(self.landmarks),
+            Camera.read(self.camera),
+            stage=fibonacci_stage(lights),
+            device="cpu",
+            truth=self.truth,
+        )
+        return replace(job, **changes)
 
 
 def write_case(folder: Path, scene: Scene, noise_px: float = 0.4) -> Case:

@@ -15,7 +15,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
-from facestage.contract.job import Job, Weights
+from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, LightStage, fibonacci_stage
 from facestage.contract.person import Person, PersonPhoto
@@ -25,6 +25,7 @@ from facestage.contract.rig_file import RigFile
 from fuzz.case import Case
 from fuzz.damage.archives import zip_bytes, zip_members
 from fuzz.seeds.images import exr
+from reference.contract_files import full_job, full_rig
 from reference.synthetic_face import synthetic_face
 
 LIGHTS, SIDE = 3, 24
@@ -108,23 +109,9 @@ def job_folders() -> list[Case]:
     def full(folder: Path) -> None:
         photo = folder / "photo.png"
         photo.write_bytes(b"not decoded by the contract")
-        Job(
-            image=photo,
-            model="npz:face.npz",
-            landmarks=landmarks(),
-            camera=camera(),
-            stage=stage(),
-            camera_to_stage=rigid(3),
-            light_color="uniform",
-            freeze=("pose", "roughness"),
-            weights=Weights(photo=0.5, light=2.0),
-            initial={"identity": np.arange(3.0), "roughness": np.array(0.3)},
-            budget_seconds=12.5,
-            seed=7,
-            device="cpu",
-            truth=Path("/elsewhere/truth.npz"),
-            face=2,
-        ).write_into(folder, copy_image=False)
+        full_job(photo, rigid(3), landmarks=landmarks(), camera=camera(), stage=stage()).write_into(
+            folder, copy_image=False
+        )
         data = json.loads((folder / "job.json").read_text())
         (folder / "job.json").write_text(json.dumps(data | {"image": "photo.png"}))
 
@@ -218,22 +205,7 @@ def small_default() -> FaceModel:
 
 
 def rig() -> RigFile:
-    model = tiny_model()
-    return RigFile(
-        name="Alice",
-        license="yours",
-        vertices=model.vertices.astype(float),
-        polygons=model.polygons,
-        polygon_uvs=model.polygon_uvs,
-        polygon_part=model.polygon_part,
-        uvs=model.uvs,
-        expression_names=model.expression_names,
-        expression_offsets=model.expression_basis,
-        identity_names=model.identity_names,
-        identity_offsets=model.identity_basis,
-        borrow_identity=False,
-        marks={"chin": np.array([3, 5], np.int32)},
-    )
+    return full_rig(tiny_model())
 
 
 def rig_files() -> list[Case]:

@@ -13,13 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job
-from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.contract.result_files import is_result_file
@@ -29,7 +26,7 @@ from facestage.fit.result import person as person_fit
 from facestage.fit.result import run
 from facestage.fit.result.relight import render_result
 from facestage.images.image_io import read_exr
-from reference.small_fit import QUICK, SMALL
+from reference.small_fit import QUICK, SMALL, StopError
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
 from reference.two_photos import another_photo
@@ -41,23 +38,6 @@ fit_person = partial(person_fit.fit_person, fineness=SMALL)
 quick_fit = partial(person_fit.fit_person, fineness=QUICK)
 
 
-class StopError(Exception):
-    """Raised by a listener in place of a kill."""
-
-
-def job_of(case: Case, **changes) -> Job:
-    job = Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(4),
-        device="cpu",
-        truth=case.truth,
-    )
-    return replace(job, **changes)
-
-
 @pytest.fixture(scope="module")
 def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> list[Job]:
     """Two photos of the person, and one of another."""
@@ -66,7 +46,7 @@ def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
     stranger = write_case(
         tmp_path_factory.mktemp("stranger"), another_photo(replace(scene, state=other))
     )
-    return [job_of(one, model=case.model_option) for one in (case, second, stranger)]
+    return [one.job(model=case.model_option) for one in (case, second, stranger)]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.partial import CHECKPOINT
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.job import Job, Weights
-from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.fit.energy.plan import Ledger, Work
 from facestage.fit.face.layout import Layout
@@ -27,28 +26,12 @@ from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.passage import Within
 from facestage.fit.stages.view import Memory
 from facestage.fit.trust.fitted import Fitted
-from reference.small_fit import SMALL
+from reference.small_fit import SMALL, StopError
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
 FOREVER = float("inf")
 STATES = ("began", "start", "within")
-
-
-class StopError(Exception):
-    """Raised by a listener in place of a kill."""
-
-
-def job_of(case: Case, **changes) -> Job:
-    job = Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(4),
-        device="cpu",
-    )
-    return replace(job, **changes)
 
 
 def run_of(job: Job, folder: Path, listen=lambda progress: None) -> FitRun:
@@ -93,7 +76,7 @@ def assert_same(found: Fitted, wanted: Fitted) -> None:
 @pytest.fixture(scope="module")
 def whole(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Fitted:
     """The run that nothing stopped, with the small maps."""
-    return run_of(job_of(case), tmp_path_factory.mktemp("whole")).run(FOREVER)
+    return run_of(case.job(truth=None), tmp_path_factory.mktemp("whole")).run(FOREVER)
 
 
 def test_the_schedule_runs_every_phase(whole: Fitted):
@@ -109,17 +92,17 @@ def test_stopped_anywhere_it_ends_at_the_same_place(
     case: Case, whole: Fitted, tmp_path: Path, share: float
 ):
     steps = max(1, int(share * len(whole.trace)))
-    interrupted(job_of(case), tmp_path, steps)
+    interrupted(case.job(truth=None), tmp_path, steps)
     checkpoint = Checkpoint.load(tmp_path)
     assert checkpoint is not None and len(checkpoint.trace) == steps - 1, (
         "where the last step began"
     )
-    assert_same(run_of(job_of(case), tmp_path).run(FOREVER, checkpoint), whole)
+    assert_same(run_of(case.job(truth=None), tmp_path).run(FOREVER, checkpoint), whole)
 
 
 def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
-    interrupted(job_of(case), tmp_path, 6)
-    second = run_of(job_of(case), tmp_path)
+    interrupted(case.job(truth=None), tmp_path, 6)
+    second = run_of(case.job(truth=None), tmp_path)
     limit = len(whole.trace) - 2
 
     def listen(_progress: Progress) -> None:
@@ -129,7 +112,9 @@ def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
     second.listen = listen
     with pytest.raises(StopError):
         second.run(FOREVER, Checkpoint.load(tmp_path))
-    assert_same(run_of(job_of(case), tmp_path).run(FOREVER, Checkpoint.load(tmp_path)), whole)
+    assert_same(
+        run_of(case.job(truth=None), tmp_path).run(FOREVER, Checkpoint.load(tmp_path)), whole
+    )
 
 
 @pytest.mark.parametrize(
@@ -147,34 +132,34 @@ def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
     ids=lambda change: next(iter(change)),
 )
 def test_a_checkpoint_of_another_job_is_refused(case: Case, tmp_path: Path, change: dict):
-    interrupted(job_of(case), tmp_path, 2)
+    interrupted(case.job(truth=None), tmp_path, 2)
     with pytest.raises(InputError, match=r"belongs to another job.*--resume"):
-        run_of(job_of(case, **change), tmp_path).run(FOREVER, Checkpoint.load(tmp_path))
+        run_of(case.job(**change, truth=None), tmp_path).run(FOREVER, Checkpoint.load(tmp_path))
 
 
 def test_the_budget_may_change(case: Case, tmp_path: Path):
-    interrupted(job_of(case, budget_seconds=1.0), tmp_path, 2)
+    interrupted(case.job(budget_seconds=1.0, truth=None), tmp_path, 2)
     checkpoint = Checkpoint.load(tmp_path)
     # The second step, where it was stopped, is taken again.
     assert checkpoint is not None and len(checkpoint.trace) == 1
-    found = run_of(job_of(case, budget_seconds=900.0), tmp_path).run(0.0, checkpoint)
+    found = run_of(case.job(budget_seconds=900.0, truth=None), tmp_path).run(0.0, checkpoint)
     assert found.trace[:1] == checkpoint.trace and len(found.trace) > 1
 
 
 def test_a_checkpoint_of_a_phase_that_the_schedule_has_not_is_refused(case: Case, tmp_path: Path):
-    interrupted(job_of(case), tmp_path, 2)
+    interrupted(case.job(truth=None), tmp_path, 2)
     checkpoint = Checkpoint.load(tmp_path)
     assert checkpoint is not None
     with pytest.raises(InputError, match=r"damaged.*lens.*--resume"):
-        run_of(job_of(case), tmp_path).run(FOREVER, replace(checkpoint, phase="lens"))
+        run_of(case.job(truth=None), tmp_path).run(FOREVER, replace(checkpoint, phase="lens"))
 
 
 @pytest.mark.parametrize("budget", [0.0, FOREVER])
 def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
     case: Case, whole: Fitted, tmp_path: Path, budget: float
 ):
-    interrupted(job_of(case), tmp_path, len(whole.trace))
-    fitted = run_of(job_of(case), tmp_path).run(budget, Checkpoint.load(tmp_path))
+    interrupted(case.job(truth=None), tmp_path, len(whole.trace))
+    fitted = run_of(case.job(truth=None), tmp_path).run(budget, Checkpoint.load(tmp_path))
     assert fitted.energy == whole.energy and fitted.certainty.deviations
 
 

@@ -20,7 +20,6 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, STARTED, Event
 from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job, Weights
-from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
@@ -47,15 +46,7 @@ def no_report() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def job(case: Case) -> Job:
-    return Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(4),
-        device="cpu",
-        truth=case.truth,
-    )
+    return case.job()
 
 
 @dataclass(frozen=True)

@@ -12,28 +12,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.job import Job
-from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.person import Person
 from facestage.contract.result import STOPPED, Result
 from facestage.fit.result.person import fit_person
 from facestage.fit.result.run import fit_job
 from facestage.fit.runs.member import Member
 from reference.same_answer import differences
-from reference.small_fit import QUICK
+from reference.small_fit import QUICK, StopError
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
 from reference.two_photos import another_photo
 
 Fit = Callable[[Path, bool, Callable[[Event], None]], object]
 DRAWING = "Drawing textures and pictures"
-
-
-class StopError(Exception):
-    """Raised by a listener in place of a kill."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -47,19 +40,6 @@ def no_report(renderer: str):
         yield
 
 
-def job_of(case: Case, **changes) -> Job:
-    job = Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(4),
-        device="cpu",
-        truth=case.truth,
-    )
-    return replace(job, **changes)
-
-
 def noise(path: Path, side: int) -> Path:
     """A photo of nothing."""
     pixels = np.random.default_rng(side).integers(0, 255, (side, side, 3), np.uint8)
@@ -71,8 +51,8 @@ def noise(path: Path, side: int) -> Path:
 def jobs(case: Case, scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> list[Job]:
     """Two photos of the person, and one with the second's landmarks that shows nothing."""
     folder = tmp_path_factory.mktemp("second")
-    second = job_of(write_case(folder, another_photo(scene)), model=case.model_option)
-    return [job_of(case), second, replace(second, image=noise(folder / "noise.png", 80))]
+    second = write_case(folder, another_photo(scene)).job(model=case.model_option)
+    return [case.job(), second, replace(second, image=noise(folder / "noise.png", 80))]
 
 
 def one(job: Job) -> Fit:

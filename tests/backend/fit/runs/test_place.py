@@ -14,17 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.files.partial import CHECKPOINT, LOCK, MARKER, partial_folder
 from facestage.contract.job import Job
-from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.result import Result
 from facestage.fit.result import person, run
 from facestage.fit.runs.place import claimed
-from reference.small_fit import SMALL
+from reference.small_fit import SMALL, StopError
 from reference.synthetic_case import Case
 
 RESULT = "result.json"
@@ -33,22 +30,12 @@ fit_job = partial(run.fit_job, fineness=SMALL)
 fit_person = partial(person.fit_person, fineness=SMALL)
 
 
-class StopError(Exception):
-    """Raised by a listener in place of a kill."""
-
-
 @pytest.fixture
 def job(case: Case, monkeypatch: pytest.MonkeyPatch) -> Job:
     """All but light is frozen, and no report: the quickest fit."""
     monkeypatch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-    return Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(4),
-        device="cpu",
-        freeze=("albedo", "specular", "roughness", "identity", "expression"),
+    return case.job(
+        truth=None, freeze=("albedo", "specular", "roughness", "identity", "expression")
     )
 
 

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job, Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.result import CONVERGED, STOPPED
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -87,15 +85,7 @@ def test_a_wrong_lens_shows_in_the_landmarks(scene: Scene, factor: float):
 
 @pytest.fixture
 def job(case: Case) -> Job:
-    return Job(
-        case.photo,
-        case.model_option,
-        Landmarks.read(case.landmarks),
-        Camera.read(case.camera),
-        stage=fibonacci_stage(6),
-        device="cpu",
-        truth=case.truth,
-    )
+    return case.job(lights=6)
 
 
 @pytest.mark.usefixtures("renderer")
