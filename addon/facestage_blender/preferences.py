@@ -90,6 +90,6 @@ def online_access() -> bool:
     --offline-mode.
 
     Blender as a Python module has no preferences to set: there the user's own command line decides,
-    as for `facestage`.
+    as for `facestage`. Older Blenders, 4.3 among them, do not say whether they are a module.
     """
-    return bool(bpy.app.module or bpy.app.online_access)
+    return bool(getattr(bpy.app, "module", False) or bpy.app.online_access)

@@ -20,17 +20,26 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 SAY = "import os; print(os.environ.get('FACESTAGE_OFFLINE'), os.environ['PYTHONSAFEPATH'])"
 
 
-def blender(monkeypatch: pytest.MonkeyPatch, *, module: bool, allowed: bool) -> None:
-    app = SimpleNamespace(module=module, online_access=allowed)
+def blender(monkeypatch: pytest.MonkeyPatch, *, module: bool | None, allowed: bool) -> None:
+    """``module``: None in a Blender that does not know the word, as 4.3."""
+    app = SimpleNamespace(online_access=allowed)
+    if module is not None:
+        app.module = module
     monkeypatch.setattr(preferences, "bpy", SimpleNamespace(app=app))
 
 
 @pytest.mark.parametrize(
     ("module", "allowed", "expected"),
-    [(False, True, True), (False, False, False), (True, False, True)],
+    [
+        (False, True, True),
+        (False, False, False),
+        (True, False, True),
+        (None, True, True),
+        (None, False, False),
+    ],
 )
 def test_blenders_preference_decides_except_without_one(
-    monkeypatch: pytest.MonkeyPatch, module: bool, allowed: bool, expected: bool
+    monkeypatch: pytest.MonkeyPatch, module: bool | None, allowed: bool, expected: bool
 ) -> None:
     blender(monkeypatch, module=module, allowed=allowed)
     assert preferences.online_access() == expected
