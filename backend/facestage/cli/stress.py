@@ -22,7 +22,7 @@ def add_command(commands: Any) -> None:
         "claims to have converged beyond the bounds that the case states.",
         epilog="Example: facestage stress --out stress, or facestage stress --case "
         "grazing-light yaw-90. "
-        "All cases take about ten minutes on two cores.",
+        "All cases take about a quarter of an hour on two cores.",
     )
     stress.add_argument(
         "--out",

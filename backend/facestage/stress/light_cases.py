@@ -128,9 +128,10 @@ def lights_behind_head(folder: Path) -> Job:
     """No light reaches the face."""
     scene = plain_scene()
     flip = np.array([1.0, 1.0, -1.0])
-    stage = scene.stage
-    scene = with_stage(scene, position=stage.position * flip, direction=stage.direction * flip)
-    return _job(folder, scene)
+    mirrored = {
+        name: getattr(scene.stage, name) * flip for name in ("position", "direction", "axis_x")
+    }
+    return _job(folder, with_stage(scene, **mirrored))
 
 
 @suite.add("one-light", "a stage of a single light", worst_mm=1.0, worst_psnr=32)

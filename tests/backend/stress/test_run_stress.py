@@ -12,6 +12,7 @@ import pytest
 
 from facestage.cli import main
 from facestage.contract.errors import InputError
+from facestage.contract.job import Job
 from facestage.contract.result import CONVERGED
 from facestage.stress import run
 from facestage.stress.case import Case
@@ -19,6 +20,7 @@ from facestage.stress.cases import CASES
 from facestage.stress.child import run_case
 from facestage.stress.outcome import CRASHED, HUNG, REFUSED, Outcome
 from facestage.stress.run import run_in_child, run_stress
+from reference.known import known
 
 ANY = CASES["plain"]
 
@@ -54,6 +56,15 @@ def test_an_exception_is_a_crash_with_its_place(tmp_path: Path) -> None:
     outcome = run_case(Case("broken", "raises", build), tmp_path)  # type: ignore[arg-type]
     assert outcome.kind == CRASHED
     assert outcome.sentence.startswith("ZeroDivisionError: division by zero (test_run_stress.py:")
+
+
+def test_a_mirrored_stage_is_one_that_a_job_may_hold(tmp_path: Path) -> None:
+    # The fit takes the job as it is; what reads its result checks the stage again.
+    job = CASES["lights-behind-head"].build(tmp_path)
+    (tmp_path / "job").mkdir()
+    job.write_into(tmp_path / "job", copy_image=False)
+    behind = known(Job.load(tmp_path / "job").stage)
+    assert (behind.position[:, 2] < 0).all() and (behind.direction[:, 2] > 0).all()
 
 
 def test_an_input_error_is_a_refusal(tmp_path: Path) -> None:
