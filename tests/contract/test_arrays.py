@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import jaxtyping
 import numpy as np
@@ -14,6 +15,48 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from reference.checked import checked
+
+ONE, TWO = np.zeros(1), np.zeros(2)
+
+
+@checked
+def joined(
+    a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"], *, wrong: bool = False
+) -> Float[np.ndarray, "n n"]:
+    if len(a) > 1:
+        joined(a[:1], b[:1])  # its n is another one
+    return np.outer(a, b)[: 0 if wrong else None]
+
+
+@checked
+def each(array: Float[np.ndarray, " n"]) -> Iterator[float]:
+    yield from array
+
+
+@checked
+def named(word: str) -> int:
+    return len(word) if word else None  # type: ignore[return-value]
+
+
+def test_a_name_is_one_length_within_a_call():
+    assert joined(ONE, ONE).shape == (1, 1)
+    assert joined(TWO, TWO).shape == (2, 2)
+    with pytest.raises(jaxtyping.TypeCheckError, match=r"\bb\b"):
+        joined(TWO, ONE)
+    with pytest.raises(jaxtyping.TypeCheckError, match="return"):
+        joined(TWO, TWO, wrong=True)
+
+
+def test_calls_without_arrays_and_generators_are_checked_too():
+    assert named("four") == 4
+    with pytest.raises(jaxtyping.TypeCheckError, match="word"):
+        named(4)  # type: ignore[arg-type]
+    with pytest.raises(jaxtyping.TypeCheckError, match="return"):
+        named("")
+    assert list(each(TWO)) == [0.0, 0.0]
+    with pytest.raises(jaxtyping.TypeCheckError, match="array"):
+        each([0.0])  # type: ignore[arg-type]
 
 
 def test_an_argument_of_another_shape_is_refused():
