@@ -128,7 +128,6 @@ HEAVY = (
     "scipy.linalg",
     "scipy.ndimage",
     "scipy.sparse",
-    "scipy.stats",
     "scipy.spatial.transform",
     "scipy.optimize",
     "scipy.interpolate",

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri
 
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.layout import Layout
@@ -94,7 +94,7 @@ def difference(one: Evidence, others: Sequence[Evidence]) -> Difference:
     freedom = sum(each.freedom for each in everyone)
     scale = max(sum(each.misfit for each in everyone) / freedom, 1e-12)
     statistic = float(surprise @ np.linalg.solve(spread, surprise)) / scale
-    return Difference(statistic, count * float(f_distribution.ppf(1.0 - CHANCE, count, freedom)))
+    return Difference(statistic, count * float(fdtri(count, freedom, 1.0 - CHANCE)))
 
 
 def odd_ones(evidence: Sequence[Evidence]) -> dict[int, Difference]:
