@@ -52,10 +52,10 @@ class FrontView:
             inside = ((cell >= 0) & (cell < [_WIDTH, _HEIGHT])).all(axis=1)
             index = cell[inside] @ np.array([1, _WIDTH])
             z, slope = points[inside, 2], slope[inside]
-            order = np.argsort(z, kind="stable")
-            index, z, slope = index[order], z[order], slope[order]
-            front = z > self.depth[index]
-            self.depth[index[front]], self.normal_y[index[front]] = z[front], slope[front]
+            before = self.depth[index]
+            np.maximum.at(self.depth, index, z)
+            front = (z > before) & (z == self.depth[index])
+            self.normal_y[index[front]] = slope[front]
         self.depth = self.depth.reshape(_HEIGHT, _WIDTH)
         self.normal_y = self.normal_y.reshape(_HEIGHT, _WIDTH)
 

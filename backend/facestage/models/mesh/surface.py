@@ -16,12 +16,15 @@ from facestage.contract.errors import InputError
 SAMPLES = 60_000
 _MAX_SUBDIVISION = 24
 _CANDIDATES = 10
+_WELD = 1_000_000  # a mesh's size over the distance within which its vertices are one
+# three numbers from 0 to _WELD as one
+_PLACES = np.array([(_WELD + 1) ** 2, _WELD + 1, 1], np.int64)
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """Nearest points of m queries; ``distance`` is infinite where no triangle agreed with the
-    query's normal.
+    """Nearest points of m queries; where no triangle agreed with the query's normal, ``distance``
+    is infinite and the rest means nothing.
     """
 
     triangle: np.ndarray  # (m,) int
@@ -50,14 +53,18 @@ class Surface:
             )
         self.triangles, self.normal, self.area = triangles[kept], normal[kept], area[kept]
         self.open_edge = _open_edges(self.vertices, self.triangles)
+        self.corners = self.vertices[self.triangles]
         self.sample_triangle, self.sample = self._samples()
+        # how far the sample's triangle reaches from it, with a billionth for rounding
+        arms = self.corners[self.sample_triangle] - self.sample[:, None]
+        self.sample_reach = (1 + 1e-9) * np.sqrt(_dot(arms, arms).max(axis=1))
         self.tree = cKDTree(self.sample)
 
     def _samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Centres of the small triangles that each triangle is split into, so that all are of
         similar extent.
         """
-        corners = self.vertices[self.triangles]
+        corners = self.corners
         longest = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1))
         spacing = np.sqrt(2.0 * self.area.sum() / SAMPLES)
         count = np.clip(np.ceil(longest / spacing), 1, _MAX_SUBDIVISION).astype(int)
@@ -77,14 +84,28 @@ class Surface:
         """
         points = np.asarray(points, np.float64)
         candidates = min(_CANDIDATES if normals is None else 2 * _CANDIDATES, len(self.sample))
-        _, found = self.tree.query(points, k=candidates)
-        triangle = self.sample_triangle[np.asarray(found).reshape(len(points), candidates)]
-        weights = closest_weights(points[:, None], self.vertices[self.triangles[triangle]])
-        foot = np.einsum("mqk,mqkc->mqc", weights, self.vertices[self.triangles[triangle]])
-        distance = np.linalg.norm(foot - points[:, None], axis=2)
+        to_sample, sample = self.tree.query(points, k=candidates)
+        to_sample = np.asarray(to_sample).reshape(len(points), candidates)
+        sample = np.asarray(sample).reshape(len(points), candidates)
+        triangle = self.sample_triangle[sample]
+        asked = np.ones(triangle.shape, bool)
         if normals is not None:
-            agrees = np.einsum("mqc,mc->mq", self.normal[triangle], normals) > cosine
-            distance = np.where(agrees, distance, np.inf)
+            asked = np.einsum("mqc,mc->mq", self.normal[triangle], normals) > cosine
+        # A triangle is no further than a sample of it, and nearer by at most how far it reaches.
+        nearest_sample = np.where(asked, to_sample, np.inf).min(axis=1, keepdims=True)
+        asked &= to_sample - self.sample_reach[sample] <= nearest_sample
+        for k in range(1, candidates):
+            asked[:, k] &= ~(triangle[:, :k] == triangle[:, k : k + 1]).any(axis=1)
+        query, candidate = np.nonzero(asked)
+        corners = self.corners[triangle[query, candidate]]
+        found = closest_weights(points[query], corners)
+        weights = np.zeros((*triangle.shape, 3))
+        weights[query, candidate] = found
+        foot = np.zeros((*triangle.shape, 3))
+        foot[query, candidate] = np.einsum("ik,ikc->ic", found, corners)
+        distance = np.full(triangle.shape, np.inf)
+        away = foot[query, candidate] - points[query]
+        distance[query, candidate] = np.linalg.norm(away, axis=1)
         best = distance.argmin(axis=1)
         row = np.arange(len(points))
         triangle, weights = triangle[row, best], weights[row, best]
@@ -171,14 +192,15 @@ def pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def welded(vertices: np.ndarray) -> np.ndarray:
     """(n,) int: one number for each distinct place, to a millionth of the mesh's size."""
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-300)
-    keys = np.round((vertices - vertices.min(axis=0)) / size * 1e6).astype(np.int64)
-    return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+    keys = np.round((vertices - vertices.min(axis=0)) / size * _WELD).astype(np.int64)
+    return np.unique(keys @ _PLACES, return_inverse=True)[1].ravel()
 
 
 def _open_edges(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(t, 3) bool: the edge opposite each corner belongs to one triangle only."""
     corner = welded(vertices)[triangles]
     edges = np.stack([corner[:, [1, 2]], corner[:, [2, 0]], corner[:, [0, 1]]], axis=1)
-    edges = np.sort(edges.reshape(-1, 2), axis=1)
-    _, inverse, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    low, high = np.sort(edges.reshape(-1, 2), axis=1).T
+    keys = low * (int(corner.max()) + 1) + high
+    _, inverse, count = np.unique(keys, return_inverse=True, return_counts=True)
     return (count[inverse.ravel()] == 1).reshape(-1, 3)
