@@ -25,6 +25,8 @@ demo: setup ## Fit a face from a photograph and show it in a Blender scene
 
 # Each process takes one core and up to 2 GiB; make test PROCESSES=0 runs the tests in one, for a debugger.
 PROCESSES ?= auto
+# What a test imports is compiled once, not in each of the hundred processes that tests start.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: setup ## Run all tests, in a process for each core
 	@$(VENV) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
