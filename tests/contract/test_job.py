@@ -248,6 +248,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "seed": 0,
         "device": "auto",
         "truth": None,
+        "face_region": None,
         "plan": "lean",
         "quality": "good",
         "face": None,

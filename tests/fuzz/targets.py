@@ -98,6 +98,7 @@ TARGETS = {
         _target(
             "truth", "facestage.fit.given.truth", seeds_contract.truth_files, files.read_truth, 40
         ),
+        _target("scan", f"{CONTRACT}.scan", seeds_contract.scan_files, files.read_scan, 40),
         _target(
             "memory", "facestage.system.native", seeds_contract.memories, files.read_memory, 30
         ),

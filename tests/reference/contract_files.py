@@ -26,6 +26,7 @@ def full_job(image: Path, camera_to_stage: np.ndarray, **given: Any) -> Job:
         seed=7,
         device="cpu",
         truth=Path("/elsewhere/truth.npz"),
+        face_region=Path("/elsewhere/face.npy"),
         face=2,
         **given,
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.camera import Camera
-from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
+from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, SCAN, TRUTH
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
 from facestage.contract.files.storage import write_arrays, write_json
@@ -24,34 +24,45 @@ SYNTHETIC, SYNTHETIC_SIDE_PX = "synthetic", 192
 @dataclass(frozen=True)
 class Case:
     """A folder with photo.png, landmarks.json, camera.json and truth.npz, and the model its truth
-    belongs to.
+    belongs to; or one with photo.png, camera.json and scan.npz, whose face is found in the photo
+    where it has no landmarks.
+
+    ``face_region``: the file that says which vertices of a scan are its face.
     """
 
     name: str
     folder: Path
     model: str
+    face_region: Path | None = None
 
     def job(self, device: str = "auto", seed: int = 0) -> Job:
         """The fit of the photo. Raises InputError for what the folder lacks."""
-        for name in (PHOTO, LANDMARKS, CAMERA, TRUTH):
+        scanned = is_file(self.folder / SCAN) and not is_file(self.folder / TRUTH)
+        for name in (PHOTO, CAMERA) if scanned else (PHOTO, LANDMARKS, CAMERA, TRUTH):
             if not is_file(self.folder / name):
                 raise InputError(
                     f"The case '{self.folder}' has no {name}; a case holds {PHOTO}, "
-                    f"{LANDMARKS}, {CAMERA} and {TRUTH}."
+                    f"{LANDMARKS}, {CAMERA} and {TRUTH}, or {PHOTO}, {CAMERA} and {SCAN}."
                 )
+        landmarks = self.folder / LANDMARKS
         return Job(
             (self.folder / PHOTO).absolute(),
             self.model,
-            Landmarks.read(self.folder / LANDMARKS),
+            None if scanned and not is_file(landmarks) else Landmarks.read(landmarks),
             Camera.read(self.folder / CAMERA),
             seed=seed,
             device=device,
-            truth=self.folder / TRUTH,
+            truth=self.folder / (SCAN if scanned else TRUTH),
+            face_region=self.face_region if scanned else None,
         )
 
 
 def find_cases(
-    folders: Sequence[Path], model: str | None, scratch: Path, side_px: int = SYNTHETIC_SIDE_PX
+    folders: Sequence[Path],
+    model: str | None,
+    scratch: Path,
+    side_px: int = SYNTHETIC_SIDE_PX,
+    face_region: Path | None = None,
 ) -> tuple[list[Case], str]:
     """The cases of a bench, and a sentence that says which they are.
 
@@ -59,7 +70,10 @@ def find_cases(
     synthetic photo of ``side_px`` pixels along a side that is written into ``scratch``.
     """
     if folders:
-        cases = [Case(folder.resolve().name, folder, model or DEFAULT_MODEL) for folder in folders]
+        cases = [
+            Case(folder.resolve().name, folder, model or DEFAULT_MODEL, face_region)
+            for folder in folders
+        ]
         return cases, f"Cases as given, fitted with the model {model or DEFAULT_MODEL}."
     data = data_folder()
     shared = [path for path in sorted((data / "cases").glob("*")) if (path / PHOTO).is_file()]

@@ -26,7 +26,7 @@ from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import read_problem
-from facestage.fit.given.truth import Truth
+from facestage.fit.given.truth import read_truth
 from facestage.fit.runs.driver import FitRun
 from facestage.fit.stages.phases import Schedule
 from facestage.fit.trust.fitted import Fitted
@@ -201,7 +201,7 @@ class _Timed:
     def __init__(self, job: Job, folder: Path, fineness: Fineness) -> None:
         self.job, self.folder, self.problem = job, folder, read_problem(job, fineness=fineness)
         assert job.truth is not None
-        self.truth = Truth(job.truth, self.problem.geometry)
+        self.truth = read_truth(job.truth, self.problem.geometry)
         self.forward = ForwardModel(self.problem.geometry, self.problem.lights)
         folder.mkdir(parents=True, exist_ok=True)
 

@@ -33,7 +33,7 @@ from facestage.bench.trace import Judge, Row, Track
 from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
-from facestage.fit.given.truth import Truth
+from facestage.fit.given.truth import Truth, read_truth
 from facestage.render.variant import start_renderer
 
 WARM_UP = 0.25  # of the resolution and of the samples: enough to compile every kernel
@@ -51,12 +51,13 @@ def run_bench(
     alone: bool = False,
     lineup: Lineup | None = None,
     fineness: Fineness = USUAL,
+    face_region: Path | None = None,
 ) -> int:
     """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything
     is measured.
 
     ``alone``: the fit by itself, nothing to compare it with. ``lineup``: who runs, instead of what
-    these two say.
+    these two say. ``face_region``: which vertices of the cases' scans are the face.
     """
     _make_folder(out)
     variant = start_renderer(device)
@@ -67,7 +68,7 @@ def run_bench(
     rows: list[Row] = []
     finals: list[Final] = []
     with tempfile.TemporaryDirectory(prefix="facestage-bench-") as scratch:
-        cases, sentence = find_cases(folders, model, Path(scratch))
+        cases, sentence = find_cases(folders, model, Path(scratch), face_region=face_region)
         _say(stream, sentence)
         for number, case in enumerate(cases[:1] if quick else cases):
             read = time.monotonic()
@@ -119,7 +120,7 @@ def open_case(
     job = case.job(device, seed)
     problem = read_problem(job, fineness=fineness)
     assert job.truth is not None
-    truth = Truth(job.truth, problem.geometry)
+    truth = read_truth(job.truth, problem.geometry, job.face_region)
     return problem, truth, Judge(problem, truth)
 
 

@@ -18,6 +18,16 @@ from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.phases import default_schedule
 from facestage.fit.trust.fitted import Fitted
 
+# What is measured of the finished result rather than of every step.
+JUDGED = (
+    "albedo",
+    "light",
+    "landmark_stage_covered_mm",
+    "covered_mm",
+    "within_1_sigma",
+    "within_2_sigma",
+)
+
 
 def run_solver(
     problem: Problem, truth: Truth, settings: SolverSettings, detail: bool = True
@@ -47,9 +57,7 @@ def run_solver(
 def finished_track(track: Track, problem: Problem, truth: Truth, fitted: Fitted) -> Track:
     """The track with its textures and final picture; rendering the picture is off the clock."""
     finished = finish(problem, track.forward, replace(fitted, trace=[]), truth)
-    errors: dict[str, float] = {
-        name: finished.errors[name] for name in ("albedo", "light") if name in finished.errors
-    }
+    errors = {name: finished.errors[name] for name in JUDGED if name in finished.errors}
     seconds = fitted.seconds + finished.timings.get("albedo_detail", 0.0)
     return replace(track, errors=errors, picture=finished.picture.color, picture_seconds=seconds)
 

@@ -62,6 +62,13 @@ def summary_lines(finals: Sequence[Final]) -> list[str]:
     )
     worse = f"Further from the truth than their own landmark stage: {', '.join(behind)}."
     lines = [average, worse if behind else ahead]
+    lines += [
+        f"Scan {item.case}: the points that the mesh covers {item.start_covered_mm or 0.0:.2f} mm "
+        f"by landmarks, {item.covered_mm:.2f} mm by the fit; {item.within_1 or 0.0:.0%} of all "
+        f"within one of the fit's own deviations, {item.within_2 or 0.0:.0%} within two."
+        for item in runs
+        if item.covered_mm is not None
+    ]
     for quality, found in measured_qualities(finals).items():
         lines.append(
             f"Quality {quality}: {found['seconds']:.1f} s, {found['similarity_mm']:.2f} mm, "

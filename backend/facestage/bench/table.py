@@ -160,6 +160,12 @@ class Final:
     light: float | None
     start_mm: float | None = None  # where its landmark stage ended
     total_seconds: float = 0.0  # with the albedo detail
+    # Of a scan's points that the mesh covers: where the landmark stage and the fit ended.
+    start_covered_mm: float | None = None
+    covered_mm: float | None = None
+    # Shares within one and two of the fit's own standard deviations.
+    within_1: float | None = None
+    within_2: float | None = None
 
 
 def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
@@ -181,6 +187,10 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
         errors.get("light"),
         start[-1].similarity_mm if start else None,
         (detail or fitted)[-1].seconds,
+        errors.get("landmark_stage_covered_mm"),
+        errors.get("covered_mm"),
+        errors.get("within_1_sigma"),
+        errors.get("within_2_sigma"),
     )
 
 

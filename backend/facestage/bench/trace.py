@@ -40,7 +40,7 @@ class Track:
     stage: LightStage  # camera frame
     # where a state has its lights, if not all have them there
     placed: Callable[[State], LightStage] | None = None
-    # of the finished result: "albedo", "light"
+    # of the finished result: "albedo", "light", against a scan "covered_mm" and the like
     errors: dict[str, float] = field(default_factory=dict)
     # (h, w, 3) the finished render at the photo's size, albedo detail included
     picture: np.ndarray | None = None
@@ -72,9 +72,8 @@ class Judge:
 
     def _true_face(self) -> np.ndarray:
         """(h, w) bool: pixels whose whole neighbourhood shows the fitted part of the true face."""
-        geometry = self.problem.geometry
-        vertices = self.truth.arrays["vertices"][geometry.used].astype(np.float64)
-        tracer = RayTracer(geometry.triangles, len(vertices))
+        vertices, triangles, face = self.truth.seen()
+        tracer = RayTracer(triangles, len(vertices))
         centre = vertices.mean(0)
         tracer.update(vertices - centre)
         height, width = self._photo.usable.shape
@@ -83,7 +82,7 @@ class Judge:
         hits = tracer.first_hits(
             -centre, pixel_rays(self.problem.camera.scaled(self._factor), pixels)
         )
-        seen = (hits.triangle >= 0) & geometry.fitted[hits.triangle]
+        seen = (hits.triangle >= 0) & face[hits.triangle]
         return np.asarray(binary_erosion(seen.reshape(height, width)))
 
     def rows(self, case: str, family: str, contender: str, track: Track) -> list[Row]:

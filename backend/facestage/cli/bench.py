@@ -34,8 +34,18 @@ def add_command(commands: Any) -> None:
         type=Path,
         default=[],
         metavar="DIR",
-        help="folders with photo.png, landmarks.json, camera.json and truth.npz (vertices, in "
-        "the camera frame)",
+        help="folders with photo.png, camera.json, landmarks.json and truth.npz (vertices of the "
+        "face model, in the camera frame), or with scan.npz (vertices in millimetres and "
+        "triangles of any scan, in the camera frame) instead of the last: then landmarks may be "
+        "missing and are found, and errors are medians of the distance of the scan's face points "
+        "from the fitted mesh",
+    )
+    bench.add_argument(
+        "--face-region",
+        type=Path,
+        metavar="FILE.npy",
+        help="which vertices of the cases' scans are the face (default: each scan's own array "
+        "'face', or face_region.npy beside it)",
     )
     bench.add_argument(
         "--model", metavar="MODEL", help=f"face model that the truth belongs to: {MODELS}"
@@ -73,6 +83,11 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure, and print the table."""
+    if options.face_region is not None and not options.case:
+        raise InputError(
+            "--face-region is about the scans of cases; give the cases with --case, or leave it "
+            "out."
+        )
     if options.plan and options.case:
         raise InputError(
             "bench --plan renders its own scenes; leave out --case, or leave out --plan."
@@ -94,4 +109,5 @@ def run(options: argparse.Namespace) -> int:
         device=options.device,
         seed=options.seed,
         alone=options.alone,
+        face_region=options.face_region,
     )

@@ -116,7 +116,18 @@ def add_command(commands: Any) -> None:
         action="append",
         type=Path,
         metavar="FILE",
-        help="known vertices (.npz): adds errors to trace and result, changes nothing",
+        help="what is known of the shape (.npz): adds errors to the result, changes nothing; the "
+        "face model's own vertices in metres, or a scan: vertices (millimetres) and triangles, "
+        "both in the camera's frame (x right, y up, looking along -z)",
+    )
+    fit.add_argument(
+        "--face-region",
+        action="append",
+        type=Path,
+        metavar="FILE.npy",
+        help="which vertices of a scan given as --truth are its face: their numbers, or true and "
+        "false for each (default: the scan's own array 'face', or face_region.npy beside it); "
+        "one does for several photos",
     )
     fit.add_argument(
         "--plan",

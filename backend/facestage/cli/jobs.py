@@ -63,7 +63,8 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             for own in zip(options.image, landmarks, cameras, focals, strict=True)
         ]
     truths = _for_each(options.truth, count, "truth files")
-    return [_override(job, options, truth) for job, truth in zip(jobs, truths, strict=True)]
+    regions = _for_each(options.face_region, count, "face regions", one_for_all=True)
+    return [_override(*each, options) for each in zip(jobs, truths, regions, strict=True)]
 
 
 def _for_each(
@@ -82,7 +83,9 @@ def _for_each(
     return values
 
 
-def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
+def _override(
+    job: Job, truth: Path | None, region: Path | None, options: argparse.Namespace
+) -> Job:
     from dataclasses import replace
 
     if options.budget is not None:
@@ -90,6 +93,13 @@ def _override(job: Job, options: argparse.Namespace, truth: Path | None) -> Job:
         job = replace(job, budget_seconds=seconds, quality=quality)
     if truth is not None:
         job = replace(job, truth=truth.absolute())
+    if region is not None:
+        if job.truth is None:
+            raise InputError(
+                "--face-region says where a scan's face is, but no scan was given; add --truth "
+                "scan.npz."
+            )
+        job = replace(job, face_region=region.absolute())
     if options.plan is not None:
         job = replace(job, plan=options.plan)
     return job

@@ -95,6 +95,8 @@ class Job:
     seed: int = 0
     device: str = "auto"
     truth: Path | None = None
+    # which vertices are the face, where ``truth`` is a scan that does not say so itself
+    face_region: Path | None = None
     plan: str = LEAN
     quality: str = GOOD
     # which face to find where landmarks is None: 1 is the largest, as is None
@@ -159,6 +161,7 @@ class Job:
             "seed": self.seed,
             "device": self.device,
             "truth": str(self.truth) if self.truth else None,
+            "face_region": str(self.face_region) if self.face_region else None,
             "plan": self.plan,
             "quality": self.quality,
             "face": self.face,
@@ -211,6 +214,9 @@ class Job:
             truth=None
             if found["truth"] is None
             else user_path(found["truth"], f"truth file's path in '{path}'"),
+            face_region=None
+            if found["face_region"] is None
+            else user_path(found["face_region"], f"face region's path in '{path}'"),
             plan=found["plan"],
             quality=found["quality"],
             face=found["face"],
@@ -241,6 +247,7 @@ class JobSchema(HandWritten):
     seed = Whole(0, SEED_MAX, load_default=0)
     device = Choice(DEVICES, load_default="auto")
     truth = PathText(load_default=None)
+    face_region = PathText(load_default=None)
     plan = Choice(PLANS, load_default=LEAN)
     quality = Choice(QUALITIES, load_default=GOOD)
     face = Whole(1, FACE_MAX, load_default=None)

@@ -13,7 +13,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.given.truth import Truth
+from facestage.fit.given.truth import VertexTruth, read_truth
 from reference.known import known
 
 
@@ -88,7 +88,8 @@ def test_command_line_writes_cases_that_load(
     camera = known(job.camera)
     assert (camera.width, camera.height) == (SIZE, SIZE)
     known(job.landmarks).check_inside(SIZE, SIZE)
-    truth = Truth(tmp_path / "a" / "hard_side" / "truth.npz", FaceGeometry(head))
+    truth = read_truth(tmp_path / "a" / "hard_side" / "truth.npz", FaceGeometry(head))
+    assert isinstance(truth, VertexTruth)
     assert truth.albedo_error(truth.arrays["albedo"]) == pytest.approx(0, abs=1e-6)  # float32
     # The stage's own lattice cannot give this light.
     assert known(truth.light_error(fibonacci_stage(), truth.vertices.mean(0))) > 0.1

@@ -7,16 +7,22 @@ from __future__ import annotations
 import csv
 import io
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from facestage import cli
 from facestage.bench.cases import Case, find_cases, synthetic_case
-from facestage.bench.run import run_bench
+from facestage.bench.run import open_case, run_bench, run_contender
 from facestage.bench.settings import Lineup, SolverSettings
+from facestage.bench.summary import summary_lines
+from facestage.bench.table import final
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays
+from facestage.contract.scan import Scan
+from reference.known import known
+from reference.synthetic_scene import Scene
 from reference.tiny_bench import SHORT, TINY
 
 TRACE_COLUMNS = [
@@ -132,6 +138,49 @@ def test_a_case_that_lacks_a_file_is_refused(case: Case, tmp_path: Path, missing
         Case("broken", folder, case.model).job()
 
 
+def scanned(case: Case, scene: Scene, folder: Path) -> Path:
+    """The case with its own head for a scan: photo, camera and landmarks, no truth.npz."""
+    shutil.copytree(case.folder, folder)
+    (folder / "truth.npz").unlink()
+    narrow = scene.model.regions["narrow_face"]
+    vertices = 1e3 * scene.forward.pose(scene.state)[1]
+    Scan(vertices, scene.geometry.triangles, scene.geometry.new_index[narrow]).save(
+        folder / "scan.npz"
+    )
+    return folder
+
+
+def test_a_scan_is_a_truth_too(case: Case, scene: Scene, tmp_path: Path):
+    folder = scanned(case, scene, tmp_path / "scanned")
+    problem, truth, judge = open_case(
+        Case("scanned", folder, case.model), "cpu", fineness=replace(SHORT, steps_max=1)
+    )
+    track = run_contender(problem, truth, TINY[0])
+    rows = judge.rows("scanned", "ours", "Facestage", track)
+    found = final(rows, track.errors)
+    # The judge looks at the scan's face: nothing of the photo's background is in it.
+    assert 0.1 < judge.mask.mean() < 0.5 and known(found.psnr) > 15
+    start = truth.geometry_errors(track.snapshots[-1].state)
+    assert rows[-1].similarity_mm == pytest.approx(start["similarity_mm"])
+    assert 0 < known(found.start_mm) < 2 and 0 < known(found.covered_mm) < 2
+    assert 0 <= known(found.within_1) <= known(found.within_2) <= 1
+    assert "Scan scanned: the points that the mesh covers" in "\n".join(summary_lines([found]))
+
+
+def test_the_face_of_a_scan_is_found_where_it_has_no_landmarks(
+    case: Case, scene: Scene, tmp_path: Path
+):
+    folder, region = scanned(case, scene, tmp_path / "scanned"), tmp_path / "face.npy"
+    (folder / "landmarks.json").unlink()
+    cases, _ = find_cases([folder], case.model, tmp_path, face_region=region)
+    job = cases[0].job("cpu")
+    assert job.landmarks is None and job.truth == folder / "scan.npz"
+    assert job.face_region == region and job.camera is not None
+    (folder / "camera.json").unlink()
+    with pytest.raises(InputError, match=r"has no camera\.json.*scan\.npz"):
+        cases[0].job("cpu")
+
+
 def test_command_line_refuses_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     taken = tmp_path / "file"
     taken.touch()
@@ -145,10 +194,12 @@ def test_command_line_refuses_in_one_sentence(tmp_path: Path, capsys: pytest.Cap
     )
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "photo.png" in error
+    assert cli.main(["bench", "--face-region", "f.npy", "--out", str(tmp_path / "out")]) == 2
+    assert "give the cases with --case" in capsys.readouterr().err
 
 
 def test_help_teaches(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit):
         cli.main(["bench", "--help"])
     text = capsys.readouterr().out
-    assert "--quick" in text and "Example" in text and "truth.npz" in text
+    assert "--quick" in text and "Example" in text and "truth.npz" in text and "scan.npz" in text

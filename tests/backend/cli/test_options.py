@@ -27,6 +27,11 @@ from reference.synthetic_case import Case
         (["--plan", "full"], lambda job: job.plan, "full"),
         (["--face", "2"], lambda job: job.face, 2),
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
+        (
+            ["--truth", "/s.npz", "--face-region", "/f.npy"],
+            lambda job: job.face_region,
+            Path("/f.npy"),
+        ),
     ],
 )
 def test_every_option_reaches_the_job(

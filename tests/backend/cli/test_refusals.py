@@ -155,6 +155,14 @@ BAD_OPTIONS: dict[str, tuple[Callable[[Case, Path], dict[str, str | Path | None]
     "negative seed": (lambda _, d: {"--seed": "-1"}, ["seed", "-1"]),
     "missing truth": (lambda _, d: {"--truth": d / "none.npz"}, ["truth file", "does not exist"]),
     "truth of another model": (lambda c, d: {"--truth": c.model}, ["truth", "model.npz"]),
+    "face region without a scan": (
+        lambda c, d: {"--face-region": c.truth},
+        ["--face-region", "no scan was given"],
+    ),
+    "face region of no scan": (
+        lambda c, d: {"--truth": c.truth, "--face-region": c.truth},
+        ["face region was given", "no scan"],
+    ),
     "file in place of the output": (lambda c, d: {"--out": write(d / "file", "x")}, ["is a file"]),
     "file in place of the parent": (
         lambda c, d: {"--out": write(d / "file", "x") / "out"},

@@ -152,13 +152,20 @@ def _truth_scene() -> tuple[Any, Any]:
 
 def read_truth(folder: Path) -> None:
     from facestage.contract.light_stage import fibonacci_stage
-    from facestage.fit.given.truth import Truth
+    from facestage.fit.given.truth import read_truth
 
     geometry, state = _truth_scene()
-    truth = Truth(folder / "truth.npz", geometry)
+    truth = read_truth(folder / "truth.npz", geometry)
     check(truth.geometry_errors(state), dict[str, float], "geometry errors")
     check(truth.light_error(fibonacci_stage(2), np.zeros(3)), float | None, "light error")
     check(truth.albedo_error(np.full((4, 4, 3), 0.4)), float | None, "albedo error")
+
+
+def read_scan(folder: Path) -> None:
+    from facestage.contract.scan import Scan
+
+    region = folder / "region.npy"
+    check_dataclass(Scan.load(folder / "scan.npz", region if region.exists() else None))
 
 
 def read_relight(folder: Path) -> None:

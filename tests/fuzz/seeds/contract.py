@@ -247,6 +247,21 @@ def truth_files() -> list[Case]:
     ]
 
 
+def scan_files() -> list[Case]:
+    points = np.random.default_rng(0).uniform(-60, 60, (120, 3)).astype(np.float32) - [0, 0, 800]
+    arrays = {"vertices": points, "triangles": np.arange(120).reshape(-1, 3)}
+
+    def write(folder: Path, region: np.ndarray) -> None:
+        np.savez(folder / "scan.npz", **arrays)
+        np.save(folder / "region.npy", region)
+
+    return [
+        written(lambda folder: np.savez(folder / "scan.npz", **arrays, face=np.arange(110))),
+        written(lambda folder: write(folder, np.arange(110))),
+        written(lambda folder: write(folder, np.arange(120) < 110)),
+    ]
+
+
 def memories() -> list[Case]:
     keys = ["/usr/lib/libLLVM.so|5|mitsuba 3 drjit 1", "cuda|550|all|mitsuba 3 drjit 1"]
     return [{"native.json": json.dumps({"works": keys}).encode()}]

@@ -50,6 +50,18 @@ def read_archive(
         return {name: _read_array(archive, member) for name, member in members.items()}
 
 
+def read_single(stream: BinaryIO, limit: int, what: str) -> np.ndarray:
+    """The one array of a .npy file, of at most ``limit`` bytes; ``what`` it is, for messages.
+
+    Raises ValueError for anything but a plain array.
+    """
+    shape, fortran, dtype, _ = _header(stream, what)
+    wanted = math.prod(shape) * dtype.itemsize
+    if wanted > limit:
+        raise ValueError(f"{what} has {whole_bytes(wanted)}, expected at most {whole_bytes(limit)}")
+    return _values(stream, what, shape, fortran, dtype)
+
+
 class _Pieces:
     """A file that hands out no more than a piece at once, however much a damaged directory makes
     its reader ask for.
@@ -109,14 +121,22 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
                 f"{what} has {whole_bytes(member.file_size - start)}, expected "
                 f"{whole_bytes(wanted)} for the shape {shape} of {dtype}"
             )
-        data = np.empty(wanted, np.uint8)
-        filled = 0
-        while filled < wanted:
-            piece = stream.read(min(wanted - filled, _PIECE))
-            if not piece:
-                raise ValueError(f"{what} ends after {filled} of {wanted} bytes")
-            data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
-            filled += len(piece)
+        return _values(stream, what, shape, fortran, dtype)
+
+
+def _values(
+    stream: IO[bytes], what: str, shape: tuple[int, ...], fortran: bool, dtype: np.dtype
+) -> np.ndarray:
+    """The values that follow a header, as an array of this machine's byte order."""
+    wanted = math.prod(shape) * dtype.itemsize
+    data = np.empty(wanted, np.uint8)
+    filled = 0
+    while filled < wanted:
+        piece = stream.read(min(wanted - filled, _PIECE))
+        if not piece:
+            raise ValueError(f"{what} ends after {filled} of {wanted} bytes")
+        data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
+        filled += len(piece)
     if dtype.kind == "b" and filled and data.max() > 1:
         raise ValueError(f"{what} holds values that are neither true nor false")
     if (

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.files.array_archive import ARRAYS_MAX, read_archive
+from facestage.contract.files.array_archive import ARRAYS_MAX, read_archive, read_single
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.json_text import JSON_MAX, decode_json
 from facestage.contract.files.reading import MIB, open_regular, read_bytes
@@ -98,4 +98,18 @@ def read_arrays(
     ) as error:
         raise InputError(
             f"The {what} '{path}' is not a readable .npz of plain arrays ({error})."
+        ) from error
+
+
+def read_array(path: Path, what: str, limit: int = ARRAYS_MAX) -> np.ndarray:
+    """The array of a .npy file: plain numbers, at most ``limit`` bytes of them.
+
+    Raises InputError for anything else (:mod:`.array_archive`).
+    """
+    try:
+        with open_regular(path, what, limit + PACKING_MAX) as stream:
+            return read_single(stream, limit, "the array")
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(
+            f"The {what} '{path}' is not a readable .npy of a plain array ({error})."
         ) from error

@@ -1,15 +1,21 @@
-"""Errors against the --truth file: it changes nothing in the fit, it only adds numbers."""
+"""Errors against the --truth file: it changes nothing in the fit, it only adds numbers.
+
+A truth is the vertices of the very face model that is fitted, or a scan (:mod:`.scan_truth`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from facestage.contract.errors import InputError
 from facestage.contract.files.reading import GIB
 from facestage.contract.files.storage import read_arrays
 from facestage.contract.light_stage import COUNT_MAX, FAR, RADIANCE_MAX, LightStage
+from facestage.contract.scan import MARK, Scan
 from facestage.contract.schemas.array_field import Array, unit
 from facestage.contract.schemas.schema import FileSchema, checked
 from facestage.fit.face.geometry import FaceGeometry
@@ -21,6 +27,7 @@ from facestage.fit.given.metrics import (
     relative_error,
     scaled_rmse,
 )
+from facestage.fit.given.scan_truth import ScanTruth
 
 PROBE_NORMALS = 512
 TRUTH_ARRAYS_MAX = 1 * GIB
@@ -43,13 +50,17 @@ class TruthSchema(FileSchema):
     light_corners = Array(("lights", 4, 3), minimum=-FAR, maximum=FAR, required=False)
 
 
-class Truth:
+class VertexTruth:
     """Known vertices (n, 3) in the camera frame, and optionally lights and albedo texture."""
 
-    def __init__(self, path: Path, geometry: FaceGeometry) -> None:
+    cheap = True  # to be asked after every step
+
+    def __init__(
+        self, path: Path, arrays: Mapping[str, np.ndarray], geometry: FaceGeometry
+    ) -> None:
+        """``arrays`` of the file ``path``. Raises InputError for what is not this model's."""
         self.geometry = geometry
         subject = f"The truth file '{path}' does not fit this face model"
-        arrays = read_arrays(path, "truth file", TRUTH_ARRAYS_MAX, tuple(TruthSchema().fields))
         self.arrays = checked(TruthSchema(vertices=len(geometry.model.vertices)), arrays, subject)
         vertices = self.arrays["vertices"]
         region = geometry.model.regions.get("narrow_face", geometry.used)
@@ -65,6 +76,10 @@ class Truth:
             "rigid_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=False).mean()),
             "similarity_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=True).mean()),
         }
+
+    def covered_errors(self, state: State) -> dict[str, float]:
+        """Nothing: every known vertex is one of the mesh."""
+        return {}
 
     def calibration(self, state: State, deviation_mm: np.ndarray) -> dict[str, float]:
         """How honest standard deviations (n, 3) in mm, along the camera's axes, are: after
@@ -82,6 +97,13 @@ class Truth:
             "within_2_sigma": float((score < 2).mean()),
             "error_over_sigma": float(np.sqrt((score**2).mean())),
         }
+
+    def seen(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The true surface: vertices (n, 3) in metres in the camera frame, triangles (t, 3), and
+        which of these (t,) are the face.
+        """
+        vertices = self.arrays["vertices"][self.geometry.used].astype(np.float64)
+        return vertices, self.geometry.triangles, self.geometry.fitted
 
     def light_error(self, stage: LightStage, centre: np.ndarray) -> float | None:
         """Relative error of the irradiance over all normals that face the camera, best scale
@@ -126,6 +148,27 @@ class Truth:
         return scaled_rmse(
             sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs)
         )
+
+
+Truth = VertexTruth | ScanTruth
+
+
+def read_truth(path: Path, geometry: FaceGeometry, region: Path | None = None) -> Truth:
+    """The truth in ``path``: a scan where it has triangles of its own, else vertices of the face
+    model.
+
+    ``region``: the file that says which vertices of a scan are its face. Raises InputError.
+    """
+    names = (*TruthSchema().fields, MARK)
+    arrays = read_arrays(path, "truth file", TRUTH_ARRAYS_MAX, names)
+    if MARK in arrays:
+        return ScanTruth(Scan.load(path, region), geometry)
+    if region is not None:
+        raise InputError(
+            f"A face region was given, but the truth file '{path}' is no scan: it has no "
+            f"'{MARK}'; leave out --face-region."
+        )
+    return VertexTruth(path, arrays, geometry)
 
 
 def probe_irradiance(

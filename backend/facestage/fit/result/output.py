@@ -33,12 +33,14 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.result.left_out import left_out
 from facestage.fit.runs.trace import DETAIL
-from facestage.fit.stages.phases import PhaseName
 from facestage.fit.textures.refine import Refined, refine
 from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import write_exr, write_png
 from facestage.report import ReportData, write_report
+
+# Errors against a truth that the end of the landmark phases is compared by.
+STARTS = ("similarity_mm", "covered_mm")
 
 
 @dataclass(frozen=True)
@@ -146,12 +148,11 @@ def _errors(
         float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     )
     if truth is not None:
-        errors |= truth.geometry_errors(state)
+        errors |= truth.geometry_errors(state) | truth.covered_errors(state)
         # The landmark phases' own error: a fit must never end further from the truth than its
         # start.
-        start = [row for row in fitted.trace if row["stage"] == PhaseName.LANDMARKS]
-        if start:
-            errors["landmark_stage_similarity_mm"] = start[-1]["similarity_mm"]
+        start = truth.geometry_errors(fitted.start) | truth.covered_errors(fitted.start)
+        errors |= {f"landmark_stage_{name}": start[name] for name in STARTS if name in start}
         if fitted.certainty.vertices_mm is not None:
             errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)

@@ -23,7 +23,7 @@ from facestage.fit.face.unknowns import SHARED, kept
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem
-from facestage.fit.given.truth import Truth
+from facestage.fit.given.truth import read_truth
 from facestage.fit.result.output import finish, write_result
 from facestage.fit.result.person_advice import company, person_verdict
 from facestage.fit.result.person_photos import at_own_size, check_jobs, face_px, read_photos
@@ -67,7 +67,10 @@ def _fit(
     """All of the fit that writes, in a place that no other run writes to."""
     jobs = [problem.job for problem in problems]
     teller.previews_into(partial)
-    truths = [Truth(job.truth, problems[0].geometry) if job.truth else None for job in jobs]
+    truths = [
+        read_truth(job.truth, problems[0].geometry, job.face_region) if job.truth else None
+        for job in jobs
+    ]
     start_renderer(jobs[0].device)
     forwards = [ForwardModel(problem.geometry, problem.lights) for problem in problems]
     cold_start = teller.seconds

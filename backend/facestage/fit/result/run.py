@@ -18,7 +18,7 @@ from facestage.contract.result_files import RESULT, is_result_file
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
-from facestage.fit.given.truth import Truth
+from facestage.fit.given.truth import read_truth
 from facestage.fit.result.output import finish, write_result
 from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.driver import FitRun
@@ -58,7 +58,7 @@ def _fit(problem: Problem, out: Path, partial: Path, resume: bool, teller: Telle
     job = problem.job
     teller.model(problem.geometry.model)
     teller.previews_into(partial)
-    truth = Truth(job.truth, problem.geometry) if job.truth else None
+    truth = read_truth(job.truth, problem.geometry, job.face_region) if job.truth else None
     start_renderer(job.device)
     forward = ForwardModel(problem.geometry, problem.lights)
     cold_start = teller.seconds

@@ -32,6 +32,6 @@ def trace_row(
         residual, used = item.evaluation.residual, item.evaluation.base_weight > 0
         row["photo_rms"] = float(np.sqrt((residual[used] ** 2).mean())) if used.any() else None
         row["psnr"] = psnr(photo + residual, photo, used, passage.view.problem.white)
-    if truth is not None:
+    if truth is not None and truth.cheap:
         row |= truth.geometry_errors(passage.state)
     return row

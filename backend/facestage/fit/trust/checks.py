@@ -51,6 +51,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
     lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
     return Fitted(
         state,
+        ending.start,
         view.anchor(state),
         view.placed_stage(state),
         ending.trace,

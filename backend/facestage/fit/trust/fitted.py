@@ -19,6 +19,7 @@ class Fitted:
     """Where the schedule ended."""
 
     state: State
+    start: State  # where the landmark phases ended
     camera_to_stage: np.ndarray  # (4, 4)
     stage: LightStage  # lit lights, camera frame, at the fitted radiance
     trace: list[dict[str, Any]]

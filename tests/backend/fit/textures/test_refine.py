@@ -38,6 +38,7 @@ def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
     brightest = scene.render(samples=16)[0].max()
     fitted = Fitted(
         state=scene.state,
+        start=scene.state,
         camera_to_stage=np.eye(4),
         stage=scene.stage.with_radiance(scene.stage.radiance * 0.75 / brightest),
         trace=[],
