@@ -71,8 +71,8 @@ def test_where_the_surfaces_differ_no_plain_closest_points_come_nearer(rigid: bo
         slow = procrustes(foot[kept], points[kept], rigid)
     found = closest_alignment(surface, points, IDENTITY, rigid)
     ours, plain = (_every_triangle(surface, points, at)[1] for at in (found, slow))
-    assert _trimmed(ours) < 1.01 * _trimmed(plain)
-    assert 0.0002 < _trimmed(ours) < 0.002
+    assert _trimmed(ours) < 1.03 * _trimmed(plain)
+    assert 0.0002 < _trimmed(ours) < 0.003
 
 
 def _trimmed(distance: np.ndarray) -> float:
