@@ -24,12 +24,13 @@ def smooth_modes(masks: Masks, points: np.ndarray, count: int) -> dict[str, np.n
     """
     samples = _samples(masks)
     found: list[tuple[float, str, int, np.ndarray]] = []
-    for even in (True, False):
-        values, vectors = np.linalg.eigh(_kernel(samples, samples, even) / len(samples))
+    among, to_samples = _kernels(samples, samples), _kernels(points, samples)
+    for even, within, across in zip((True, False), among, to_samples, strict=True):
+        values, vectors = np.linalg.eigh(within / len(samples))
         values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
         vectors = vectors * np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(count)])
         # Nystroem: eigenfunctions, scaled to the standard deviation of their coefficients.
-        functions = _kernel(points, samples, even) @ (vectors / np.sqrt(values * len(samples)))
+        functions = across @ (vectors / np.sqrt(values * len(samples)))
         for axis in range(3):
             # Mirroring a face flips breadth: it is symmetric when its field is odd.
             symmetric = even == (axis != 0)
@@ -65,17 +66,22 @@ def _window(points: np.ndarray) -> np.ndarray:
     return smoothstep((z + 5) / 55) * smoothstep((y + 150) / 40) * smoothstep((110 - y) / 70)
 
 
-def _kernel(a: np.ndarray, b: np.ndarray, even: bool) -> np.ndarray:
-    """(m, k) covariance in mm^2 of the even or odd part of the process."""
-    mirrored = b * [-1, 1, 1]
-    total = np.zeros((len(a), len(b)))
-    near = _squared_distance(a, b)
-    far = _squared_distance(a, mirrored)
+def _kernels(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, k) covariances in mm^2 of the even and of the odd part of the process."""
+    window = _window(a)
+    inside = window > 0  # elsewhere nothing varies
+    even, odd = np.zeros((2, int(inside.sum()), len(b)))
+    near = _squared_distance(a[inside], b)
+    far = _squared_distance(a[inside], b * [-1, 1, 1])
     for length, sd in _SCALES:
         scale = -0.5 / length**2
         same, other = np.exp(near * scale), np.exp(far * scale)
-        total += 0.5 * sd**2 * (same + other if even else same - other)
-    return total * _window(a)[:, None] * _window(b)[None]
+        even += 0.5 * sd**2 * (same + other)
+        odd += 0.5 * sd**2 * (same - other)
+    result = np.zeros((2, len(a), len(b)))
+    for whole, part in zip(result, (even, odd), strict=True):
+        whole[inside] = part * window[inside, None] * _window(b)[None]
+    return result[0], result[1]
 
 
 def _squared_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
