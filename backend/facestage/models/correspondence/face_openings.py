@@ -46,12 +46,13 @@ class FrontView:
         for step in np.unique(count):
             chosen = count == step
             weights = _grid(int(step))
-            points = np.einsum("sk,tkc->tsc", weights, corners[chosen]).reshape(-1, 3)
-            slope = np.einsum("sk,tk->ts", weights, normal_y[chosen]).ravel()
-            cell = np.floor((points[:, :2] - low) / PIXEL).astype(int)
-            inside = ((cell >= 0) & (cell < [_WIDTH, _HEIGHT])).all(axis=1)
-            index = cell[inside] @ np.array([1, _WIDTH])
-            z, slope = points[inside, 2], slope[inside]
+            x, y = (_spread(weights, corners[chosen][..., axis]) for axis in (0, 1))
+            column = np.floor((x - _LEFT) / PIXEL).astype(int)
+            row = np.floor((y - _BOTTOM) / PIXEL).astype(int)
+            inside = (column >= 0) & (row >= 0) & (column < _WIDTH) & (row < _HEIGHT)
+            index = column[inside] + _WIDTH * row[inside]
+            z = _spread(weights, corners[chosen][..., 2])[inside]
+            slope = _spread(weights, normal_y[chosen])[inside]
             before = self.depth[index]
             np.maximum.at(self.depth, index, z)
             front = (z > before) & (z == self.depth[index])
@@ -165,6 +166,14 @@ def _places(cells: np.ndarray, rows: slice, columns: slice) -> np.ndarray:
     return (cells + np.array([columns.start + 0.5, rows.start + 0.5])) * PIXEL + np.array(
         [_LEFT, _BOTTOM]
     )
+
+
+def _spread(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(t s,) values at the barycentric ``weights`` (s, 3) of triangles with ``corners`` (t, 3)."""
+    first, second, third = (np.multiply.outer(corners[:, k], weights[:, k]) for k in range(3))
+    first += second
+    first += third
+    return first.ravel()
 
 
 def _grid(step: int) -> np.ndarray:
