@@ -21,6 +21,7 @@ from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.runs.member import Member, MissingStepError
 from facestage.fit.runs.progress import Progress, Scale
 from facestage.fit.stages.joint_descent import JointDescent, JointIteration
+from facestage.fit.stages.matching import CLOSEST, LOOKS, Look, stereo_between
 from facestage.fit.stages.passage import JointPassage, Passage
 from facestage.fit.stages.phases import Phase, Schedule, default_schedule
 from facestage.fit.stages.photo_descent import Iteration
@@ -137,6 +138,9 @@ class JointRun:
         for phase in self.schedule.landmark_phases:
             if not set(SHARED).isdisjoint(phase.blocks):
                 self._descend(phase, None)
+                # Better shapes find better matches.
+                for look in LOOKS:
+                    self._descend(phase, None, look)
         for member in self.members:
             member.together = member.state
         return odd
@@ -152,7 +156,7 @@ class JointRun:
                 for member in self.members
                 if member.joined
             ]
-            self._descend(phase, checkpoint)
+            self._descend(phase, checkpoint, CLOSEST)
             leaving = self._least_believed(phase)
             if leaving is None:
                 return
@@ -171,9 +175,11 @@ class JointRun:
                         )
             checkpoint = None
 
-    def _descend(self, phase: Phase, checkpoint: JointCheckpoint | None) -> None:
+    def _descend(
+        self, phase: Phase, checkpoint: JointCheckpoint | None, look: Look | None = None
+    ) -> None:
         """All photos that take part, through ``phase`` together; from ``checkpoint`` if it was left
-        there.
+        there. ``look``: how closely they are compared with each other, if they are.
         """
         seconds = self._seconds()
         before = checkpoint or JointCheckpoint.of(
@@ -187,7 +193,9 @@ class JointRun:
             company.append((member, passage))
         if not company:
             return
-        joint = JointPassage([passage for _, passage in company])
+        passages = [passage for _, passage in company]
+        term = None if look is None or len(company) < 2 else stereo_between(passages, look)
+        joint = JointPassage(passages, () if term is None else (term,))
         for member, passage in company:
             own = before.photos[member.number - 1]
             if own.within is not None:

@@ -16,80 +16,44 @@ import numpy as np
 
 from facestage.fit.energy.energy import System
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.state import State
+from facestage.fit.energy.joint_term import JointTerm, States
+from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
 from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 
-States = tuple[State, ...]
 Evaluations = tuple[Evaluation | None, ...]
 
 
-class JointLayout:
-    """Where the parameters of each photo lie in the joint vector: the shared blocks first, then
-    photo by photo.
-    """
-
-    def __init__(self, layouts: Sequence[Layout]) -> None:
-        """Raises ValueError when the photos' shared blocks differ in size."""
-        first = layouts[0]
-        is_shared = [layout.mask(SHARED) for layout in layouts]
-        self.shared = int(is_shared[0].sum())
-        for layout in layouts:
-            for name in SHARED:
-                a, b = layout.slices[name], first.slices[name]
-                if a.stop - a.start != b.stop - b.start:
-                    raise ValueError(f"The block '{name}' differs in size between the photos.")
-        # per photo: (size,) int, the joint index of each of its parameters
-        self.columns: list[np.ndarray] = []
-        start = self.shared
-        for mask in is_shared:
-            columns = np.empty(len(mask), int)
-            columns[mask] = np.arange(self.shared)
-            private = int((~mask).sum())
-            columns[~mask] = np.arange(start, start + private)
-            start += private
-            self.columns.append(columns)
-        self.size = start
-
-    def gathered(self, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """(size,) joint vector of the photos' vectors; of a shared entry, the first photo's."""
-        result = np.empty(self.size, parts[0].dtype)
-        for columns, part in zip(reversed(self.columns), reversed(parts), strict=True):
-            result[columns] = part
-        return result
-
-    def all_true(self, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """(size,) bool, true where every photo that has the entry says so."""
-        result = np.ones(self.size, bool)
-        for columns, part in zip(self.columns, parts, strict=True):
-            result[columns] &= part
-        return result
-
-    def summed(self, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """The photos' vectors (size_k,) or matrices (size_k, size_k), added up in the joint one."""
-        result = np.zeros((self.size,) * parts[0].ndim)
-        for columns, part in zip(self.columns, parts, strict=True):
-            result[np.ix_(*(columns,) * part.ndim)] += part
-        return result
-
-
 class JointSystem:
-    """The sum of the photos' quadratic models."""
+    """The sum of the photos' quadratic models, and of the terms between them."""
 
-    def __init__(self, layout: JointLayout, systems: Sequence[System]) -> None:
+    def __init__(
+        self,
+        layout: JointLayout,
+        systems: Sequence[System],
+        terms: Sequence[JointTerm],
+        state: States,
+    ) -> None:
         self.systems = tuple(systems)
+        self.between = tuple(term.weighed(state) for term in terms)
         self.hessian = layout.summed([system.hessian for system in systems])
         self.gradient = layout.summed([system.gradient for system in systems])
-        self.total = sum(system.total for system in systems)
+        # per photo: its energies by name, with its share of those between photos
+        self.energies = [dict(system.energies) for system in systems]
+        for term in self.between:
+            term.add_to(self.hessian, self.gradient, layout)
+            for energies, more in zip(self.energies, term.energies, strict=True):
+                energies |= more
+        self.total = sum(sum(energies.values()) for energies in self.energies)
 
     def decrease(self, state: States, evaluation: Evaluations) -> float:
         """How much lower the energy of all photos is at ``state``, the weights unchanged."""
         parts = zip(self.systems, state, evaluation, strict=True)
-        return sum(system.decrease(one, answer) for system, one, answer in parts)
+        result = sum(system.decrease(one, answer) for system, one, answer in parts)
+        return result + sum(term.decrease(state) for term in self.between)
 
 
 @dataclass(frozen=True)
@@ -129,8 +93,11 @@ class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
     total energy.
     """
 
-    def __init__(self, descents: Sequence[PhotoDescent]) -> None:
-        """The descents must be of one phase, and hold the same shared parameters."""
+    def __init__(self, descents: Sequence[PhotoDescent], terms: Sequence[JointTerm] = ()) -> None:
+        """The descents must be of one phase, and hold the same shared parameters; ``terms`` are
+        between them.
+        """
+        self.terms = tuple(terms)
         rest = (descent.beside_another(frozenset(SHARED)) for descent in descents[1:])
         self.descents = (descents[0], *rest)
         self.layout = JointLayout([descent.energy.layout for descent in descents])
@@ -153,11 +120,10 @@ class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
         )
 
     def system(self, state: States, evaluation: Evaluations) -> JointSystem:
-        """The sum of the photos' quadratic models."""
+        """The sum of the photos' quadratic models, and of the terms between them."""
         parts = zip(self.descents, state, evaluation, strict=True)
-        return JointSystem(
-            self.layout, [descent.system(one, answer) for descent, one, answer in parts]
-        )
+        systems = [descent.system(one, answer) for descent, one, answer in parts]
+        return JointSystem(self.layout, systems, self.terms, state)
 
     def rest(self, state: States, gradient: np.ndarray) -> None:
         """Each photo's lights are its own."""
@@ -193,9 +159,10 @@ class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
             replace(
                 descent.accepted(number, one, answer, own, condition, finished),
                 damping=self.damping,
+                energy=energies,
             )
-            for descent, one, answer, own in zip(
-                self.descents, state, evaluation, system.systems, strict=True
+            for descent, one, answer, own, energies in zip(
+                self.descents, state, evaluation, system.systems, system.energies, strict=True
             )
         )
         return JointIteration(number, parts, self.damping, finished, system.hessian)

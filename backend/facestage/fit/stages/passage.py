@@ -14,6 +14,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from facestage.fit.energy.joint_term import JointTerm
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.solve.bounded_step import Damping
@@ -103,10 +104,12 @@ class Passage:
 class JointPassage:
     """Several photos of one person on their way through a phase together."""
 
-    def __init__(self, photos: Sequence[Passage]) -> None:
-        """All where one phase begins; from now on, each may be entered."""
+    def __init__(self, photos: Sequence[Passage], terms: Sequence[JointTerm] = ()) -> None:
+        """All where one phase begins, with ``terms`` between them; from now on, each may be
+        entered.
+        """
         self.photos = tuple(photos)
-        self.descent = JointDescent([photo.descent for photo in photos])
+        self.descent = JointDescent([photo.descent for photo in photos], terms)
         for photo, descent in zip(photos, self.descent.descents, strict=True):
             photo.descent = descent
 

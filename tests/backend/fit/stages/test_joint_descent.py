@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from facestage.contract.job import Weights
+from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.covariance import marginal_hessian
-from facestage.fit.stages.joint_descent import JointDescent, JointLayout
+from facestage.fit.stages.joint_descent import JointDescent
 from facestage.fit.stages.photo_descent import PhotoDescent
 from reference.dense_system import data_rows, prior_rows, side_by_side, stacked
 from reference.synthetic_scene import Scene, moved

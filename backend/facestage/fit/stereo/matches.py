@@ -1,0 +1,108 @@
+"""The same skin in two photos: which pixel of one shows what which place of the other does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from facestage.contract.arrays import Bool, Float
+from facestage.fit.stereo.correlation import (
+    WINDOW_AREA,
+    WINDOW_PX,
+    Displacements,
+    detail,
+    displacements,
+)
+from facestage.fit.stereo.overlap import Overlap, Sight, overlap
+
+# A match is kept every so many pixels: neighbours within a window say the same.
+SPACING = round(WINDOW_PX)
+# Matches of one surface move alike: within two windows the median of at least so many others may
+# not be further away than this, pixels.
+NEIGHBOURS_MIN, DISAGREEMENT_MAX = 8, 1.5
+# With fewer, in pixels of a common overlap or in matches, chance finds as many.
+OVERLAP_MIN, MATCHES_MIN = 400, 25
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Places of two photos that show the same skin, in pixels of each."""
+
+    pixels: Float[np.ndarray, "matches 2"]  # of the first photo
+    targets: Float[np.ndarray, "matches 2"]  # in the second photo
+    covariance: Float[np.ndarray, "matches 2 2"]  # of the targets, pixels^2
+    share: float  # of an independent match that each is
+    found: float  # which share of what both photos show could be matched
+
+    def scaled(self, first: float, second: float) -> Matches:
+        """Of the photos resized by these factors."""
+        return replace(
+            self,
+            pixels=first * self.pixels,
+            targets=second * self.targets,
+            covariance=second**2 * self.covariance,
+        )
+
+
+def find_matches(first: Sight, second: Sight, reach: int) -> Matches | None:
+    """Of two photos with the faces where the fit has them, off by up to ``reach`` pixels; None
+    where they say nothing of each other.
+    """
+    both = overlap(first, second)
+    if both is None or both.common.sum() < OVERLAP_MIN:
+        return None
+    common = both.common
+    moved = displacements(detail(both.tone, common), detail(both.other_tone, common), common, reach)
+    sure = _agreeing(moved.shift, common & moved.sure)
+    return _matches(both, moved, sure)
+
+
+def _agreeing(
+    shift: Float[np.ndarray, "height width 2"], sure: Bool[np.ndarray, "height width"]
+) -> Bool[np.ndarray, "height width"]:
+    """Those of ``sure`` that move as their surroundings do."""
+    height, width = sure.shape
+    reach = 2 * SPACING
+    known = np.where(sure[..., None], shift, np.nan)
+    known = np.pad(known, ((reach, reach), (reach, reach), (0, 0)), constant_values=np.nan)
+    steps = range(0, 2 * reach + 1, SPACING)
+    around = np.stack([known[j : j + height, i : i + width][sure] for j in steps for i in steps])
+    enough = np.isfinite(around[..., 0]).sum(axis=0) > NEIGHBOURS_MIN
+    # The pixel itself is among them.
+    off = shift[sure] - np.nanmedian(around, axis=0)
+    result = sure.copy()
+    result[sure] = enough & (np.linalg.norm(off, axis=-1) < DISAGREEMENT_MAX)
+    return result
+
+
+def _matches(
+    both: Overlap, moved: Displacements, sure: Bool[np.ndarray, "height width"]
+) -> Matches | None:
+    """A few of the ``sure`` pixels, carried into the second photo."""
+    import cv2
+
+    height, width = sure.shape
+    y, x = np.mgrid[:height, :width]
+    at = np.stack([x, y], axis=-1) + moved.shift
+    # Where all pixels around the place are known, for values and for slopes.
+    firm = binary_erosion(both.common, np.ones((3, 3)))
+    place = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
+    targets = cv2.remap(both.shown.astype(np.float32), *place, cv2.INTER_LINEAR)
+    known = cv2.remap(firm.astype(np.float32), *place, cv2.INTER_LINEAR) > 0.99
+    grid = np.zeros_like(sure)
+    grid[SPACING // 2 :: SPACING, SPACING // 2 :: SPACING] = True
+    chosen = grid & sure & known & firm
+    if chosen.sum() < MATCHES_MIN:
+        return None
+    # How the second photo's pixels move with the first one's.
+    stretch = np.stack(np.gradient(both.shown, axis=(1, 0)), axis=-1)[chosen]
+    covariance = np.linalg.inv(moved.information[chosen])
+    return Matches(
+        np.stack([x, y], axis=-1)[chosen] + both.corner + 0.5,
+        targets[chosen].astype(np.float64),
+        stretch @ covariance @ stretch.transpose(0, 2, 1),
+        SPACING**2 / WINDOW_AREA,
+        float(chosen.sum() / max((grid & firm).sum(), 1)),
+    )
