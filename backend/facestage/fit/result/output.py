@@ -33,6 +33,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.result.left_out import left_out
 from facestage.fit.runs.trace import DETAIL
+from facestage.fit.stereo.stereo_term import StereoTerm
 from facestage.fit.textures.refine import Refined, refine
 from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
@@ -269,7 +270,7 @@ def _report_data(
         projected=projected,
         visible=problem.landmarks.counted,
         trace=finished.trace,
-        energy_names=words_of_energies(),
+        energy_names=words_of_energies() | StereoTerm.words,
         title=problem.job.image.stem,
         surface=model.triangles[model.triangle_part != OTHER],
         face=model.regions.get("narrow_face"),

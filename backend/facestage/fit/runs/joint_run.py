@@ -21,13 +21,13 @@ from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.runs.member import Member, MissingStepError
 from facestage.fit.runs.progress import Progress, Scale
 from facestage.fit.stages.joint_descent import JointDescent, JointIteration
-from facestage.fit.stages.matching import CLOSEST, LOOKS, Look, stereo_between
+from facestage.fit.stages.matching import CLOSEST, LOOKS, Look, compared_photos, stereo_between
 from facestage.fit.stages.passage import JointPassage, Passage
 from facestage.fit.stages.phases import Phase, Schedule, default_schedule
 from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.fitted import Fitted
-from facestage.fit.trust.same_person import Difference, combined, odd_ones
+from facestage.fit.trust.same_person import Difference, Likeness, combined, odd_ones
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,9 @@ class JointRun:
         odd, shared = {}, self.members[0].state
         if len(known) == len(self.members):
             odd = odd_ones(known)
+            if odd:
+                # Landmarks take one person for two more often than skin does.
+                odd = odd_ones(known, self._skins())
             if len(odd) <= len(known) - 2:
                 for index in odd:
                     self.members[index].joined, self.members[index].stranger = False, True
@@ -144,6 +147,15 @@ class JointRun:
         for member in self.members:
             member.together = member.state
         return odd
+
+    def _skins(self) -> dict[tuple[int, int], Likeness]:
+        """How alike the photos' skins are, each with the face where its own landmarks put it."""
+        compared = compared_photos(
+            [member.view for member in self.members],
+            [member.start for member in self.members],
+            LOOKS[0],
+        )
+        return {pair: Likeness(one.textured, one.likeness) for pair, one in compared.items()}
 
     def _photo_phase(self, phase: Phase, checkpoint: JointCheckpoint | None) -> None:
         """A phase with the photos; again, without the least believed photo, when one is not

@@ -1,4 +1,4 @@
 """What moves when: phases, the view of one photo, start values, the steps of one or several.
 
-May import energy, solve and what those may import.
+May import stereo, energy, solve and what those may import.
 """

@@ -17,7 +17,7 @@ from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.given.problem import FINE_FACE_PX
 from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.view import View
-from facestage.fit.stereo.matches import Matches, find_matches
+from facestage.fit.stereo.matches import Comparison, Matches, compare
 from facestage.fit.stereo.overlap import Sight
 from facestage.fit.stereo.stereo_term import Pair, StereoTerm
 from facestage.images.image_io import resize
@@ -56,16 +56,13 @@ def stereo_between(photos: Sequence[Passage], look: Look) -> StereoTerm | None:
     weight = views[0].problem.job.weights.photo
     if set(SHAPE).isdisjoint(photos[0].phase.blocks) or not weight:
         return None
-    size = min(look.face_px, *(view.problem.face_size_px for view in views))
-    scales = [view.problem.scale(size) for view in views]
-    sights = [_sight(*one) for one in zip(views, states, scales, strict=True)]
     factors = [photo.view.factor(photo.phase) for photo in photos]
+    scales = _scales(views, look)
     pairs = []
-    for a, b in partners([state.rotation for state in states]):
-        found = find_matches(sights[a], sights[b], look.reach)
-        if found is not None:
-            found = found.scaled(factors[a] / scales[a], factors[b] / scales[b])
-            pairs.append(Pair(a, b, views[a].forward, _shared(found, len(views))))
+    for (a, b), compared in compared_photos(views, states, look).items():
+        if compared.matches is not None:
+            matches = compared.matches.scaled(factors[a] / scales[a], factors[b] / scales[b])
+            pairs.append(Pair(a, b, views[a].forward, _shared(matches, len(views))))
     if not pairs:
         return None
     floors = [
@@ -73,6 +70,25 @@ def stereo_between(photos: Sequence[Passage], look: Look) -> StereoTerm | None:
         for view, factor in zip(views, factors, strict=True)
     ]
     return StereoTerm(tuple(pairs), tuple(floors), weight)
+
+
+def compared_photos(
+    views: Sequence[View], states: Sequence[State], look: Look
+) -> dict[tuple[int, int], Comparison]:
+    """By the places of two photos, what they have in common with the faces at ``states``, at the
+    size of the smaller face.
+    """
+    sights = [_sight(*one) for one in zip(views, states, _scales(views, look), strict=True)]
+    return {
+        (a, b): compare(sights[a], sights[b], look.reach)
+        for a, b in partners([state.rotation for state in states])
+    }
+
+
+def _scales(views: Sequence[View], look: Look) -> list[float]:
+    """What brings each photo's face to the size that they are compared at."""
+    size = min(look.face_px, *(view.problem.face_size_px for view in views))
+    return [view.problem.scale(size) for view in views]
 
 
 def partners(rotations: Sequence[np.ndarray]) -> list[tuple[int, int]]:

@@ -29,6 +29,8 @@ INDEPENDENT_SHARE = 0.25
 QUANTISATION = 0.004
 # A peak must correlate so far, and stand out so far over all others further away than this.
 PEAK_MIN, LEAD_MIN, RIVAL_PX = 0.5, 0.05, 2
+# How many times the noise texture must be.
+TEXTURE_MIN = 3.0
 CORRELATION_MAX = 0.995
 # Share of a window that both pictures must show.
 COVERED_MIN = 0.5
@@ -52,6 +54,15 @@ def detail(
     kept = np.where(seen, picture, 0.0).astype(np.float32)
     base = _blurred(kept, DETAIL_PX) / np.maximum(_blurred(inside, DETAIL_PX), 1e-3)
     return np.where(seen, kept - base, 0.0).astype(np.float32)
+
+
+def textured(
+    details: Float[np.ndarray, "height width"], seen: Bool[np.ndarray, "height width"]
+) -> Bool[np.ndarray, "height width"]:
+    """Where a window has texture that stands out from the noise."""
+    energy = _blurred(details**2, WINDOW_PX)
+    covered = _blurred(seen.astype(np.float32), WINDOW_PX)
+    return np.asarray(energy > (TEXTURE_MIN * QUANTISATION) ** 2 * np.maximum(covered, 1e-3))
 
 
 def displacements(

@@ -14,6 +14,7 @@ from facestage.fit.stereo.correlation import (
     Displacements,
     detail,
     displacements,
+    textured,
 )
 from facestage.fit.stereo.overlap import Overlap, Sight, overlap
 
@@ -24,6 +25,8 @@ SPACING = round(WINDOW_PX)
 NEIGHBOURS_MIN, DISAGREEMENT_MAX = 8, 1.5
 # With fewer, in pixels of a common overlap or in matches, chance finds as many.
 OVERLAP_MIN, MATCHES_MIN = 400, 25
+# Different people match a sixth of the places at most: lips lie on lips.
+LIKENESS_MIN = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,6 @@ class Matches:
     targets: Float[np.ndarray, "matches 2"]  # in the second photo
     covariance: Float[np.ndarray, "matches 2 2"]  # of the targets, pixels^2
     share: float  # of an independent match that each is
-    found: float  # which share of what both photos show could be matched
 
     def scaled(self, first: float, second: float) -> Matches:
         """Of the photos resized by these factors."""
@@ -46,17 +48,44 @@ class Matches:
         )
 
 
-def find_matches(first: Sight, second: Sight, reach: int) -> Matches | None:
-    """Of two photos with the faces where the fit has them, off by up to ``reach`` pixels; None
-    where they say nothing of each other.
-    """
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What two photos have in common."""
+
+    matches: Matches | None  # None where they say nothing of each other's shape
+    textured: int  # places a window apart where both photos show skin with texture
+    recognised: int  # of these, the places that were matched
+
+    @property
+    def likeness(self) -> float:
+        """The share of the textured places that were matched."""
+        return self.recognised / max(self.textured, 1)
+
+
+NOTHING = Comparison(None, 0, 0)
+
+
+def compare(first: Sight, second: Sight, reach: int) -> Comparison:
+    """Two photos with the faces where the fit has them, off by up to ``reach`` pixels."""
     both = overlap(first, second)
     if both is None or both.common.sum() < OVERLAP_MIN:
-        return None
+        return NOTHING
     common = both.common
-    moved = displacements(detail(both.tone, common), detail(both.other_tone, common), common, reach)
+    details = detail(both.tone, common), detail(both.other_tone, common)
+    moved = displacements(*details, common, reach)
     sure = _agreeing(moved.shift, common & moved.sure)
-    return _matches(both, moved, sure)
+    grid = _grid(common.shape) & binary_erosion(common, iterations=SPACING)
+    rich = grid & textured(details[0], common) & textured(details[1], common)
+    found = Comparison(None, int(rich.sum()), int((rich & sure).sum()))
+    if found.likeness < LIKENESS_MIN:
+        return found
+    return replace(found, matches=_matches(both, moved, sure))
+
+
+def _grid(shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
+    result = np.zeros(shape, bool)
+    result[SPACING // 2 :: SPACING, SPACING // 2 :: SPACING] = True
+    return result
 
 
 def _agreeing(
@@ -91,9 +120,7 @@ def _matches(
     place = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
     targets = cv2.remap(both.shown.astype(np.float32), *place, cv2.INTER_LINEAR)
     known = cv2.remap(firm.astype(np.float32), *place, cv2.INTER_LINEAR) > 0.99
-    grid = np.zeros_like(sure)
-    grid[SPACING // 2 :: SPACING, SPACING // 2 :: SPACING] = True
-    chosen = grid & sure & known & firm
+    chosen = _grid(sure.shape) & sure & known & firm
     if chosen.sum() < MATCHES_MIN:
         return None
     # How the second photo's pixels move with the first one's.
@@ -104,5 +131,4 @@ def _matches(
         targets[chosen].astype(np.float64),
         stretch @ covariance @ stretch.transpose(0, 2, 1),
         SPACING**2 / WINDOW_AREA,
-        float(chosen.sum() / max((grid & firm).sum(), 1)),
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.face.state import State
-from facestage.fit.stereo.matches import find_matches
+from facestage.fit.stereo.matches import compare
 from facestage.fit.stereo.overlap import overlap
 from reference.speckled_face import pair, photo, sight, speckles, turned, wrong
 from reference.synthetic_scene import Scene
@@ -34,8 +34,9 @@ def test_matches_are_where_the_skin_is(scene: Scene, guess, side: int):
     photos = pair(scene, first, second)
     # One shape, two poses; what is wrong with the shape is wrong in both.
     begun = guess(first), replace(guess(second), rotation=second.rotation)
-    found = find_matches(*(sight(scene, *one) for one in zip(photos, begun, strict=True)), REACH)
-    assert found is not None and found.found > 0.5
+    found = compare(*(sight(scene, *one) for one in zip(photos, begun, strict=True)), REACH)
+    assert found.likeness > 0.6 and found.matches is not None
+    found = found.matches
     off = errors(scene, first, second, found.pixels, found.targets)
     print(f"{len(off)} matches, {np.median(off):.2f} px median, {(off > 1).mean():.1%} beyond 1 px")
     assert np.median(off) < 0.2 * side / 200 and (off > 1.0).mean() < 0.05
@@ -45,7 +46,9 @@ def test_another_person_has_other_freckles(scene: Scene):
     first, second = turned(scene, 15), turned(scene, -15)
     one, _ = pair(scene, first, second)
     other = photo(scene, second, speckles(2), (-0.8, 0.3, 0.5))
-    assert find_matches(sight(scene, one, first), sight(scene, other, second), REACH) is None
+    found = compare(sight(scene, one, first), sight(scene, other, second), REACH)
+    assert found.matches is None
+    assert found.textured > 200 and found.likeness < 0.1
 
 
 def test_smooth_skin_is_silent(scene: Scene):
@@ -56,14 +59,14 @@ def test_smooth_skin_is_silent(scene: Scene):
         photo(scene, second, smooth, (-0.8, 0.3, 0.5)),
     )
     sights = [sight(scene, *one) for one in zip(photos, (first, second), strict=True)]
-    assert find_matches(sights[0], sights[1], REACH) is None
+    assert compare(sights[0], sights[1], REACH).matches is None
 
 
 def test_two_profiles_show_nothing_in_common(scene: Scene):
     first, second = turned(scene, 80), turned(scene, -80)
     photos = pair(scene, first, second)
     sights = [sight(scene, *one) for one in zip(photos, (first, second), strict=True)]
-    assert find_matches(sights[0], sights[1], REACH) is None
+    assert compare(sights[0], sights[1], REACH).matches is None
 
 
 def test_what_is_hidden_is_not_compared(scene: Scene):

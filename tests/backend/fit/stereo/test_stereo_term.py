@@ -16,7 +16,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, SHARED
 from facestage.fit.stages.joint_descent import JointDescent
 from facestage.fit.stages.photo_descent import PhotoDescent
-from facestage.fit.stereo.matches import find_matches
+from facestage.fit.stereo.matches import compare
 from facestage.fit.stereo.stereo_term import Pair, StereoTerm
 from reference.speckled_face import pair, sight, turned, wrong
 from reference.synthetic_scene import Scene
@@ -38,7 +38,7 @@ def begun(truth: tuple[State, State]) -> tuple[State, State]:
 @pytest.fixture(scope="module")
 def term(scene: Scene, truth: tuple[State, State]) -> StereoTerm:
     photos, start = pair(scene, *truth), begun(truth)
-    found = find_matches(*(sight(scene, *one) for one in zip(photos, start, strict=True)), 8)
+    found = compare(*(sight(scene, *one) for one in zip(photos, start, strict=True)), 8).matches
     assert found is not None
     return StereoTerm((Pair(0, 1, scene.forward, found),), (FLOOR, FLOOR))
 

@@ -1,11 +1,20 @@
-"""Whether photos are of one person: identities drawn as the statistics say, and one that is not."""
+"""Whether photos are of one person: identities drawn as the statistics say, and one that is not;
+skins that agree with the landmarks, and that do not."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from facestage.fit.trust.same_person import CHANCE, Evidence, combined, difference, odd_ones
+from facestage.fit.trust.same_person import (
+    CHANCE,
+    FOUND_EXCESS,
+    Evidence,
+    Likeness,
+    combined,
+    difference,
+    odd_ones,
+)
 
 MODES, FREEDOM = 12, 130
 
@@ -72,3 +81,31 @@ def test_all_photos_together_are_what_one_with_all_landmarks_would_be():
         np.linalg.norm(one - person(3)) for one in (identity, *(photo.identity for photo in photos))
     ]
     assert error[0] < min(error[1:])
+
+
+def careless(person_seed: int, seed: int, shift: float = 3.0) -> Evidence:
+    """Landmarks whose errors look like another face."""
+    random = np.random.default_rng(seed)
+    return evidence(person(person_seed) + shift * random.normal(size=MODES), seed)
+
+
+ALIKE, OTHER, UNTOLD = Likeness(500, 0.7), Likeness(500, 0.15), Likeness(20, 0.9)
+
+
+def test_one_skin_is_one_person_whatever_the_landmarks_say():
+    photos = [careless(1, 1), careless(1, 2)]
+    assert len(odd_ones(photos, {(0, 1): OTHER})) == 2
+    assert odd_ones(photos, {(0, 1): ALIKE}) == {}
+
+
+def test_a_stranger_is_found_beside_skins_that_agree():
+    photos = [careless(1, 1), careless(1, 2), careless(1, 3), evidence(person(501), 4)]
+    skins = {(0, 1): ALIKE, (1, 2): ALIKE, (0, 3): OTHER, (1, 3): OTHER, (2, 3): OTHER}
+    assert list(odd_ones(photos, skins)) == [3]
+
+
+def test_where_skin_says_nothing_landmarks_have_more_slack():
+    photos = [evidence(person(1), 1), evidence(person(1) + 0.6, 2)]
+    told, untold = (odd_ones(photos, {(0, 1): OTHER}), odd_ones(photos, {(0, 1): UNTOLD}))
+    assert len(told) == 2 and untold == {}
+    assert 1 < max(one.statistic / one.limit for one in told.values()) < FOUND_EXCESS
