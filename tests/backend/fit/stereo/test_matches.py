@@ -34,9 +34,10 @@ def test_matches_are_where_the_skin_is(scene: Scene, guess, side: int):
     photos = pair(scene, first, second)
     # One shape, two poses; what is wrong with the shape is wrong in both.
     begun = guess(first), replace(guess(second), rotation=second.rotation)
-    found = compare(*(sight(scene, *one) for one in zip(photos, begun, strict=True)), REACH)
-    assert found.likeness > 0.6 and found.matches is not None
-    found = found.matches
+    sights = [sight(scene, *one) for one in zip(photos, begun, strict=True)]
+    compared = compare(sights[0], sights[1], REACH)
+    found = compared.matches
+    assert compared.likeness > 0.6 and found is not None
     off = errors(scene, first, second, found.pixels, found.targets)
     print(f"{len(off)} matches, {np.median(off):.2f} px median, {(off > 1).mean():.1%} beyond 1 px")
     assert np.median(off) < 0.2 * side / 200 and (off > 1.0).mean() < 0.05

@@ -38,7 +38,8 @@ def begun(truth: tuple[State, State]) -> tuple[State, State]:
 @pytest.fixture(scope="module")
 def term(scene: Scene, truth: tuple[State, State]) -> StereoTerm:
     photos, start = pair(scene, *truth), begun(truth)
-    found = compare(*(sight(scene, *one) for one in zip(photos, start, strict=True)), 8).matches
+    sights = [sight(scene, *one) for one in zip(photos, start, strict=True)]
+    found = compare(sights[0], sights[1], 8).matches
     assert found is not None
     return StereoTerm((Pair(0, 1, scene.forward, found),), (FLOOR, FLOOR))
 
