@@ -78,6 +78,7 @@ def test_what_was_found_once_is_read_or_refused(hand: Hand, folder: Path) -> Non
     assert outcome.verdict != FINDING, described(outcome)
 
 
+@pytest.mark.slow
 def test_a_short_run_over_every_reader_finds_nothing(home: Path) -> None:
     campaign = Campaign()
     plan = {name: range(count) for name, count in counts(INPUTS).items()}

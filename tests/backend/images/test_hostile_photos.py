@@ -183,6 +183,7 @@ def test_nothing_but_the_sentence_is_said_of_a_damaged_tiff(
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_the_largest_picture_takes_less_than_three_gigabytes(tmp_path: Path):
     """A megabyte of PNG of as many pixels as are read."""
     side = 11500
