@@ -1,4 +1,6 @@
-"""Makes photographs with known truth: of one person of each kind, or several of the same."""
+"""Makes photographs with known truth: of one person of each kind, several of the same, or of a
+scan.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +17,19 @@ from facestage.contract.job import DEFAULT_MODEL
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
 from .command import exit_code
+from .scan_options import SCAN_SIZE, add_options, check_alone
 
-SAMPLES = 96
+SAMPLES, SIZE = 96, 256
 SIZE_MIN, SIZE_MAX = 16, 4096
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="facestage_blender.cases", description="Make photographs with known truth."
+        prog="facestage_blender.cases",
+        description="Make photographs with known truth.",
+        epilog="Example: --model ict:PATH --out cases, or --scan head.obj --scan-units cm "
+        "--scan-color color.jpg --out scans.",
     )
     result.add_argument("--out", type=Path, help="folder for the cases, one folder each")
     result.add_argument(
@@ -36,7 +42,11 @@ def parser() -> argparse.ArgumentParser:
         "--only", nargs="*", default=[], metavar="NAME", help="only cases of these names"
     )
     result.add_argument("--model", default=DEFAULT_MODEL, help="default, ict:PATH or npz:FILE")
-    result.add_argument("--size", type=int, default=256, help="side of the photos in pixels")
+    result.add_argument(
+        "--size",
+        type=int,
+        help=f"side of the photos in pixels (default {SIZE}, of a scan {SCAN_SIZE})",
+    )
     result.add_argument("--samples", type=int, default=SAMPLES, help="samples per pixel")
     result.add_argument(
         "--seed", type=int, default=0, help="other people, poses and lamps of the same recipes"
@@ -59,6 +69,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="only say which cases there are, and what is hard in each",
     )
+    add_options(result)
     return result
 
 
@@ -70,6 +81,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Make the cases, or list them."""
+    if options.size is None:
+        options.size = SIZE if options.scan is None else SCAN_SIZE
+    if options.scan is not None:
+        check_alone(options)
+        check_output(options)
+        # Needs Blender, which a list of the recipes does not.
+        from .scan_cases import make_scan_cases
+
+        make_scan_cases(options)
+        return
     if options.person is None:
         chosen = choose(options.count, options.only)
     else:
@@ -78,6 +99,12 @@ def run(options: argparse.Namespace) -> None:
         for name, recipe in chosen.items():
             print(f"{name:<20}{recipe.hard}")
         return
+    check_output(options)
+    make(chosen, options)
+
+
+def check_output(options: argparse.Namespace) -> None:
+    """Raise InputError for photos that cannot be made, or that there is no place for."""
     if options.out is None:
         raise InputError("No folder was given for the cases; add --out DIR.")
     if not SIZE_MIN <= options.size <= SIZE_MAX or options.samples < 1:
@@ -85,7 +112,6 @@ def run(options: argparse.Namespace) -> None:
             f"Photos of {options.size} pixels with {options.samples} samples cannot be made; "
             f"--size goes from {SIZE_MIN} to {SIZE_MAX}, --samples from 1."
         )
-    make(chosen, options)
 
 
 def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:

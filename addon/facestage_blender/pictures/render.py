@@ -64,14 +64,16 @@ def render_linear(
     seed: int = 0,
     crop: Crop | None = None,
     denoise: bool = False,
+    background: bool = False,
 ) -> np.ndarray:
-    """(h, w, 4) float32 linear RGB and coverage of the camera's view, background left out.
+    """(h, w, 4) float32 linear RGB and coverage of the camera's view, without the ``background``
+    unless it is asked for.
 
     ``direct_only`` leaves out light that was reflected more than once, as the fit does.
     """
     values: list[tuple[Any, str, Any]] = [
         (scene.render, "engine", "CYCLES"),
-        (scene.render, "film_transparent", True),
+        (scene.render, "film_transparent", not background),
         (scene.render, "use_compositing", False),
         (scene.render, "use_sequencer", False),
         (scene.render.image_settings, "file_format", "OPEN_EXR"),

@@ -58,14 +58,21 @@ class Sightlines:
         """(m,) bool: nothing lies between the camera and a point (m, 3) but what is within
         TOLERANCE of it.
         """
-        distance = np.linalg.norm(points, axis=1)
-        return np.array(
-            [
-                self.tree.ray_cast((0, 0, 0), (point / far).tolist(), float(far - TOLERANCE))[2]
-                is None
-                for point, far in zip(points, distance, strict=True)
-            ]
-        )
+        return unhidden(self.tree, points, TOLERANCE)
+
+
+def unhidden(tree: BVHTree, points: np.ndarray, tolerance: float) -> np.ndarray:
+    """(m,) bool: nothing of the tree lies between the camera, at the origin, and a point (m, 3) but
+    what is within ``tolerance`` of it.
+    """
+    distance = np.linalg.norm(points, axis=1)
+    return np.array(
+        [
+            tree.ray_cast((0, 0, 0), (point / far).tolist(), float(far - tolerance))[2] is None
+            for point, far in zip(points, distance, strict=True)
+        ],
+        bool,
+    )
 
 
 def _labels(model: FaceModel) -> np.ndarray:

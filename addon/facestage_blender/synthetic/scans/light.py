@@ -1,0 +1,77 @@
+"""The light of a scan's photographs: pictures of whole surroundings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from facestage.contract.errors import InputError
+
+from ...pictures.images import load_image
+
+SUFFIXES = (".exr", ".hdr")
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """A picture of all directions, and by how many degrees it is turned about the vertical."""
+
+    name: str
+    file: Path
+    turn: float
+
+
+def shipped() -> dict[str, Path]:
+    """The pictures of surroundings that Blender ships, by name."""
+    folder = bpy.utils.system_resource("DATAFILES", path="studiolights/world")
+    return {path.stem: path for path in sorted(Path(folder).glob("*.exr"))} if folder else {}
+
+
+def read_surroundings(text: str) -> Surroundings:
+    """What NAME or FILE, or either with @DEGREES behind it, says.
+
+    Raises InputError.
+    """
+    given, mark, degrees = text.rpartition("@")
+    given, degrees = (given, degrees) if mark else (text, "0")
+    try:
+        turn = float(degrees)
+    except ValueError:
+        turn = math.nan
+    if not math.isfinite(turn):
+        raise InputError(
+            f"The light '{text}' is turned by '{degrees}', expected degrees, as in interior@40."
+        )
+    known = shipped()
+    if given in known:
+        return Surroundings(given, known[given], turn)
+    path = Path(given)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"There is no light '{given}'; expected one of {', '.join(known)}, or a picture of "
+            "all directions in an .exr or .hdr file."
+        )
+    return Surroundings(path.stem, path, turn)
+
+
+def light_world(scene: bpy.types.Scene, light: Surroundings) -> None:
+    """Let the surroundings light the scene, whose vertical is the camera's own y. Raises
+    InputError.
+    """
+    image = load_image(light.file)
+    world = bpy.data.worlds.new("Surroundings")
+    scene.world = world
+    world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    place = nodes.new("ShaderNodeTexCoord")
+    turned = nodes.new("ShaderNodeMapping")
+    # Pictures of surroundings have their vertical along z.
+    turned.inputs["Rotation"].default_value = (math.pi / 2, 0.0, math.radians(light.turn))
+    picture = nodes.new("ShaderNodeTexEnvironment")
+    picture.image = image
+    links.new(place.outputs["Generated"], turned.inputs["Vector"])
+    links.new(turned.outputs["Vector"], picture.inputs["Vector"])
+    links.new(picture.outputs["Color"], nodes["Background"].inputs["Color"])
