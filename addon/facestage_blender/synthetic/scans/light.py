@@ -64,7 +64,8 @@ def light_world(scene: bpy.types.Scene, light: Surroundings) -> None:
     image = load_image(light.file)
     world = bpy.data.worlds.new("Surroundings")
     scene.world = world
-    world.use_nodes = True
+    if world.node_tree is None:  # before Blender 5.0 a new world has no nodes
+        world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     place = nodes.new("ShaderNodeTexCoord")
     turned = nodes.new("ShaderNodeMapping")

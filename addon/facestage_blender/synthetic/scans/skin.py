@@ -32,7 +32,8 @@ class SkinMaps:
 def skin_material(maps: SkinMaps) -> bpy.types.Material:
     """Random-walk scattering (Principled), in a scene of metres. Raises InputError."""
     material = bpy.data.materials.new("Scanned Skin")
-    material.use_nodes = True
+    if material.node_tree is None:  # before Blender 5.0 a new material has no nodes
+        material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     skin = nodes["Principled BSDF"]
     skin.subsurface_method = "RANDOM_WALK_SKIN"
