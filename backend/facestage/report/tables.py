@@ -36,6 +36,8 @@ ERRORS = {
     "within_2_sigma": ("Coordinates or points within 2 standard deviations (0.95)", ""),
     "error_over_sigma": ("Error over standard deviation, RMS (1)", ""),
     "landmark_statistic": ("Squared distance from the landmarks' shape", ""),
+    "shape_deviation": ("Deviation of the shape, by the fit's own account, RMS", "mm"),
+    "landmark_shape_deviation": ("The same by landmarks alone", "mm"),
     "landmark_px": ("Landmarks, median distance", "px"),
     "albedo": ("Albedo, RMS, best scale factored out", "linear"),
     "light": ("Irradiance, relative, best scale factored out", ""),

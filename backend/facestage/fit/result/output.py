@@ -145,6 +145,9 @@ def _errors(
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)
     distance = np.linalg.norm(projected - problem.landmarks.points, axis=1)
     errors["landmark_statistic"] = fitted.landmark_statistic
+    if fitted.support is not None:
+        errors["shape_deviation"] = fitted.support.photo_mm
+        errors["landmark_shape_deviation"] = fitted.support.landmarks_mm
     errors["landmark_px"] = (
         float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     )

@@ -38,14 +38,24 @@ def verdict(
     against = _against(problem, fitted, picture, errors, hidden)
     if against:
         return STOPPED, against
-    left = (
+    hidden_words = (
         f"; {hidden:.0%} of the face is behind something flat and was left out"
         if hidden > HIDDEN_MENTIONED
         else ""
     )
+    explained = f"the render explains the skin with a PSNR of {value:.1f} dB"
+    return CONVERGED, f"Converged: {explained}{hidden_words}{_unsupported(fitted)}."
+
+
+def _unsupported(fitted: Fitted) -> str:
+    """What a fit says whose photo told next to nothing of the shape; else empty."""
+    support = fitted.support
+    if support is None or not support.little:
+        return ""
     return (
-        CONVERGED,
-        f"Converged: the render explains the skin with a PSNR of {value:.1f} dB{left}.",
+        "; but the photo hardly adds to what the landmarks tell of the shape, which is known to "
+        f"{support.photo_mm:.1f} mm with it and {support.landmarks_mm:.1f} mm without: light the "
+        "face from one side, or give more photos with --same-person"
     )
 
 

@@ -24,6 +24,7 @@ from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.guard import doubt, informative_share, landmark_statistic, statistic_limit
 from facestage.fit.trust.lens_check import LensCheck, check_lens
 from facestage.fit.trust.shading_doubt import shading_doubt
+from facestage.fit.trust.support import Support, expected_distance
 from facestage.fit.trust.vertex_certainty import vertex_deviation
 
 CHANNEL_NAMES = ("red", "green", "blue")
@@ -69,6 +70,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         ending.statistic,
         view.plan.ledger,
         view.penumbra,
+        support=None if ending.doubt else _support(view, ending.start, state, last),
     )
 
 
@@ -135,6 +137,35 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
         last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
     )
     return replace(found, vertices_mm=vertices, directions=directions.to_json())
+
+
+def _support(view: View, start: State, state: State, last: Iteration | None) -> Support | None:
+    """How much surer of the shape the photo makes; None where it was not asked, or nothing of the
+    shape is free.
+    """
+    layout = Layout(state)
+    free = ~view.held(layout)
+    if last is None or last.evaluation is None:
+        return None
+    if not (free & layout.mask(("identity", "expression"))).any():
+        return None
+    alone = view.descent(Schedule()[PhaseName.LANDMARKS], start)
+    if alone is None:
+        return None
+    model = view.problem.geometry.model
+    shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
+    region = model.regions.get("narrow_face", view.problem.geometry.used)
+    before = alone.energy.at(start).system(start, alone.active).hessian
+    found = [
+        expected_distance(
+            model,
+            model.shape(at.identity, at.expression),
+            region,
+            covariance(hessian, moved)[shape, shape],
+        )
+        for at, hessian, moved in ((start, before, alone.active), (state, last.hessian, free))
+    ]
+    return Support(*found)
 
 
 def _shading_doubt(view: View, last: Iteration | None) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.lens_check import LensCheck
+from facestage.fit.trust.support import Support
 
 
 @dataclass(frozen=True)
@@ -40,4 +41,6 @@ class Fitted:
     ledger: Ledger = field(default_factory=Ledger)  # what was worked on, and what the plan left out
     # share of the light on the face from partly hidden lights; None: did not look
     penumbra: float | None = None
+    # None: the photo was not asked about the shape, or not believed
+    support: Support | None = None
     company: str = ""  # what speaks against this photo beside others of the same person; or empty

@@ -29,6 +29,17 @@ def _basis(model: FaceModel, chosen: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.concatenate(bases).astype(np.float64), 0, 2)
 
 
+def shape_columns(model: FaceModel, vertices: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """(r, 3, k + e) motion in metres of the vertices in ``region`` by each coefficient of the
+    shape, less what the best similarity transform over them takes out; model frame.
+    """
+    motions = similarity_motions((vertices - vertices[region].mean(axis=0))[region])
+    basis = _basis(model, region)
+    flat, rows = motions.reshape(-1, 7), basis.reshape(3 * len(region), -1)
+    taken, *_ = np.linalg.lstsq(flat, rows, rcond=None)
+    return (rows - flat @ taken).reshape(basis.shape)
+
+
 def vertex_deviation(
     model: FaceModel,
     vertices: np.ndarray,
