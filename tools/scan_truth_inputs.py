@@ -61,8 +61,8 @@ class Registered:
             "vertices": len(model.vertices),
         }
         found = checked(RegisteredSchema(**sizes), arrays, f"The registration '{path}'")
-        values = {name: found[name].astype(np.float64) for name in RegisteredSchema().fields}
-        return cls(**values) if "albedo" in found else cls(**values, albedo=None)
+        values = {name: array.astype(np.float64) for name, array in found.items()}
+        return cls(**({"albedo": None} | values))
 
     def in_photo(self, scan: Scan, model: FaceModel) -> Placed:
         """Where the registered head is when its scan is where ``scan`` has it."""
