@@ -26,13 +26,15 @@ from facestage.images.image_io import resize
 # nearer they differ by less. Each photo is compared with so many others, and none so far away.
 BEST_ANGLE, ANGLE_MAX, PARTNERS_MAX = 30.0, 75.0, 3
 
+REACH_MIN = 2  # pixels, whatever the size of the face
+
 
 @dataclass(frozen=True)
 class Look:
     """How closely photos are compared."""
 
     face_px: float  # size of the face, at most
-    reach: int  # pixels that the faces may be off
+    reach: int  # pixels of such a face that they may be off
     # standard deviation, as a share of the face's size, of what matches are not good for
     floor: float
 
@@ -78,9 +80,12 @@ def compared_photos(
     """By the places of two photos, what they have in common with the faces at ``states``, at the
     size of the smaller face.
     """
-    sights = [_sight(*one) for one in zip(views, states, _scales(views, look), strict=True)]
+    scales = _scales(views, look)
+    sights = [_sight(*one) for one in zip(views, states, scales, strict=True)]
+    size = scales[0] * views[0].problem.face_size_px
+    reach = max(round(look.reach * size / look.face_px), REACH_MIN)
     return {
-        (a, b): compare(sights[a], sights[b], look.reach)
+        (a, b): compare(sights[a], sights[b], reach)
         for a, b in partners([state.rotation for state in states])
     }
 

@@ -9,24 +9,16 @@ independent pixels in a window the likelihood of two pieces that correlate by r 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float
 
-# What is coarser than this standard deviation in pixels is light, and taken off.
-DETAIL_PX = 2.0
 # Standard deviation of a window in pixels, and the area that it amounts to.
 WINDOW_PX = 4.0
 WINDOW_AREA = 4.0 * np.pi * WINDOW_PX**2
-# Of a window's pixels the share that is independent. What light leaves of its own in the detail is
-# correlated: with this share the true places, of a scanned head in three lights, lie as far off as
-# the covariances say (a median of 0.4 to 1.1 squared deviations with 0.1 pixels added, 1.4 wanted).
-INDEPENDENT_SHARE = 0.25
-# Contrast (of the logarithm) of what is no texture: 8 bits of a mid grey are 0.01 apart, a third of
-# that is their standard deviation.
-QUANTISATION = 0.004
 # A peak must correlate so far, and stand out so far over all others further away than this.
 PEAK_MIN, LEAD_MIN, RIVAL_PX = 0.5, 0.05, 2
 # How many times the noise texture must be.
@@ -34,6 +26,25 @@ TEXTURE_MIN = 3.0
 CORRELATION_MAX = 0.995
 # Share of a window that both pictures must show.
 COVERED_MIN = 0.5
+
+
+@dataclass(frozen=True)
+class Band:
+    """Which detail of a picture is compared, and what its correlation is worth."""
+
+    smooth_px: float  # what is finer than this standard deviation is noise; 0: nothing is
+    detail_px: float  # what is coarser is light
+    # Standard deviation of the logarithm that is no texture: 8 bits of a mid grey are 0.01 apart, a
+    # third of that, or less where pixels are averaged.
+    noise: float
+    # Of a window's pixels the share that is independent. What light leaves of its own in the detail
+    # is correlated: with this share the true places, of a scanned head in three lights, lie about
+    # as far off as the covariances say.
+    independent: float
+
+
+# Pores, and for photos whose noise hides them moles and hairs: those are placed half as well.
+BANDS = (Band(0.0, 2.0, 0.004, 0.25), Band(0.7, 3.0, 0.003, 0.1))
 
 
 @dataclass(frozen=True)
@@ -47,22 +58,21 @@ class Displacements:
 
 
 def detail(
-    picture: Float[np.ndarray, "height width"], seen: Bool[np.ndarray, "height width"]
+    picture: Float[np.ndarray, "height width"], seen: Bool[np.ndarray, "height width"], band: Band
 ) -> Float[np.ndarray, "height width"]:
-    """What of ``picture`` is finer than light, 0 where it is not ``seen``."""
-    inside = seen.astype(np.float32)
-    kept = np.where(seen, picture, 0.0).astype(np.float32)
-    base = _blurred(kept, DETAIL_PX) / np.maximum(_blurred(inside, DETAIL_PX), 1e-3)
-    return np.where(seen, kept - base, 0.0).astype(np.float32)
+    """What of ``picture`` lies in ``band``, 0 where it is not ``seen``."""
+    fine = _mean(picture, seen, band.smooth_px) if band.smooth_px else picture
+    result = fine - _mean(picture, seen, band.detail_px)
+    return np.where(seen, result, 0.0).astype(np.float32)
 
 
 def textured(
-    details: Float[np.ndarray, "height width"], seen: Bool[np.ndarray, "height width"]
+    details: Float[np.ndarray, "height width"], seen: Bool[np.ndarray, "height width"], band: Band
 ) -> Bool[np.ndarray, "height width"]:
     """Where a window has texture that stands out from the noise."""
     energy = _blurred(details**2, WINDOW_PX)
     covered = _blurred(seen.astype(np.float32), WINDOW_PX)
-    return np.asarray(energy > (TEXTURE_MIN * QUANTISATION) ** 2 * np.maximum(covered, 1e-3))
+    return np.asarray(energy > (TEXTURE_MIN * band.noise) ** 2 * np.maximum(covered, 1e-3))
 
 
 def displacements(
@@ -70,11 +80,38 @@ def displacements(
     second: Float[np.ndarray, "height width"],
     seen: Bool[np.ndarray, "height width"],
     reach: int,
+    band: Band,
 ) -> Displacements:
     """Of the details of two pictures that show the same where they are ``seen``, but for shifts of
     up to ``reach`` pixels.
     """
-    return _peaks(_correlations(first, second, seen, reach))
+    return _peaks(_correlations(first, second, seen, reach, band.noise), band.independent)
+
+
+def surest(found: Sequence[Displacements]) -> Displacements:
+    """Pixel by pixel the one that is known best."""
+    strength = [
+        np.where(one.sure, np.linalg.det(one.information), -1.0 - number)
+        for number, one in enumerate(found)
+    ]
+    best = np.argmax(strength, axis=0)
+
+    def chosen(parts: Sequence[np.ndarray]) -> np.ndarray:
+        which = best.reshape(1, *best.shape, *(1,) * (parts[0].ndim - 2))
+        return np.take_along_axis(np.stack(parts), which, axis=0)[0]
+
+    return Displacements(
+        chosen([one.shift for one in found]),
+        chosen([one.sure for one in found]),
+        chosen([one.information for one in found]),
+    )
+
+
+def _mean(picture: np.ndarray, seen: np.ndarray, sigma: float) -> np.ndarray:
+    """Of what is ``seen`` around each pixel."""
+    inside = seen.astype(np.float32)
+    kept = np.where(seen, picture, 0.0).astype(np.float32)
+    return np.asarray(_blurred(kept, sigma) / np.maximum(_blurred(inside, sigma), 1e-3))
 
 
 def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
@@ -85,7 +122,7 @@ def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _correlations(
-    first: np.ndarray, second: np.ndarray, seen: np.ndarray, reach: int
+    first: np.ndarray, second: np.ndarray, seen: np.ndarray, reach: int, deviation: float
 ) -> Float[np.ndarray, "shifts shifts height width"]:
     """The correlation at each shift, y first, from -reach to reach."""
     height, width = first.shape
@@ -100,13 +137,13 @@ def _correlations(
             a, b = first * both, second[where] * both
             sums = _blurred(np.stack([a * b, a * a, b * b, both], axis=-1), WINDOW_PX)
             product, of_first, of_second, covered = np.moveaxis(sums, -1, 0)
-            noise = QUANTISATION**2 * covered + 1e-12
+            noise = deviation**2 * covered + 1e-12
             correlation = product / np.sqrt((of_first + noise) * (of_second + noise))
             result[down, right] = correlation * np.minimum(1.0, covered / COVERED_MIN)
     return result
 
 
-def _peaks(correlations: np.ndarray) -> Displacements:
+def _peaks(correlations: np.ndarray, independent: float) -> Displacements:
     """The highest correlation of each pixel, between the shifts that were tried by a parabola."""
     side, (height, width) = len(correlations), correlations.shape[2:]
     flat = correlations.reshape(side * side, height, width)
@@ -130,7 +167,7 @@ def _peaks(correlations: np.ndarray) -> Displacements:
     sure &= (top > PEAK_MIN) & (top - _rival(correlations, row, column) > LEAD_MIN)
     shift = np.stack([i, j], axis=-1) - (side // 2) + np.where(sure[..., None], offset, 0.0)
     r = np.clip(top, 0.0, CORRELATION_MAX)
-    strength = INDEPENDENT_SHARE * WINDOW_AREA * r / (1.0 - r**2)
+    strength = independent * WINDOW_AREA * r / (1.0 - r**2)
     return Displacements(shift, sure, strength[..., None, None] * curvature)
 
 

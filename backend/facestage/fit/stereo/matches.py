@@ -9,11 +9,13 @@ from scipy.ndimage import binary_erosion
 
 from facestage.contract.arrays import Bool, Float
 from facestage.fit.stereo.correlation import (
+    BANDS,
     WINDOW_AREA,
     WINDOW_PX,
     Displacements,
     detail,
     displacements,
+    surest,
     textured,
 )
 from facestage.fit.stereo.overlap import Overlap, Sight, overlap
@@ -25,7 +27,7 @@ SPACING = round(WINDOW_PX)
 NEIGHBOURS_MIN, DISAGREEMENT_MAX = 8, 1.5
 # With fewer, in pixels of a common overlap or in matches, chance finds as many.
 OVERLAP_MIN, MATCHES_MIN = 400, 25
-# Different people match a sixth of the places at most: lips lie on lips.
+# Share of the textured places below which what agrees is chance, or lips on anybody's lips.
 LIKENESS_MIN = 0.2
 
 
@@ -71,15 +73,22 @@ def compare(first: Sight, second: Sight, reach: int) -> Comparison:
     if both is None or both.common.sum() < OVERLAP_MIN:
         return NOTHING
     common = both.common
-    details = detail(both.tone, common), detail(both.other_tone, common)
-    moved = displacements(*details, common, reach)
-    sure = _agreeing(moved.shift, common & moved.sure)
     grid = _grid(common.shape) & binary_erosion(common, iterations=SPACING)
-    rich = grid & textured(details[0], common) & textured(details[1], common)
-    found = Comparison(None, int(rich.sum()), int((rich & sure).sum()))
-    if found.likeness < LIKENESS_MIN:
-        return found
-    return replace(found, matches=_matches(both, moved, sure))
+    found, likeness = [], []
+    for band in BANDS:
+        details = [detail(tone, common, band) for tone in (both.tone, both.other_tone)]
+        moved = displacements(details[0], details[1], common, reach, band)
+        rich = grid & textured(details[0], common, band) & textured(details[1], common, band)
+        sure = _agreeing(moved.shift, common & moved.sure)
+        found.append(moved)
+        likeness.append((int(rich.sum()), int((rich & sure).sum())))
+    # Who it is, the finest detail tells: lips lie on anybody's lips.
+    textured_places, recognised = likeness[0]
+    if all(same < LIKENESS_MIN * places for places, same in likeness):
+        return Comparison(None, textured_places, recognised)
+    moved = surest(found)
+    sure = _agreeing(moved.shift, common & moved.sure)
+    return Comparison(_matches(both, moved, sure), textured_places, recognised)
 
 
 def _grid(shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
+from facestage.contract.landmarks import MEDIAPIPE
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.solve.covariance import marginal_hessian
@@ -31,13 +32,14 @@ CHANCE = 1e-3
 # nothing of it.
 INFORMED = 1.0
 POSE_PARAMETERS = 6
-# Share of the places with texture that two photos of one person match at least, begun at each
-# photo's own landmarks, and how many places that takes. Measured: one scanned head in three lights,
-# 10 to 40 degrees apart, 0.58 to 0.85; two rendered people, 28 degrees apart, 0.74 and 0.78;
-# different people 0.06 to 0.17, rendered ones that share their mesh and brows 0.27 to 0.38.
-ALIKE_MIN, PLACES_MIN = 0.45, 100
-# By how much the statistic of found landmarks exceeds its limit between photos of one person, at
-# most, in these cases (1.1 to 3.5 times); different people on real photos 3.1 to 14 times.
+# Share of the places with texture from which on two photos show one skin, share below which they
+# show two, and how many places that takes. Measured at each photo's own landmarks: one scanned head
+# in three lights 0.43 to 0.85, four photos of a rendered person 0.35 to 0.81, another one 0.75;
+# different people 0.05 to 0.17, rendered ones that share their brows and lips 0.26 to 0.39. Noise
+# hides skin: two grey levels of 255 make 0.20 of 0.43, and then nobody knows.
+ALIKE_MIN, OTHER_MAX, PLACES_MIN = 0.42, 0.2, 100
+# By how much the statistic of landmarks that a network found exceeds its limit between photos of
+# one person, at most (1.1 to 3.5 times, as above); of landmarks with independent errors it does not.
 FOUND_EXCESS = 4.0
 
 
@@ -50,6 +52,7 @@ class Evidence:
     prior: np.ndarray  # (k, k)
     misfit: float = 0.0  # twice the energy that landmarks and priors are left with
     freedom: int = 1  # residuals less parameters; priors count as residuals
+    excess: float = 1.0  # by how much its errors may exceed those of independent landmarks
 
     @classmethod
     def of(cls, last: Iteration, descent: PhotoDescent) -> Evidence:
@@ -60,8 +63,15 @@ class Evidence:
         information = marginal_hessian(last.hessian, kept, descent.active) - prior
         seen = int(np.isfinite(descent.energy.term(LandmarkTerm).sigma).sum())
         misfit = 2.0 * landmark_energy(descent.energy, last.state)
+        found = descent.energy.term(LandmarkTerm).landmarks.scheme == MEDIAPIPE
         return cls(
-            last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1)
+            last.state.identity,
+            information,
+            prior,
+            misfit,
+            max(2 * seen - POSE_PARAMETERS, 1),
+            # Nobody sets so many points by hand.
+            FOUND_EXCESS if found else 1.0,
         )
 
     @property
@@ -91,14 +101,14 @@ class Likeness:
     share: float  # of these that could be matched
 
     @property
-    def told(self) -> bool:
-        """Whether the skins say anything."""
-        return self.places >= PLACES_MIN
-
-    @property
     def alike(self) -> bool:
         """Whether it is one person's skin."""
-        return self.told and self.share >= ALIKE_MIN
+        return self.places >= PLACES_MIN and self.share >= ALIKE_MIN
+
+    @property
+    def other(self) -> bool:
+        """Whether they are different skins, or at least look so."""
+        return self.places >= PLACES_MIN and self.share < OTHER_MAX
 
 
 # By the indices of two photos, the lower first.
@@ -146,7 +156,8 @@ def odd_ones(
             alone = difference(evidence[index], [evidence[other] for other in others])
             if skins is not None:
                 pairs = {tuple(sorted((index, other))) for other in others}
-                alone = _beside(alone, [skin for pair, skin in skins.items() if pair in pairs])
+                seen = [skin for pair, skin in skins.items() if pair in pairs]
+                alone = _beside(alone, evidence[index].excess, seen)
             differences[index] = alone
         worst = max(left, key=lambda index: differences[index].statistic / differences[index].limit)
         if not differences[worst].doubtful:
@@ -159,10 +170,10 @@ def odd_ones(
     return found
 
 
-def _beside(landmarks: Difference, skins: Sequence[Likeness]) -> Difference:
+def _beside(landmarks: Difference, excess: float, skins: Sequence[Likeness]) -> Difference:
     """What the landmarks say of a photo, knowing how alike its skin is to the others'."""
     if any(skin.alike for skin in skins):
         return replace(landmarks, limit=np.inf)
-    if any(skin.told for skin in skins):
+    if any(skin.other for skin in skins):
         return landmarks
-    return replace(landmarks, limit=FOUND_EXCESS * landmarks.limit)
+    return replace(landmarks, limit=excess * landmarks.limit)
