@@ -39,7 +39,7 @@ POSE_PARAMETERS = 6
 # hides skin: two grey levels of 255 make 0.20 of 0.43, and then nobody knows.
 ALIKE_MIN, OTHER_MAX, PLACES_MIN = 0.42, 0.2, 100
 # By how much the statistic of landmarks that a network found exceeds its limit between photos of
-# one person, at most (1.1 to 3.5 times, as above); of landmarks with independent errors it does not.
+# one person, at most (1.1 to 3.5 times, as above); of landmarks with independent errors, not.
 FOUND_EXCESS = 4.0
 
 
