@@ -97,3 +97,29 @@ def test_what_the_nose_covers_is_not_compared(scene: Scene):
     corners = scene.forward.pose(second)[1][scene.geometry.triangles[hits.triangle]]
     met = np.einsum("pi,pix->px", hits.barycentric, corners)
     assert (np.linalg.norm(met - points, axis=1) < 0.006).mean() > 0.99
+
+
+def test_what_something_covers_in_the_other_photo_is_not_compared(scene: Scene):
+    first, second = turned(scene, 10), turned(scene, -10)
+    sights = [
+        sight(scene, *one) for one in zip(pair(scene, first, second), (first, second), strict=True)
+    ]
+    free = overlap(*sights)
+    # Something a centimetre before the left half of the second photo's face.
+    vars(sights[1])["distance"] = sights[1].distance - np.where(np.arange(200) < 100, 0.01, 0.0)
+    both = overlap(*sights)
+    assert free is not None and both is not None
+    assert (free.shown[free.common][:, 0] < 100).any()
+    assert both.common.any() and (both.shown[both.common][:, 0] >= 100).all()
+
+
+def test_a_piece_that_moves_alone_is_no_skin(scene: Scene):
+    first, second = turned(scene, 10), turned(scene, -10)
+    photos = pair(scene, first, second)
+    # A crumb that shows what truly is five pixels beside it.
+    crumb = np.s_[88:108, 92:112]
+    photos[1][crumb] = photos[1][88:108, 97:117]
+    sights = [sight(scene, *one) for one in zip(photos, (first, second), strict=True)]
+    found = compare(sights[0], sights[1], REACH).matches
+    assert found is not None
+    assert errors(scene, first, second, found.pixels, found.targets).max() < 3.0

@@ -128,6 +128,13 @@ def test_it_pulls_the_shape_to_the_truth(
             PhotoDescent("test", SHAPE, energy, 20, freeze, *layout.bounds(known), tolerance=1e-5)
         )
     joint = JointDescent(descents, (term,))
+    system = joint.system(start, (None, None))
+    assert system.total == pytest.approx(sum(sum(one.values()) for one in system.energies)) and all(
+        "stereo" in one for one in system.energies
+    )
+    alone = sum(one.decrease(state, None) for one, state in zip(system.systems, truth, strict=True))
+    gained = system.decrease(truth, (None, None)) - alone
+    assert gained == pytest.approx(term.weighed(start).decrease(truth)) and gained > 0
     last = joint.last(start, 1)
     assert last is not None
     ended = [part.state for part in last.parts]
