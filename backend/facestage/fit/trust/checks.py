@@ -25,7 +25,7 @@ from facestage.fit.trust.guard import doubt, informative_share, landmark_statist
 from facestage.fit.trust.lens_check import LensCheck, check_lens
 from facestage.fit.trust.shading_doubt import shading_doubt
 from facestage.fit.trust.support import Support, expected_distance
-from facestage.fit.trust.vertex_certainty import vertex_deviation
+from facestage.fit.trust.vertex_certainty import beyond_the_model, vertex_deviation
 
 CHANNEL_NAMES = ("red", "green", "blue")
 
@@ -133,6 +133,8 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
         covariance(last.hessian, free)[shape, shape],
         region,
     )
+    if free[layout.slices["identity"]].any():
+        vertices = beyond_the_model(vertices)
     directions = find_null_directions(
         last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
     )
