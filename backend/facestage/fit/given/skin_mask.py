@@ -181,13 +181,31 @@ def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     landmarks came in from
     there: hair, a scarf; it is nothing to paint on a face.
     """
-    inside = face_pixels((skin.shape[0], skin.shape[1]), landmarks)
+    shape = (skin.shape[0], skin.shape[1])
+    inside = face_pixels(shape, landmarks)
     regions, count = label(skin < 0.5)
-    # The landmarks of a brow lie along its middle.
-    near = binary_dilation(inside, iterations=max(round(BROW_SHARE * face_size_px(landmarks)), 1))
+    brows = brow_pixels(shape, landmarks)
+    near = binary_dilation(inside, iterations=_brow_reach(landmarks)) | brows
     share = np.asarray(mean(near, regions, np.arange(count + 1)))
     foreign = (regions > 0) & (share < OWN_SHARE_MIN)[regions]
-    return np.where(inside & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
+    return np.where((inside | brows) & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
+
+
+def brow_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, where a brow may be: around the landmarks along its middle."""
+    import cv2
+
+    result = np.zeros(shape, np.uint8)
+    for brow in np.split(landmarks.points[scheme_of(landmarks.scheme).brows], 2):
+        if np.isfinite(brow).all():
+            line = np.round(brow - 0.5).astype(np.int32)
+            cv2.polylines(result, [line], False, 1, 2 * _brow_reach(landmarks) + 1)
+    return result > 0
+
+
+def _brow_reach(landmarks: Landmarks) -> int:
+    """Half the height of a brow, pixels."""
+    return max(round(BROW_SHARE * face_size_px(landmarks)), 1)
 
 
 def _features(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:

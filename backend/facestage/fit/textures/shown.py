@@ -13,6 +13,7 @@ from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
+from facestage.fit.given.skin_mask import brow_pixels
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import Asked
@@ -25,6 +26,10 @@ PIXELS_ACROSS = 1000.0
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it
 # counts in full.
 GRAZING, FACING = 0.15, 0.45
+# Log albedo of black hair below that of light skin: how far a brow may depart from the skin.
+BROW_DEPARTURE = 2.0
+# By how much, in log radiance, what is darker than skin may be a brow, and surely is one.
+BROW_DARKER = 0.3, 0.7
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,8 @@ class Shown:
     # 0..1 how well the pixel shows skin, and not at a grazing angle
     clear: Float[np.ndarray, " pixels"]
     doubt: Float[np.ndarray, " pixels"]  # of the shading's shape, see shading_doubt.py
-    # how far the mean face's log albedo departs there from its skin: brows, lips
+    # how far log albedo may depart there from the skin: by what the mean face's does, where it
+    # has brows or lips, and by a brow's around the brows' landmarks
     feature: Float[np.ndarray, " pixels"]
     shift_px: int  # how far the fitted face may be off
 
@@ -115,16 +121,34 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     skin = (problem.paintable * ~fitted.hidden)[row, column]
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
+    painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
+    photo = problem.photograph.color[row, column].astype(np.float64)
+    width, height = problem.photograph.size
+    brows = brow_pixels((height, width), problem.landmarks)[row, column]
     return Shown(
         image=image,
         uvs=forward.uvs(surface),
-        photo=problem.photograph.color[row, column].astype(np.float64),
+        photo=photo,
         clipped=problem.photograph.clipped[row, column],
         clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
         doubt=_shading_doubt(problem, fitted)[row, column],
-        feature=np.einsum("pi,pi->p", surface.weights, departure[surface.corners]),
+        feature=np.maximum(painted, BROW_DEPARTURE * brow_share(brows, photo, image.color)),
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )
+
+
+def brow_share(
+    brows: Bool[np.ndarray, " pixels"],
+    photo: Float[np.ndarray, "pixels 3"],
+    rendered: Float[np.ndarray, "pixels 3"],
+) -> Float[np.ndarray, " pixels"]:
+    """0..1, how surely a pixel shows a brow: it lies where ``brows`` may be, and is darker than
+    bare skin is ``rendered`` under the same light.
+    """
+    seen, expected = photo.mean(axis=1), rendered.mean(axis=1)
+    darker = np.log(np.maximum(expected, 1e-9)) - np.log(np.maximum(seen, 1e-9))
+    share = (darker - BROW_DARKER[0]) / (BROW_DARKER[1] - BROW_DARKER[0])
+    return np.where(brows, np.clip(share, 0.0, 1.0), 0.0)
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "height width"]:

@@ -4,6 +4,7 @@ known places.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,14 @@ from matplotlib.path import Path as Outline
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.skin_mask import face_pixels, opening_share, paint_weight, skin_weight
+from facestage.fit.given.skin_mask import (
+    brow_pixels,
+    face_pixels,
+    face_size_px,
+    opening_share,
+    paint_weight,
+    skin_weight,
+)
 
 SIZE = 160
 SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
@@ -193,3 +201,28 @@ def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landm
     assert weight[brows & hull & (X < 80)].min() == 1.0
     assert weight[lock].mean() < 0.1
     assert weight[inside & hull & ~lock & (X < 88)].min() == 1.0
+
+
+def test_the_upper_half_of_a_brow_is_painted_too(landmarks: Landmarks):
+    photo, _ = draw("light", light=(0.2, 0.2, 0.96))
+    brows = np.zeros((SIZE, SIZE), bool)
+    for start in (17, 22):
+        for x, y in landmarks.points[start : start + 5]:
+            brows |= np.hypot(X - x, Y - y) < 3
+    photo = np.where(brows[..., None], [0.05, 0.03, 0.02], photo)
+    weight = paint_weight(skin_weight(photo, landmarks), landmarks)
+    assert (brows & ~face_pixels((SIZE, SIZE), landmarks)).sum() > 50
+    assert weight[brows].min() == 1.0
+
+
+def test_brows_lie_around_their_landmarks_and_nowhere_else(landmarks: Landmarks):
+    found = brow_pixels((SIZE, SIZE), landmarks)
+    away = np.full((SIZE, SIZE), np.inf)
+    for start in (17, 22):
+        for one, two in pairwise(landmarks.points[start : start + 5]):
+            for share in np.linspace(0, 1, 20):
+                x, y = one + share * (two - one)
+                away = np.minimum(away, np.hypot(X - x, Y - y))
+    reach = round(0.04 * face_size_px(landmarks))
+    assert found[away < reach - 1].all()
+    assert not found[away > reach + 2].any()
