@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -16,15 +15,13 @@ from facestage.contract.scan import Scan
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 CAMERA = Camera(512, 512, 1200.0, (256.0, 256.0))
 PLACE = np.array([10.0, -20.0, -900.0])  # mm
 
 
 @pytest.fixture
-def register(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def register(tools: None) -> ModuleType:
     """The module tools/register_to_scan.py."""
-    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import register_to_scan
 
     return register_to_scan

@@ -16,16 +16,14 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.scan import Scan
 from facestage.models.registry import load_model
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 CAMERA = Camera(256, 256, 600.0, (128.0, 128.0))
 TURN = Rotation.from_euler("y", 30, degrees=True).as_matrix()
 PLACE = np.array([0.01, -0.02, -0.9])  # m
 
 
 @pytest.fixture
-def inputs(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def inputs(tools: None) -> ModuleType:
     """The module tools/scan_truth_inputs.py."""
-    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import scan_truth_inputs
 
     return scan_truth_inputs

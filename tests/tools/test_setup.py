@@ -18,12 +18,6 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
-def tools(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the scripts of tools/ importable."""
-    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
-
-
-@pytest.fixture
 def set_up(tools: None) -> ModuleType:
     """The module tools/setup.py."""
     import setup

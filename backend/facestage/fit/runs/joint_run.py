@@ -141,9 +141,10 @@ class JointRun:
         for phase in self.schedule.landmark_phases:
             if not set(SHARED).isdisjoint(phase.blocks):
                 self._descend(phase, None)
-                # Better shapes find better matches.
+                # Better shapes find better matches; a checkpoint has had the time for all looks.
                 for look in LOOKS:
-                    self._descend(phase, None, look)
+                    if self._quiet or time.monotonic() <= self._deadline:
+                        self._descend(phase, None, look)
         for member in self.members:
             member.together = member.state
         return odd

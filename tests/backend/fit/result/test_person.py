@@ -25,6 +25,8 @@ from facestage.fit.given.problem import read_problem
 from facestage.fit.result import person as person_fit
 from facestage.fit.result import run
 from facestage.fit.result.relight import render_result
+from facestage.fit.runs import joint_run
+from facestage.fit.stages.matching import LOOKS, Look
 from facestage.images.image_io import read_exr
 from reference.small_fit import QUICK, SMALL, StopError
 from reference.synthetic_case import Case, write_case
@@ -274,3 +276,16 @@ def test_a_damaged_person_file_is_refused(folder: Path, tmp_path: Path, change: 
     (tmp_path / "person.json").write_text(json.dumps(data))
     with pytest.raises(InputError, match="person file"):
         Person.load(tmp_path)
+
+
+def test_skins_are_compared_as_long_as_there_is_time(
+    jobs: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    looks: list[Look] = []
+    monkeypatch.setattr(joint_run, "stereo_between", lambda photos, look: looks.append(look))
+    hurried = [replace(job, budget_seconds=1e-3) for job in jobs[:2]]
+    with without_pictures():
+        quick_fit(hurried, tmp_path / "hurried")
+        assert not looks
+        quick_fit(jobs[:2], tmp_path / "whole")
+    assert looks[: len(LOOKS)] == list(LOOKS)
