@@ -64,12 +64,21 @@ class Cancellation:
         if self._over:
             return
         self.asked = True
-        if CAN_ASK_AGAIN and in_foreign_import(frame):
-            # A library that is being imported may turn the exception into one of its own, swallow
-            # it, or abort.
+        if CAN_ASK_AGAIN:
+            # A library may swallow the exception, or turn it into one of its own; one that is being
+            # imported may abort. What is being put in order because of it must not be cut off.
             self._ask_again()
-            return
+            if in_foreign_import(frame) or underway():
+                return
         raise KeyboardInterrupt
+
+
+def underway() -> bool:
+    """Whether a KeyboardInterrupt is on its way out, and what runs now is there because of it."""
+    error = sys.exc_info()[1]
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def in_foreign_import(frame: FrameType | None) -> bool:
