@@ -17,6 +17,7 @@ from facestage.contract.scan import MILLIMETRES, Scan
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.schema import FileSchema, checked
 from facestage.models.mesh.similarity import Similarity, procrustes
+from facestage.models.mesh.surface import vertex_normals
 
 # Cosine of normal and view below which a landmark does not show.
 SHOWS = 0.1
@@ -107,11 +108,7 @@ class Placed:
         """Where the landmarks of the registered head are in the picture."""
         corners, weights = self.model.landmark_vertices(MEDIAPIPE)
         points = np.einsum("mi,mix->mx", weights, self.vertices[corners])
-        triangles = self.model.triangles
-        a, b, c = (self.vertices[triangles[:, corner]] for corner in range(3))
-        normals = np.zeros_like(self.vertices)
-        for corner in range(3):
-            np.add.at(normals, triangles[:, corner], np.cross(b - a, c - a))
+        normals = vertex_normals(self.vertices, self.model.triangles)
         normal = np.einsum("mi,mix->mx", weights, normals[corners])
         scale = np.linalg.norm(normal, axis=1) * np.linalg.norm(points, axis=1)
         shows = -(normal * points).sum(axis=1) > SHOWS * np.maximum(scale, 1e-20)

@@ -43,3 +43,16 @@ def test_what_is_seen_at_a_grazing_angle_is_left_out(head: FaceModel) -> None:
     outline = np.abs(vertices[found, 0]).max() / np.abs(vertices[:, 0]).max()
     # The cosine of what is left of a right angle, of an ellipse 75 wide and 95 deep.
     assert 0.9 < outline < 0.999
+
+
+def test_skin_along_the_line_of_sight_is_left_out_where_nothing_hides_it() -> None:
+    """A roof before the camera, one side at 70 degrees to the view, the other at 88."""
+    from facestage_blender.synthetic.scans.face_region import face_vertices
+
+    gentle, steep = (50.0 / np.tan(np.radians(angle)) for angle in (70.0, 88.0))
+    x, y, z = np.array([-gentle, 0.0, steep]), 20.0, np.array([-50.0, 0.0, -50.0])
+    vertices = np.array([[x[k], side * y, -900.0 + z[k]] for k in range(3) for side in (-1, 1)])
+    triangles = np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]])
+    camera = Camera.default(256, 256, 1000.0)
+    corners = np.array([[0, 0], [256, 0], [256, 256], [0, 256]], float)
+    assert face_vertices(vertices, triangles, camera, corners).tolist() == [0, 1, 2, 3]

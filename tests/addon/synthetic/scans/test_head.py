@@ -74,6 +74,16 @@ def test_units_and_axes(scene, tmp_path: Path) -> None:
     )
 
 
+def test_no_axes_make_a_mirror_image() -> None:
+    from facestage_blender.synthetic.scans.head import AXES, axes
+
+    np.testing.assert_array_equal(axes("+Z", "+Y"), np.eye(3))
+    for facing in AXES:
+        for up in AXES:
+            if facing[1] != up[1]:
+                assert np.linalg.det(axes(facing, up)) == pytest.approx(1.0)
+
+
 def test_loose_vertices_are_noticed_and_objects_are_one(scene, tmp_path: Path) -> None:
     lines = FACES.split("\n")
     halves = "\n".join(["o first", *lines[:3], "o second", *lines[3:]])

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mathutils import Matrix
 
+from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 
 
@@ -47,3 +50,31 @@ def test_a_picture_that_is_none_is_refused(scene, tmp_path: Path) -> None:
     (tmp_path / "my.exr").write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"my\.exr"):
         light_world(scene, read_surroundings(str(tmp_path / "my.exr")))
+
+
+def test_surroundings_turn_about_the_vertical(scene, tmp_path: Path) -> None:
+    """Bright on one half, dark on the other: a camera sees the one, or turned half round the
+    other, and a border upright in its middle at a quarter.
+    """
+    from facestage_blender.pictures.render import render_linear, save_exr
+    from facestage_blender.scene.camera import ensure_camera, write_camera
+    from facestage_blender.synthetic.scans.light import light_world, read_surroundings
+
+    halves = np.full((16, 32, 3), 0.01, np.float32)
+    halves[:, :16] = 1.0
+    save_exr(tmp_path / "halves.exr", halves)
+    camera = ensure_camera(scene, scene.collection)
+    camera.matrix_world = Matrix()
+    write_camera(scene, camera.data, Camera.default(16, 16, 20.0))
+
+    def seen(degrees: int) -> np.ndarray:
+        light_world(scene, read_surroundings(f"{tmp_path / 'halves.exr'}@{degrees}"))
+        picture = render_linear(scene, samples=1, background=True)[..., 0]
+        assert np.ptp(picture, axis=0).max() < 0.02  # the vertical is upright
+        return np.asarray(picture[8])
+
+    rows = [seen(degrees) for degrees in (0, 90, 180, 270)]
+    # Half round shows what was behind.
+    for one, other in ((rows[0], rows[2]), (rows[1], rows[3])):
+        np.testing.assert_allclose(one[[2, 13]] + other[[2, 13]], 1.01, atol=0.02)
+    assert sorted(float(np.ptp(row[[2, 13]])) > 0.9 for row in rows) == [False, False, True, True]
