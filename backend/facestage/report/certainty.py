@@ -89,14 +89,24 @@ def _side_view(rotation: np.ndarray) -> np.ndarray:
 def _facing(
     vertices: np.ndarray, triangles: np.ndarray, view: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the triangles that face the viewer, far ones first, and the cosine of each."""
-    corners = (vertices.astype(np.float64) @ view.T)[triangles]
+    """Numbers of the triangles that face the viewer, far ones first, and (n,) the cosine between
+    each vertex's normal and the view.
+    """
+    turned = vertices.astype(np.float64) @ view.T
+    corners = turned[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    cosine = normal[:, 2] / np.maximum(length, 1e-20)
-    seen = np.flatnonzero((cosine > 0) & np.isfinite(corners).all(axis=(1, 2)))
+    normal = np.where(np.isfinite(normal), normal, 0.0)
+    seen = np.flatnonzero((normal[:, 2] > 0) & np.isfinite(corners).all(axis=(1, 2)))
     order = seen[np.argsort(corners[seen, :, 2].mean(axis=1), kind="stable")]
-    return order, cosine[order]
+    at_vertex = np.stack(
+        [
+            np.bincount(triangles.ravel(), np.repeat(normal[:, axis], 3), len(vertices))
+            for axis in range(3)
+        ],
+        axis=1,
+    )
+    length = np.linalg.norm(at_vertex, axis=1)
+    return order, np.clip(at_vertex[:, 2] / np.maximum(length, 1e-20), 0.0, 1.0)
 
 
 def _draw(axes: Any, head: _Head, view: np.ndarray, values: np.ndarray, limit: float) -> object:
@@ -106,8 +116,9 @@ def _draw(axes: Any, head: _Head, view: np.ndarray, values: np.ndarray, limit: f
     load_matplotlib()
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import TriMesh
     from matplotlib.colors import Normalize
+    from matplotlib.tri import Triangulation
 
     scale = ScalarMappable(Normalize(0.0, limit), colormaps[COLOR_MAP])
     order, cosine = _facing(head.vertices, head.triangles, view)
@@ -115,16 +126,20 @@ def _draw(axes: Any, head: _Head, view: np.ndarray, values: np.ndarray, limit: f
     axes.set_yticks([])
     if len(order) and len(head.face):
         points = (head.vertices @ view.T)[:, :2]
-        corners = points[head.triangles[order]]
-        colors = scale.to_rgba(values[head.triangles[order]].mean(axis=1))
-        colors[:, :3] *= (EDGE_BRIGHTNESS + (1 - EDGE_BRIGHTNESS) * cosine)[:, None]
-        # Edges of the same color close the hairlines between polygons.
-        axes.add_collection(
-            PolyCollection(corners, facecolors=colors, edgecolors=colors, linewidths=0.3)
-        )
         shown = points[head.face][np.isfinite(points[head.face]).all(axis=1)]
         low, high = shown.min(axis=0), shown.max(axis=0)
         middle, half = (low + high) / 2, (0.5 + BORDER) * float((high - low).max())
         axes.set_xlim(middle[0] - half, middle[0] + half)
         axes.set_ylim(middle[1] - half, middle[1] + half)
+        corners = points[head.triangles[order]] - middle
+        inside = (corners.min(axis=1) < half) & (corners.max(axis=1) > -half)
+        order = order[inside.all(axis=1)]
+        colors = scale.to_rgba(values)
+        colors[:, :3] *= (EDGE_BRIGHTNESS + (1 - EDGE_BRIGHTNESS) * cosine)[:, None]
+        places = np.where(np.isfinite(points), points, 0.0)
+        if len(order):
+            # Its triangles are drawn in their order, with smooth colors, which is several times
+            # faster than polygons with edges.
+            painted = TriMesh(Triangulation(*places.T, head.triangles[order]), facecolors=colors)
+            axes.add_collection(painted, autolim=False)
     return scale

@@ -104,7 +104,7 @@ def _positive(seconds: np.ndarray) -> np.ndarray:
 def _draw_panel(
     axes: Any, panel: Panel, trace: Sequence[Mapping[str, Any]], seconds: np.ndarray, theme: Theme
 ) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     axes.set_xscale("log")
     ends = []
@@ -128,13 +128,13 @@ def _draw_panel(
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
     else:
         axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.set_xlim(seconds[0] / 1.25, seconds[-1] * 1.05)
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.grid(axis="y", color=theme.grid, lw=1, zorder=0)
     axes.set_axisbelow(True)
     _label_ends(axes, panel, ends)

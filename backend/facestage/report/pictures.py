@@ -171,6 +171,9 @@ def _difference_map() -> object:
 
 def draw_landmarks(path: Path, view: View, data: ReportData) -> None:
     """Given landmarks (rings) and fitted ones (dots) on the photo, a line from one to the other."""
+    load_matplotlib()
+    from matplotlib.collections import LineCollection
+
     given, fitted = data.landmarks * view.scale, data.projected * view.scale
     known = np.isfinite(given).all(1) & np.isfinite(fitted).all(1)
     seen, hidden = known & data.visible, known & ~data.visible
@@ -194,7 +197,8 @@ def draw_landmarks(path: Path, view: View, data: ReportData) -> None:
     size = 70.0 if len(given) < 120 else 16.0
     for chosen, opacity in ((hidden, 0.35), (seen, 1.0)):
         pairs = np.stack([given[chosen], fitted[chosen]], axis=1)
-        axes.plot(pairs[..., 0].T, pairs[..., 1].T, color="white", lw=1.0, alpha=0.8 * opacity)
+        lines = LineCollection(list(pairs), colors="white", linewidths=1.0, alpha=0.8 * opacity)
+        axes.add_collection(lines, autolim=False)
         axes.scatter(
             *given[chosen].T,
             s=size,
