@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from facestage.contract.errors import InputError
@@ -16,11 +16,13 @@ from facestage.contract.job import DEFAULT_MODEL
 
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
+from ..synthetic.cases.tones import tones
 from .command import exit_code
 from .scan_options import SCAN_SIZE, add_options, check_alone
 
 SAMPLES, SIZE = 96, 256
 SIZE_MIN, SIZE_MAX = 16, 4096
+TONES = "tones"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -58,6 +60,11 @@ def parser() -> argparse.ArgumentParser:
         help="instead: several photos of the person of this seed",
     )
     result.add_argument(
+        "--people",
+        choices=(TONES,),
+        help="instead: twelve people of six skin types, each under three lights",
+    )
+    result.add_argument(
         "--photos",
         type=int,
         default=4,
@@ -91,16 +98,25 @@ def run(options: argparse.Namespace) -> None:
 
         make_scan_cases(options)
         return
-    if options.person is None:
-        chosen = choose(options.count, options.only)
-    else:
-        chosen = photos(options.photos)
+    chosen = _chosen(options)
     if options.list:
-        for name, recipe in chosen.items():
-            print(f"{name:<20}{recipe.hard}")
+        for name, (recipe, _) in chosen.items():
+            print(f"{name:<20} {recipe.hard}")
         return
     check_output(options)
     make(chosen, options)
+
+
+def _chosen(options: argparse.Namespace) -> dict[str, tuple[Recipe, int | None]]:
+    """The cases by name, with the seed of who it is where that is no matter of the case."""
+    if options.people is not None:
+        if options.person is not None:
+            raise InputError("--people and --person are two orders; leave out one of them.")
+        people: dict[str, tuple[Recipe, int | None]] = dict(tones())
+        return {name: people[name] for name in named(people, options.only)}
+    if options.person is not None:
+        return {name: (each, options.person) for name, each in photos(options.photos).items()}
+    return {name: (each, None) for name, each in choose(options.count, options.only).items()}
 
 
 def check_output(options: argparse.Namespace) -> None:
@@ -127,10 +143,18 @@ def choose(count: int, only: Sequence[str]) -> dict[str, Recipe]:
         turn, which = divmod(index, len(RECIPES))
         recipe = RECIPES[which]
         cases[f"{recipe.name}_{turn + 1}" if turn else recipe.name] = recipe
+    return {name: cases[name] for name in named(cases, only)}
+
+
+def named(cases: Collection[str], only: Collection[str]) -> list[str]:
+    """Those of the ``cases`` whose names are in ``only``, or all.
+
+    Raises InputError for a name in ``only`` that is not among them.
+    """
     unknown = [name for name in only if name not in cases]
     if unknown:
         raise InputError(f"There is no case '{unknown[0]}'; --list says which there are.")
-    return {name: recipe for name, recipe in cases.items() if not only or name in only}
+    return [name for name in cases if not only or name in only]
 
 
 def photos(count: int) -> dict[str, Recipe]:
@@ -148,28 +172,30 @@ def case_seed(name: str, seed: int) -> int:
     return zlib.crc32(f"{name}/{seed}".encode()) % 2**31  # as much as Cycles takes
 
 
-def make(chosen: dict[str, Recipe], options: argparse.Namespace) -> None:
+def make(chosen: dict[str, tuple[Recipe, int | None]], options: argparse.Namespace) -> None:
     """Photograph every case into its own folder, each written whole."""
     from ..backend.commands import find_backend
     from . import pipeline
 
     model = pipeline.face_model(options.model, find_backend(), lambda _event: None)
-    for name, recipe in chosen.items():
+    for name, (recipe, same) in chosen.items():
         started = time.monotonic()
-        make_case(model, name, recipe, options)
-        print(f"{name:<20}{time.monotonic() - started:5.1f} s", flush=True)
+        make_case(model, name, recipe, options, same)
+        print(f"{name:<20} {time.monotonic() - started:5.1f} s", flush=True)
 
 
-def make_case(model: FaceModel, name: str, recipe: Recipe, options: argparse.Namespace) -> None:
+def make_case(
+    model: FaceModel, name: str, recipe: Recipe, options: argparse.Namespace, same: int | None
+) -> None:
     """Photograph one case into the folder NAME of ``--out``.
 
-    Who it is: the person of ``--person``, else one of the case's own.
+    ``same``: the seed of who it is; None: someone of the case's own.
     """
     from ..synthetic.cases.person import person_of
     from ..synthetic.photograph import render_person
     from . import pipeline
 
-    same, folder = options.person, options.out.resolve() / name
+    folder = options.out.resolve() / name
     seed = case_seed(name if same is None else f"{same}/{name}", options.seed)
     scene = pipeline.empty_scene()
     person = person_of(model, recipe, seed, same)

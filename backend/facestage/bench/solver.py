@@ -26,6 +26,9 @@ JUDGED = (
     "covered_mm",
     "within_1_sigma",
     "within_2_sigma",
+    "ita",
+    "true_ita",
+    "chromaticity",
 )
 
 

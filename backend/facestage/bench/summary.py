@@ -10,10 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from facestage.bench.settings import DEFAULT
 from facestage.bench.table import Final
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.quality import BEST, DRAFT, GOOD
+from facestage.contract.skin_tone import SKIN_TYPES, skin_type
 
 QUALITY_JSON = "quality.json"
 CONTENDERS = {DRAFT: DRAFT, GOOD: DEFAULT.name, BEST: BEST}
@@ -69,9 +72,44 @@ def summary_lines(finals: Sequence[Final]) -> list[str]:
         for item in runs
         if item.covered_mm is not None
     ]
+    lines += tone_lines(runs)
     for quality, found in measured_qualities(finals).items():
         lines.append(
             f"Quality {quality}: {found['seconds']:.1f} s, {found['similarity_mm']:.2f} mm, "
             f"{found['psnr']:.1f} dB (medians over the cases)."
         )
     return lines
+
+
+def tone_lines(finals: Sequence[Final]) -> list[str]:
+    """Sentences about skin tone where the true albedo is known, as Feng et al. 2022 (TRUST) report
+    it: the angle's error, and by skin type whether people end too light or too dark.
+    """
+    known = [
+        (item.ita, item.true_ita, item.chromaticity)
+        for item in finals
+        if item.ita is not None and item.true_ita is not None and item.chromaticity is not None
+    ]
+    if not known:
+        return []
+    found, true, shares = (np.array(column) for column in zip(*known, strict=True))
+    error, kinds = found - true, [skin_type(angle) for angle in true]
+    by_type = {
+        name: error[[kind == name for kind in kinds]] for name, _ in SKIN_TYPES if name in kinds
+    }
+    biases = {name: float(errors.mean()) for name, errors in by_type.items()}
+    overall = (
+        f"Skin tone of {len(known)} cases: individual typology angle off by "
+        f"{np.abs(error).mean():.1f} degrees on average, bias {error.mean():+.1f}, largest bias of "
+        f"a skin type {max(map(abs, biases.values())):.1f}; chromaticity off by "
+        f"{np.median(shares):.3f} in the median, {np.percentile(shares, 90):.3f} in the worst "
+        "tenth."
+    )
+    return [
+        overall,
+        *(
+            f"Skin type {name} ({len(errors)}): off by {np.abs(errors).mean():.1f} degrees on "
+            f"average, bias {biases[name]:+.1f} (more is lighter)."
+            for name, errors in by_type.items()
+        ),
+    ]

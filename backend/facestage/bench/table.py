@@ -166,6 +166,11 @@ class Final:
     # Shares within one and two of the fit's own standard deviations.
     within_1: float | None = None
     within_2: float | None = None
+    # Of the face's median albedo: individual typology angle in degrees, found and true, and the
+    # distance of the shares of red, green and blue from the true ones.
+    ita: float | None = None
+    true_ita: float | None = None
+    chromaticity: float | None = None
 
 
 def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
@@ -191,6 +196,9 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
         errors.get("covered_mm"),
         errors.get("within_1_sigma"),
         errors.get("within_2_sigma"),
+        errors.get("ita"),
+        errors.get("true_ita"),
+        errors.get("chromaticity"),
     )
 
 

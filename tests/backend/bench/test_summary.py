@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
-from facestage.bench.summary import measured_qualities, summary_lines, write_qualities
+from facestage.bench.summary import measured_qualities, summary_lines, tone_lines, write_qualities
 from facestage.bench.table import Final
 from facestage.contract.quality import BEST, DRAFT, GOOD, Expectation
 
@@ -46,3 +47,18 @@ def test_the_file_has_the_form_that_the_contract_reads(tmp_path: Path):
     data = json.loads((tmp_path / "quality.json").read_text(encoding="utf-8"))
     assert data["cases"] == ["a", "b"]
     assert Expectation(**data["qualities"][GOOD]).seconds == 11.0
+
+
+def test_skin_tone_is_told_by_type_with_its_bias() -> None:
+    angles = ((-40.0, -35.0), (-20.0, -45.0), (50.0, 45.0), (30.0, 35.0))
+    toned = [
+        replace(FINALS[0], ita=found, true_ita=true, chromaticity=0.01 * (number + 1))
+        for number, (found, true) in enumerate(angles)
+    ]
+    first, light, intermediate, dark = tone_lines([*toned, FINALS[0]])
+    assert "4 cases" in first and "off by 10.0 degrees on average, bias +5.0" in first
+    assert "largest bias of a skin type 10.0" in first and "0.025 in the median" in first
+    assert light.startswith("Skin type light (1): off by 5.0") and "bias +5.0" in light
+    assert intermediate.startswith("Skin type intermediate (1)") and "bias -5.0" in intermediate
+    assert dark.startswith("Skin type dark (2): off by 15.0") and "bias +10.0" in dark
+    assert tone_lines(FINALS) == []

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from facestage.contract.face_model import FaceModel
+from facestage.contract.face_model import EYES, SKIN, TEETH, FaceModel
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.skin_tone import from_cielab
 
 from ...pictures.texture import paint_vertices
 from ..truth import DISTANCE, FOCAL_PX, Person
@@ -23,6 +24,8 @@ SMILE = {"mouthSmileLeft": 0.55, "mouthSmileRight": 0.5, "jawOpen": 0.12, "browI
 POSE_SPREAD = (4.0, 3.0, 3.0)  # degrees, one standard deviation of yaw, pitch and roll
 PLACE_SPREAD = 0.008  # metres
 TONE_SPREAD = 0.15
+# Of the logarithm: how white eyes and teeth are, and how yellow (red less blue).
+WHITE_SPREAD, YELLOW_SPREAD = 0.12, 0.08
 
 
 def random_person(model: FaceModel, seed: int, albedo_size: int = ALBEDO_SIZE) -> Person:
@@ -67,7 +70,11 @@ def person_of(
     if recipe.melanin is not None and len(delta):
         delta[0] = recipe.melanin + TONE_SPREAD * own.uniform(-1, 1)
     expression = expression_weights(model, _everyday_expression(rng) | dict(recipe.expression))
-    albedo = skin.mottled(recipe.shade * _painted(model, delta, albedo_size), recipe.mottle, own)
+    painted = model.albedo(delta)
+    if recipe.tone is not None:
+        painted = _toned(model, painted, recipe.tone, own)
+    painted = recipe.shade * _textured(model, painted, albedo_size)
+    albedo = skin.mottled(painted, recipe.mottle, own)
     if recipe.freckles:
         albedo = skin.freckled(albedo, model, own)
     if recipe.beard:
@@ -137,8 +144,30 @@ def _skin_tone(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
     return np.clip(0.6 * rng.normal(size=len(model.albedo_basis)), -1.5, 1.5)
 
 
+def _toned(
+    model: FaceModel, albedo: np.ndarray, tone: tuple[float, float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """The vertices' albedo (n, 3) with skin whose median over the face is ``tone`` (CIELAB), and
+    eyes and teeth somewhat brighter or darker, whiter or yellower.
+    """
+    result = albedo.copy()
+    skin_vertices = np.unique(model.triangles[model.triangle_part == SKIN])
+    face = np.intersect1d(skin_vertices, model.regions.get("narrow_face", skin_vertices))
+    result[skin_vertices] *= from_cielab(np.array(tone)) / np.median(albedo[face], axis=0)
+    for part in (EYES, TEETH):
+        white, yellow = rng.normal(size=2) * (WHITE_SPREAD, YELLOW_SPREAD)
+        vertices = np.unique(model.triangles[model.triangle_part == part])
+        vertices = np.setdiff1d(vertices, skin_vertices)
+        result[vertices] *= np.exp(white + yellow * np.array([0.5, 0.0, -0.5]))
+    return result
+
+
 def _painted(model: FaceModel, delta: np.ndarray, size: int) -> np.ndarray:
-    return paint_vertices(model.albedo(delta), model.triangles, model.uvs, model.triangle_uvs, size)
+    return _textured(model, model.albedo(delta), size)
+
+
+def _textured(model: FaceModel, colors: np.ndarray, size: int) -> np.ndarray:
+    return paint_vertices(colors, model.triangles, model.uvs, model.triangle_uvs, size)
 
 
 def _specular(rng: np.random.Generator) -> np.ndarray:

@@ -32,6 +32,8 @@ class Recipe:
     roughness: float | None = None
     melanin: float | None = None  # standard deviations of the model's first skin mode
     shade: float = 1.0  # factor on the albedo besides
+    # CIELAB (D65) of the face's median albedo; then the whites of eyes and teeth are drawn as well
+    tone: tuple[float, float, float] | None = None
     mottle: float = 0.05  # relative standard deviation of the albedo that the model cannot explain
     freckles: bool = False
     beard: bool = False

@@ -100,6 +100,10 @@ class ScanTruth:
         """A scan's texture has no place in the model's."""
         return None
 
+    def tone_errors(self, texture: Float[np.ndarray, "texels texels 3"]) -> dict[str, float]:
+        """Nothing, for the same reason."""
+        return {}
+
     def _surface(self, state: State) -> Surface:
         """The fitted mesh in the camera frame, cut to the narrow face."""
         vertices = self.geometry.model.shape(state.identity, state.expression)

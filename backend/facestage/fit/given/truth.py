@@ -18,6 +18,7 @@ from facestage.contract.light_stage import COUNT_MAX, FAR, RADIANCE_MAX, LightSt
 from facestage.contract.scan import MARK, Scan
 from facestage.contract.schemas.array_field import Array, unit
 from facestage.contract.schemas.schema import FileSchema, checked
+from facestage.contract.skin_tone import chromaticity, typology_angle
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import sample_bilinear
@@ -135,6 +136,26 @@ class VertexTruth:
         """RMSE of an atlas texture (S, S, 3) over the narrow face's vertices, best single scale
         factored out.
         """
+        colors = self._face_colors(texture)
+        return None if colors is None else scaled_rmse(*colors)
+
+    def tone_errors(self, texture: np.ndarray) -> dict[str, float]:
+        """The tone of the narrow face's median albedo in an atlas texture (S, S, 3), no scale
+        factored out: the individual typology angle in degrees, found and true, and how far its
+        shares of red, green and blue are from the truth. Nothing where the albedo is not known.
+        """
+        colors = self._face_colors(texture)
+        if colors is None:
+            return {}
+        found, true = (np.median(color, axis=0) for color in colors)
+        return {
+            "ita": float(typology_angle(found)),
+            "true_ita": float(typology_angle(true)),
+            "chromaticity": float(np.linalg.norm(chromaticity(found) - chromaticity(true))),
+        }
+
+    def _face_colors(self, texture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """(n, 3) albedo at the narrow face's texture coordinates, found and true."""
         true = self.arrays.get("albedo")
         if true is None:
             return None
@@ -145,9 +166,7 @@ class VertexTruth:
         uvs = model.uvs[np.unique(model.triangle_uvs[rows])]
         u, v, scale = model.face_tile
         true_uvs = (uvs - np.array([u, v])) / scale
-        return scaled_rmse(
-            sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs)
-        )
+        return (sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs))
 
 
 Truth = VertexTruth | ScanTruth

@@ -161,6 +161,7 @@ def _errors(
             errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)
         errors["albedo"] = truth.albedo_error(texture)
+        errors |= truth.tone_errors(texture)
     return {
         name: value for name, value in errors.items() if value is not None and np.isfinite(value)
     }
