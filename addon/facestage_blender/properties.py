@@ -43,6 +43,11 @@ PART_HELP = {
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
 
+def _sentence(words: str) -> str:
+    """``words`` with a capital first letter; "dB" stays as it is."""
+    return words[:1].upper() + words[1:]
+
+
 def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None:
     """An off light is hidden everywhere, so that its radiance is exactly 0; its power is kept for
     later.
@@ -261,7 +266,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     quality: EnumProperty(
         name="Quality",
         description="How far the fit goes",
-        items=[(name, name.capitalize(), f"{describe(name).capitalize()}") for name in QUALITIES],
+        items=[(name, name.capitalize(), _sentence(describe(name))) for name in QUALITIES],
         default=GOOD,
     )
     budget: FloatProperty(
@@ -275,10 +280,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     device: EnumProperty(
         name="Device",
         description="Where the fit computes",
-        items=[
-            (name, DEVICE_NAMES[name], f"Compute on: {DEVICE_NAMES[name].lower()}")
-            for name in DEVICES
-        ],
+        items=[(name, DEVICE_NAMES[name], f"Compute on: {DEVICE_NAMES[name]}") for name in DEVICES],
     )
     output: StringProperty(
         name="Output",
@@ -301,6 +303,9 @@ class RunState(bpy.types.PropertyGroup):
         name="Doubtful", description="The last fit did not simply converge: its message says why"
     )
     failure: StringProperty(name="Error", description="Why the last run ended without a result")
+    notice: StringProperty(
+        name="Notice", description="Why the last run ended without a result, where nothing is wrong"
+    )
     fraction: FloatProperty(
         name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR"
     )

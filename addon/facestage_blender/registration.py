@@ -30,15 +30,16 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     properties.attach()
+    backend_task.register()
     preview.register()
     landmark_overlay.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
-    backend_task.stop_running()
     landmark_overlay.unregister()
     preview.unregister()
+    backend_task.unregister()
     properties.detach()
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):

@@ -32,8 +32,8 @@ def find_backend(preferred: str = "") -> list[str]:
     if found:
         return [found]
     raise BackendUnavailableError(
-        "The Facestage backend was not found; install it (pip install facestage) and set its path "
-        f"in the add-on's preferences or in ${VARIABLE}."
+        "The Facestage backend was not found; install it (README: make setup) and set its path, "
+        f".venv/bin/facestage, in the add-on's preferences or in ${VARIABLE}."
     )
 
 

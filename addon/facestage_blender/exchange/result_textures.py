@@ -13,13 +13,13 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.result import TEXTURE_MAX, Result
 from facestage.contract.texture_maps import TEXTURE_MAPS, TextureMap
 
-from ..pictures.images import image_pixels
+from ..pictures.images import image_pixels, set_color_space
 
 SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
 
 
 def load_textures(result: Result) -> dict[str, bpy.types.Image]:
-    """The result's maps by name, packed into the .blend and never color-converted.
+    """The result's maps by name, packed into the .blend.
 
     Raises InputError when one is missing, damaged or not finite; then none is left behind.
     """
@@ -48,7 +48,7 @@ def _load(result: Result, each: TextureMap) -> bpy.types.Image:
         raise damaged from error
     try:
         image.name = f"Facestage {each.socket}"
-        image.colorspace_settings.name = "Non-Color"
+        set_color_space(image, each.colored)
         image.alpha_mode = "NONE"
         if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it
             raise damaged

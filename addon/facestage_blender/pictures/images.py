@@ -10,19 +10,29 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file
 
+LINEAR, DATA = "Linear Rec.709", "Non-Color"
+
 
 def texture_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image of a texture (h, w, 3) or (h, w), row 0 at v = 1, that Blender does not
-    color-convert.
+    """A packed float image of a texture, row 0 at v = 1: of linear colors (h, w, 3), or of values
+    (h, w).
     """
     height, width = pixels.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
+    set_color_space(image, colored=pixels.ndim == 3)
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = pixels[::-1] if pixels.ndim == 3 else pixels[::-1, :, None]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
     image.pack()
     return image
+
+
+def set_color_space(image: bpy.types.Image, colored: bool) -> None:
+    """Say what the numbers of an image are: linear colors, which Blender shows with the screen's
+    tone curve and shades with as they are, or values that are no color.
+    """
+    image.colorspace_settings.name = LINEAR if colored else DATA
 
 
 def image_pixels(image: bpy.types.Image) -> np.ndarray:

@@ -27,23 +27,43 @@ class Running:
 
 
 def stop_running() -> None:
-    """Stop the backend if it runs."""
+    """Stop the backend if it runs, and let the next one start."""
     if Running.process is not None:
         Running.process.cancel()
         Running.process = None
+    for manager in bpy.data.window_managers:
+        manager.facestage.task = ""
+
+
+@bpy.app.handlers.persistent
+def _on_load(*_arguments: object) -> None:
+    """Another file takes the place of the one that the backend works for."""
+    stop_running()
+
+
+def register() -> None:
+    """Stop the backend when another file is opened."""
+    bpy.app.handlers.load_pre.append(_on_load)
+
+
+def unregister() -> None:
+    """Undo :func:`register`; a fit still running is stopped."""
+    bpy.app.handlers.load_pre.remove(_on_load)
+    stop_running()
 
 
 class BackendTask:
     """Mixin of operators that start the backend, watch it from a timer, and act when it is done.
 
     Called from a script (``execute``) the operator waits; from the interface (``invoke``) it does
-    not.
+    not, and lives in a window that stays.
     """
 
     task = ""
     resumable = False  # whether a run that was stopped can go on
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
+    _process: BackendProcess | None = None
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """The command line to run. Raises FacestageError when something is missing."""
@@ -70,18 +90,24 @@ class BackendTask:
         """Run the backend in the background of the user interface."""
         if not self._start(context):
             return {"CANCELLED"}
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
+        manager, window = context.window_manager, lasting_window(context.window)
+        self._process = Running.process
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=window)
+        with context.temp_override(window=window):
+            manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop the backend: Blender closes the window that the operator lives in."""
+        if Running.process is self._process:  # not one that was started since
+            stop_running()
+        self._stop(context, {"CANCELLED"})
+
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Take over the backend's events; Escape cancels."""
-        manager, process = context.window_manager, Running.process
-        if process is None:  # the add-on is being disabled
+        """Take over the backend's events."""
+        manager, process = context.window_manager, self._process
+        if process is None or process is not Running.process:  # the add-on is being disabled
             return self._stop(context, {"CANCELLED"})
-        if event.type == "ESC" and event.value == "PRESS":
-            manager.facestage.cancel = True
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if manager.facestage.cancel:
@@ -96,7 +122,7 @@ class BackendTask:
 
     def _start(self, context: bpy.types.Context) -> bool:
         state = context.window_manager.facestage
-        state.failure = ""
+        state.failure = state.notice = ""
         try:
             Running.process = BackendProcess(self.command(context), online_access())
         except FacestageError as error:
@@ -112,11 +138,13 @@ class BackendTask:
     ) -> set[str]:
         Running.process = None
         context.window_manager.facestage.task = ""
+        if outcome.code == CANCELLED:  # as the user asked: no error
+            notice = outcome.message if self.resumable else "Cancelled."
+            context.window_manager.facestage.notice = notice
+            self.report({"INFO"}, notice)
+            return {"CANCELLED"}
         if not outcome.ok:
-            self._fail(
-                context,
-                outcome.message if self.resumable or outcome.code != CANCELLED else "Cancelled.",
-            )
+            self._fail(context, outcome.message)
             return {"CANCELLED"}
         try:
             with preserved(context.view_layer):
@@ -210,6 +238,13 @@ def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
     state.message = event.message or state.message
     state.photo_error = -1.0 if event.error is None else event.error
     state.seconds_left = -1.0 if event.seconds_left is None else event.seconds_left
+
+
+def lasting_window(window: bpy.types.Window) -> bpy.types.Window:
+    """The window that ``window`` (the preferences, say) was opened from, which shows the same
+    scene.
+    """
+    return window if window.parent is None else lasting_window(window.parent)
 
 
 def redraw(manager: bpy.types.WindowManager, everything: bool = False) -> None:

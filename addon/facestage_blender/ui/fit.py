@@ -19,7 +19,7 @@ from .sidebar import SidebarPanel, draw_progress, existing, line_length
 
 
 class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
-    """Fit the face and the lights to the photo. Blender stays usable; Escape or Cancel stops"""
+    """Fit the face and the lights to the photo. Blender stays usable; Cancel stops it"""
 
     bl_idname = "facestage.fit"
     bl_label = "Fit to Photo"
@@ -99,6 +99,8 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
         if state.failure:
             draw_wrapped(layout.box(), state.failure, "ERROR", line_length(context))
+        elif state.notice:
+            draw_wrapped(layout.box(), state.notice, "INFO", line_length(context))
 
 
 class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):

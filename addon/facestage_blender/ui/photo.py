@@ -8,6 +8,7 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
+from facestage.contract.job import PHOTO_SUFFIXES
 from facestage.contract.landmarks import Landmarks
 
 from ..landmarks.editing import forget_landmarks
@@ -33,7 +34,9 @@ class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
         "tone curve"
     )
 
-    filter_glob: StringProperty(default="*.png;*.jpg;*.jpeg;*.exr", options={"HIDDEN"})
+    filter_glob: StringProperty(
+        default=";".join(f"*{suffix}" for suffix in PHOTO_SUFFIXES), options={"HIDDEN"}
+    )
 
     def act(self, context: bpy.types.Context) -> None:
         """Remember the photo and show it."""

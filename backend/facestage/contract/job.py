@@ -47,6 +47,8 @@ DEFAULT_MODEL = "default"
 MODEL_FORMS = "default, ict:PATH, flame:PATH, bfm:PATH, gnm:PATH, npz:PATH or rig:FILE"
 LIGHT_COLORS = ("multi", "uniform")
 DEVICES = ("auto", "cpu", "cuda")
+# Of photos that are read; by content they may be BMP, too.
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 SEED_MAX = 10**9
 FACE_MAX = 10**6
 WEIGHT_MAX, BUDGET_MAX = 1e9, 1e9

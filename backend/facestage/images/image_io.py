@@ -18,6 +18,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.reading import MIB, open_regular
+from facestage.contract.job import PHOTO_SUFFIXES
 from facestage.images.color_profile import (
     DEFAULT,
     SRGB,
@@ -34,7 +35,6 @@ from facestage.images.quiet import quiet_standard_error
 PHOTO_LIMIT = 1024 * MIB
 # The largest profiles, tables for printing, have 3 MB.
 PROFILE_LIMIT = 16 * MIB
-EXTENSIONS = ".png, .jpg, .jpeg, .webp, .tif, .tiff, .exr"
 # Decoders that are tried, by content: Pillow has others, one of which runs a program.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP")
 # What phones and cameras write that is not decoded here: "ftyp" brands of HEIF and AVIF; files of
@@ -140,7 +140,8 @@ def _read_display(path: Path) -> Photograph:
         except (*_UNREADABLE, Image.DecompressionBombError) as error:
             reason = _plain(str(error)) or type(error).__name__
             raise InputError(
-                f"The photo '{path}' is not a readable image ({reason}); expected {EXTENSIONS}."
+                f"The photo '{path}' is not a readable image ({reason}); expected "
+                f"{', '.join(PHOTO_SUFFIXES)}."
             ) from error
     mask = np.ones(color.shape[:2], bool) if alpha is None else alpha
     color, mask, clipped = (

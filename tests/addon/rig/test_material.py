@@ -161,6 +161,22 @@ def test_textures_keep_their_linear_values(scene) -> None:
     np.testing.assert_array_equal(image_pixels(image)[..., 0], values)
 
 
+def test_colors_are_linear_colors_and_survive_saving(scene, tmp_path) -> None:
+    import bpy
+
+    from facestage_blender.pictures.images import image_pixels, texture_image
+
+    values = np.random.default_rng(0).uniform(0, 1.8, (9, 5, 3)).astype(np.float32)
+    image = texture_image("skin", values)
+    image.use_fake_user = True
+    assert image.colorspace_settings.name == "Linear Rec.709"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    again = bpy.data.images["skin"]
+    assert again.colorspace_settings.name == "Linear Rec.709"
+    np.testing.assert_array_equal(image_pixels(again)[..., :3], values)
+
+
 def test_the_node_group_is_shared(scene) -> None:
     import bpy
 

@@ -202,3 +202,29 @@ def test_relight_comes_from_that_side_and_goes_back(scene) -> None:
     assert_same(read_stage(empty), before)
     with pytest.raises(InputError, match="below"):
         relight(scene, "below")
+
+
+def test_relight_leaves_off_and_frozen_lights_what_they_are(scene) -> None:
+    from facestage_blender.scene.relight import relight, restore_lights
+    from facestage_blender.scene.stage import build_stage, read_stage, stage_lights
+
+    before = some_stage()
+    empty = build_stage(scene, before)
+    kept = [light.data.energy for light in stage_lights(empty)]
+    for direction in ("left", "right", "top"):
+        relight(scene, direction)
+        lit = read_stage(empty)
+        assert lit.state.tolist() == before.state.tolist()
+        assert lit.radiance.sum() > 0 and not lit.radiance[before.state == OFF].any()
+    restore_lights(scene)
+    assert_same(read_stage(empty), read_stage(build_stage(scene, before)))
+    assert [light.data.energy for light in stage_lights(empty)] == pytest.approx(kept)
+
+
+def test_relight_without_a_light_that_is_on_says_so(scene) -> None:
+    from facestage_blender.scene.relight import relight
+    from facestage_blender.scene.stage import build_stage
+
+    build_stage(scene, replace(some_stage(), state=np.full(7, OFF)))
+    with pytest.raises(InputError, match="are off; turn one on"):
+        relight(scene, "left")

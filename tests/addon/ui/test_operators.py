@@ -5,6 +5,7 @@ sentence.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import time
@@ -213,14 +214,80 @@ def test_killed_backend_leaves_blender_and_the_scene(ready, stand_in, tmp_path: 
     assert describe(ready) != before
 
 
+def exit_code(child, seconds: float = 20.0) -> int | None:
+    """How a backend process ended; None where it does not, and then it is killed."""
+    deadline = time.monotonic() + seconds
+    while child.outcome() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    outcome = child.outcome()
+    if outcome is None:
+        os.kill(child.pid, signal.SIGKILL)
+    return None if outcome is None else outcome.code
+
+
 def test_disabling_the_addon_stops_the_backend(scene, stand_in) -> None:
     from facestage_blender.backend.process import BackendProcess
     from facestage_blender.ui.backend_task import Running, stop_running
 
     Running.process = child = BackendProcess([*stand_in("hangs"), "fit"])
     stop_running()
-    assert child.wait().code == 3
+    assert exit_code(child) == 3
     assert Running.process is None
+
+
+def test_a_closed_window_stops_its_task_and_frees_the_buttons(scene, stand_in) -> None:
+    import bpy
+
+    from facestage_blender.backend.process import BackendProcess
+    from facestage_blender.ui.backend_task import BackendTask, Running
+
+    task = BackendTask()
+    Running.process = task._process = child = BackendProcess([*stand_in("hangs"), "fit"])
+    bpy.context.window_manager.facestage.task = "Fitting"
+    task.cancel(bpy.context)
+    assert exit_code(child) == 3
+    assert Running.process is None
+    assert not bpy.context.window_manager.facestage.task
+    Running.process = later = BackendProcess([*stand_in("works"), "doctor"])
+    task.cancel(bpy.context)  # one that was started since is not its own
+    assert Running.process is later and later.wait().ok
+    Running.process = None
+
+
+def test_a_new_file_stops_the_backend_and_frees_the_buttons(scene, stand_in) -> None:
+    import bpy
+
+    from facestage_blender.backend.process import BackendProcess
+    from facestage_blender.ui.backend_task import Running
+
+    Running.process = child = BackendProcess([*stand_in("hangs"), "fit"])
+    bpy.context.window_manager.facestage.task = "Fitting"
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert exit_code(child) == 3
+    assert Running.process is None
+    assert not bpy.context.window_manager.facestage.task
+
+
+def test_cancelling_is_no_error(ready, stand_in) -> None:
+    import bpy
+
+    from facestage_blender.ui.backend_task import Running
+
+    stand_in("hangs")
+    began = Running.process
+
+    def cancel() -> None:
+        while Running.process is began:
+            time.sleep(0.02)
+        known(Running.process).cancel()
+
+    canceller = threading.Thread(target=cancel)
+    canceller.start()
+    assert bpy.ops.facestage.fit() == {"CANCELLED"}
+    canceller.join()
+    state = bpy.context.window_manager.facestage
+    assert not state.failure and not state.task
+    assert state.notice.startswith("Cancelled")
 
 
 def test_check_backend_shows_the_report(scene, stand_in) -> None:
@@ -261,6 +328,8 @@ def test_all_properties_and_operators_explain_themselves(scene) -> None:
             assert name in ("rna_type", "name") or prop.description, (
                 f"{group.__name__}.{name} has no tooltip"
             )
+            for item in getattr(prop, "enum_items", ()):
+                assert not re.search(r"\b(db|cpu|nvidia)\b", item.description), item.description
     registered = [
         cls for module in MODULES for cls in module.CLASSES if cls.__name__.startswith("FACESTAGE_")
     ]
