@@ -7,7 +7,7 @@ import bpy
 from . import preferences, properties
 from .landmarks import overlay as landmark_overlay
 from .preview import live as preview
-from .ui import backend_task, face, fit, landmarks, light_stage, own_mesh, photo, result
+from .ui import backend_task, export, face, fit, landmarks, light_stage, own_mesh, photo, result
 
 # Panels stand in the sidebar in the order in which they are registered.
 MODULES = (
@@ -20,6 +20,7 @@ MODULES = (
     face,
     own_mesh,
     fit,
+    export,
     result,
 )
 

@@ -41,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
     _add_model(result)
     _add_fit(result)
     _add_pictures(result)
+    _add_export(result)
     return result
 
 
@@ -134,6 +135,24 @@ def _add_pictures(result: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_export(result: argparse.ArgumentParser) -> None:
+    """The options of files for other programs."""
+    result.add_argument(
+        "--export",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="also save the face for other programs: .glb, .fbx, .usdc or .obj; may be repeated",
+    )
+    result.add_argument(
+        "--texture-size",
+        type=_side,
+        metavar="PIXELS",
+        help="the most pixels along a side of exported textures (default: as fitted)",
+    )
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Do what the command line asks; returns the exit code."""
     options = parser().parse_args(own_arguments() if arguments is None else arguments)
@@ -148,8 +167,11 @@ def run(options: argparse.Namespace) -> None:
     if not options.image.is_file():
         raise InputError(f"The photo '{options.image}' does not exist; check the path.")
     backend = find_backend()
-    from . import pipeline  # loads Blender
+    from ..exchange.export import export_face, format_of  # loads Blender
+    from . import pipeline
 
+    for path in options.export:
+        format_of(path)  # before the fit, which takes a while
     out = options.out.resolve()
     order = pipeline.Order(
         image=options.image.resolve(),
@@ -176,9 +198,14 @@ def run(options: argparse.Namespace) -> None:
     )
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
     pictures = _extra_pictures(scene, options, out)
+    exported = [
+        each for path in options.export for each in export_face(scene, path, options.texture_size)
+    ]
     print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
     for picture in pictures:
         print(f"Picture: {picture}")
+    for file in exported:
+        print(f"Exported: {file}")
 
 
 def own_arguments() -> list[str]:
@@ -228,6 +255,12 @@ def _face(text: str) -> int:
         raise argparse.ArgumentTypeError(
             f"expected a whole number, 1 for the largest face, found '{text}'"
         )
+    return int(text)
+
+
+def _side(text: str) -> int:
+    if not text.isdecimal() or not 16 <= int(text) <= 8192:
+        raise argparse.ArgumentTypeError(f"expected pixels from 16 to 8192, found '{text}'")
     return int(text)
 
 

@@ -149,6 +149,7 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             _draw_preview(layout, context, folder)
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
+            layout.operator("facestage.export", icon="EXPORT")
         if state.message and not state.task:
             icon = "ERROR" if state.doubtful else "INFO"
             draw_wrapped(layout.box(), state.message, icon, line_length(context))

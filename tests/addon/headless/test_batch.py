@@ -54,11 +54,19 @@ def test_whole_run_saves_a_scene_that_opens_again(
         32,
         "--samples",
         2,
+        "--export",
+        out / "me.glb",
+        "--export",
+        out / "me.obj",
     )
     assert code == 0, said
     assert sorted(path.name for path in out.iterdir()) == [
         "expression.png",
         "job",
+        "me.glb",
+        "me.mtl",
+        "me.obj",
+        "me_textures",
         "relit_left.png",
         "relit_top.png",
         "result",
@@ -151,10 +159,14 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
         "no lights": (["--lights", "0"], "0 lights"),
         "output is a file": (["--out", blocked / "deeper"], "Cannot write"),
         "truth missing": (["--truth", folder / "absent.npz"], "truth"),
+        "export to no known format": (["--export", folder / "me.stl"], "ends in one of"),
+        "textures of no size": (["--texture-size", "4"], "16 to 8192"),
     }
 
 
 BAD_INPUTS = (
+    "export to no known format",
+    "textures of no size",
     "photo missing",
     "photo is text",
     "photo is empty",

@@ -246,7 +246,7 @@ def test_a_closed_window_stops_its_task_and_frees_the_buttons(scene, stand_in) -
     bpy.context.window_manager.facestage.task = "Fitting"
     task.cancel(bpy.context)
     assert exit_code(child) == 3
-    assert Running.process is None
+    assert vars(Running)["process"] is None
     assert not bpy.context.window_manager.facestage.task
     Running.process = later = BackendProcess([*stand_in("works"), "doctor"])
     task.cancel(bpy.context)  # one that was started since is not its own
@@ -264,7 +264,7 @@ def test_a_new_file_stops_the_backend_and_frees_the_buttons(scene, stand_in) -> 
     bpy.context.window_manager.facestage.task = "Fitting"
     bpy.ops.wm.read_homefile(use_empty=True)
     assert exit_code(child) == 3
-    assert Running.process is None
+    assert vars(Running)["process"] is None
     assert not bpy.context.window_manager.facestage.task
 
 

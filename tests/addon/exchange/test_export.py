@@ -1,0 +1,195 @@
+"""The face for other programs: what is written is imported again, and compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import OTHER, FaceModel
+from reference.known import known
+
+SIZE = 96
+JAW = 0.6
+TOLERANCE = 2e-5  # metres: FBX and glTF store single precision
+IMPORT = {
+    ".glb": ("import_scene", "gltf", {}),
+    ".fbx": ("import_scene", "fbx", {}),
+    ".usdc": ("wm", "usd_import", {"import_usd_preview": True}),
+    ".obj": ("wm", "obj_import", {}),
+}
+
+
+@pytest.fixture
+def face(scene, head: FaceModel):
+    """A lit face with an identity, an expression, a pose and textures, seen by a camera."""
+    import bpy
+
+    from facestage.contract.light_stage import fibonacci_stage
+    from facestage_blender.rig.face_rig import build_rig, set_weights
+    from facestage_blender.scene.stage import build_stage
+
+    stage = fibonacci_stage(5, radius=1.0, side=0.4)
+    power = np.array([9.0, 1.0, 3.0, 0.5, 4.0])[:, None] * np.array([1.0, 0.9, 0.7])
+    empty = build_stage(scene, stage.with_radiance(power))
+    rig = build_rig(scene, head, "default", empty)
+    rig.location, rig.rotation_euler = (0.02, 0.01, 0.03), (0.1, 0.05, 0.4)
+    identity = dict(zip(head.identity_names, np.linspace(-1, 1, 6), strict=True))
+    set_weights(rig, identity, {"jawOpen": JAW})
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0.0, -0.7, 0.0), (np.pi / 2, 0.0, 0.0)
+    camera.data.lens = 60
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    return scene
+
+
+def contents() -> dict[str, list[str]]:
+    """The names of all that an export may leave behind."""
+    import bpy
+
+    kinds = ("objects", "meshes", "materials", "images", "shape_keys")
+    return {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds}
+
+
+def imported(scene, path: Path):
+    """The mesh in a file, in the place of the scene's rig."""
+    import bpy
+
+    from facestage_blender.pictures.render import quiet
+
+    before = set(bpy.data.objects)
+    module, name, options = IMPORT[path.suffix]
+    with quiet():
+        getattr(getattr(bpy.ops, module), name)(filepath=str(path), **options)
+    found = [item for item in set(bpy.data.objects) - before if item.type == "MESH"]
+    assert len(found) == 1
+    scene.facestage.rig.hide_render = True
+    return found[0]
+
+
+def psnr(one: np.ndarray, other: np.ndarray) -> float:
+    from facestage_blender.pictures.render import srgb
+
+    mask = one[..., 3] > 0.99
+    assert mask.sum() > 1000
+    off = srgb(one[..., :3])[mask] - srgb(other[..., :3])[mask]
+    return float(-10 * np.log10((off**2).mean()))
+
+
+def shown_points(item) -> np.ndarray:
+    """(n, 3) the vertices of a mesh as its sliders show it, in the world."""
+    import bpy
+
+    graph = bpy.context.evaluated_depsgraph_get()
+    graph.update()
+    shown = item.evaluated_get(graph)
+    flat = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", flat)
+    matrix = np.array(shown.matrix_world)
+    return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def apart(one: np.ndarray, other: np.ndarray) -> float:
+    """The largest distance in metres of a point of one from the nearest point of the other."""
+    return float(max(KDTree(one).query(other)[0].max(), KDTree(other).query(one)[0].max()))
+
+
+@pytest.mark.parametrize("suffix", IMPORT)
+def test_an_imported_face_looks_and_moves_as_the_exported_one(
+    face, head: FaceModel, tmp_path: Path, suffix: str
+) -> None:
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.pictures.render import render_linear
+
+    expected = render_linear(face, 64, direct_only=True)
+    before = contents()
+    written = export_face(face, tmp_path / f"face{suffix}", in_place=True)
+    assert contents() == before
+    assert written[0] == tmp_path / f"face{suffix}"
+    assert sorted(tmp_path.rglob("*.*")) == sorted(written)
+    there = imported(face, written[0])
+    found = render_linear(face, 64, direct_only=True)
+    match = psnr(expected, found)
+    print(f"{suffix}: {match:.1f} dB, at least 30")
+    assert match >= 30.0
+    if suffix == ".obj":
+        return
+    keys = known(there.data.shape_keys).key_blocks
+    assert [key.name for key in keys][1:] == list(head.expression_names)
+    rig = face.facestage.rig
+    opened = shown_points(rig)
+    if suffix == ".usdc":  # which has sliders, but no values of theirs
+        there.data.shape_keys.key_blocks["jawOpen"].value = JAW
+    assert apart(shown_points(there), opened) < TOLERANCE
+    for item in (there, rig):
+        item.data.shape_keys.key_blocks["jawOpen"].value = 0.0
+    assert apart(shown_points(there), shown_points(rig)) < TOLERANCE
+    assert apart(shown_points(there), opened) > 100 * TOLERANCE
+
+
+def test_faces_that_nobody_sees_are_not_exported(face, head: FaceModel, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.rig.face_rig import build_rig
+
+    part = head.polygon_part.copy()
+    part[:300] = OTHER
+    build_rig(face, replace(head, polygon_part=part), "default", face.facestage.stage)
+    export_face(face, tmp_path / "face.obj")
+    faces = sum(line.startswith("f ") for line in (tmp_path / "face.obj").read_text().splitlines())
+    assert faces == len(head.polygons) - 300
+    materials = (tmp_path / "face.mtl").read_text()
+    assert "Other" not in materials
+    used = {line for line in (tmp_path / "face.obj").read_text().splitlines() if "usemtl" in line}
+    assert len(used) == materials.count("newmtl") == 2
+
+
+def test_textures_are_as_small_as_asked_and_colored_for_screens(face, tmp_path: Path) -> None:
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.pictures.images import image_pixels
+    from facestage_blender.pictures.render import read_pixels, srgb
+
+    export_face(face, tmp_path / "face.obj", side=128)
+    found = read_pixels(tmp_path / "face_textures" / "albedo.png")[..., :3]
+    assert found.shape == (128, 128, 3)
+    whole = image_pixels(face.facestage.rig.facestage_face.albedo_image)[..., :3]
+    means = whole.reshape(128, 4, 128, 4, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(found, srgb(means), atol=0.6 / 255)
+
+
+def test_a_refused_export_writes_nothing(face, tmp_path: Path) -> None:
+    from facestage_blender.exchange.export import export_face
+
+    for name, sentence in (("face.stl", "ends in one of .glb"), ("face", "ends in one of")):
+        with pytest.raises(InputError, match=sentence):
+            export_face(face, tmp_path / name)
+    with pytest.raises(InputError, match="at least 16"):
+        export_face(face, tmp_path / "face.glb", side=4)
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(InputError, match="choose a folder"):
+        export_face(face, tmp_path / "file" / "face.glb")
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_operator_exports_and_keeps_the_selection(face, tmp_path: Path) -> None:
+    import bpy
+
+    rig = face.facestage.rig
+    bpy.context.view_layer.update()
+    light = bpy.data.objects["Facestage Light 02"]
+    for item in bpy.context.view_layer.objects:
+        item.select_set(item == light)
+    bpy.context.view_layer.objects.active = rig
+    before = contents()
+    answer = bpy.ops.facestage.export(filepath=str(tmp_path / "face.glb"), side="512")
+    assert answer == {"FINISHED"}
+    assert (tmp_path / "face.glb").stat().st_size > 10_000
+    assert contents() == before
+    assert bpy.context.view_layer.objects.active == rig
+    assert [item for item in bpy.context.view_layer.objects if item.select_get()] == [light]
