@@ -33,7 +33,13 @@ from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
-from facestage.fit.given.skin_mask import face_pixels, face_size_px, paint_weight, skin_weight
+from facestage.fit.given.skin_mask import (
+    clear_of_others,
+    face_pixels,
+    face_size_px,
+    paint_weight,
+    skin_weight,
+)
 from facestage.fit.given.window import Window
 from facestage.images.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
@@ -99,6 +105,10 @@ class Problem:
         too, and skin.
         """
         return paint_weight(self.skin, self.landmarks)
+
+    def clear(self, face: np.ndarray) -> np.ndarray:
+        """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""
+        return clear_of_others(self.paintable, face, self.face_size_px)
 
     def read_from_photo(self) -> dict[str, str]:
         """What was taken from the photo's file besides its pixels, in words; see Result.photo."""

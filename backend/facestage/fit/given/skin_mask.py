@@ -40,6 +40,10 @@ BORDER_BITS = 4
 # the face's own.
 BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
 
+# How far from what hides the face a pixel may still show some of it, in shares of the face and
+# pixels; a pixel counts in full from twice as far on.
+BORDER_SHARE, BORDER_MIN = 0.025, 1.5
+
 # How far the forehead goes on beyond the brows, as a share of the way from the chin.
 FOREHEAD_SHARE = 0.5
 
@@ -189,6 +193,25 @@ def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     share = np.asarray(mean(near, regions, np.arange(count + 1)))
     foreign = (regions > 0) & (share < OWN_SHARE_MIN)[regions]
     return np.where((inside | brows) & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
+
+
+def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.ndarray:
+    """(h, w) float32 in 0..1, how clear a pixel is of what hides the face: beside hair or a hand it
+    mixes the colors of both, is in their shadow, and shows the hair's thin ends.
+
+    ``paint`` (h, w) is :func:`paint_weight`, ``face`` (h, w) bool where the fitted face lies, which
+    is ``face_px`` pixels large. What is smaller than the border itself is noise, which has none.
+    """
+    import cv2
+
+    width = max(BORDER_SHARE * face_px, BORDER_MIN)
+    regions, count = label(face & (paint < 0.5))
+    large = np.bincount(regions.ravel(), minlength=count + 1) > (2 * width) ** 2
+    large[0] = False
+    if not large.any():
+        return np.ones(paint.shape, np.float32)
+    away = cv2.distanceTransform((~large[regions]).astype(np.uint8), cv2.DIST_L2, 5)
+    return np.clip(away / np.float32(width) - 1.0, 0.0, 1.0)
 
 
 def brow_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:

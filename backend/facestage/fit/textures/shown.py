@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float
@@ -118,7 +118,11 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-    skin = (problem.paintable * ~fitted.hidden)[row, column]
+    face = np.zeros(problem.paintable.shape, bool)
+    # Every pixel between those that are looked at, too.
+    face[row, column] = True
+    face = binary_dilation(face, np.ones((step, step))) if step > 1 else face
+    skin = (problem.paintable * problem.clear(face) * ~fitted.hidden)[row, column]
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])

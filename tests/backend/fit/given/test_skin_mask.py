@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.skin_mask import (
     brow_pixels,
+    clear_of_others,
     face_pixels,
     face_size_px,
     opening_share,
@@ -226,3 +227,24 @@ def test_brows_lie_around_their_landmarks_and_nowhere_else(landmarks: Landmarks)
     reach = round(0.04 * face_size_px(landmarks))
     assert found[away < reach - 1].all()
     assert not found[away > reach + 2].any()
+
+
+def test_skin_beside_hair_is_not_clear_of_it():
+    x = np.arange(200)[None].repeat(80, axis=0)
+    paint, face = (x >= 50).astype(float), np.ones((80, 200), bool)
+    # 2.5 % of 200 pixels: nothing counts up to 5 pixels from the hair, all from 10 pixels on.
+    clear = clear_of_others(paint, face, 200.0)
+    np.testing.assert_array_equal(clear[:, :55], 0.0)
+    np.testing.assert_array_equal(clear[:, 60:], 1.0)
+    np.testing.assert_allclose(clear[40, 54:60], np.arange(6) / 5, atol=0.25)
+
+
+def test_only_what_hides_the_face_has_a_border():
+    x = np.arange(200)[None].repeat(80, axis=0)
+    wall = clear_of_others((x >= 50).astype(float), x >= 50, 200.0)
+    speck = np.ones((80, 200))
+    speck[40:49, 100:109] = 0.0
+    np.testing.assert_array_equal(wall, 1.0)
+    np.testing.assert_array_equal(clear_of_others(speck, x >= 0, 200.0), 1.0)
+    speck[40:52, 100:112] = 0.0
+    assert clear_of_others(speck, x >= 0, 200.0)[45, 114] == 0.0
