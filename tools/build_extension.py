@@ -8,6 +8,7 @@ builder checks and zips it.
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import re
 import shutil
@@ -69,12 +70,19 @@ def build_extension(target: Path) -> Path:
 def build_wheel(stage: Path, target: Path) -> None:
     """Build the wheel of the backend's package alone, without the add-on, into the folder
     ``target``.
+
+    Blender unpacks no wheel of a version that it has: installed over an older build, the add-on
+    would meet that build's package. So the version ends in a digest of what is in it.
     """
     shutil.copytree(PROJECT / "backend", stage / "backend", ignore=NOT_SHIPPED)
     (stage / "addon").mkdir()
     for name in ("pyproject.toml", "LICENSE", "README.md"):
         if (PROJECT / name).is_file():
             shutil.copyfile(PROJECT / name, stage / name)
+    project = stage / "pyproject.toml"
+    project.write_text(
+        with_digest(project.read_text(encoding="utf-8"), digest(stage)), encoding="utf-8"
+    )
     # With the installed setuptools: a build of its own would fetch another.
     run(
         [
@@ -88,6 +96,28 @@ def build_wheel(stage: Path, target: Path) -> None:
             str(stage),
         ]
     )
+
+
+def digest(folder: Path) -> str:
+    """Eight letters that change with the name or the content of any file in ``folder``."""
+    found = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            content = path.read_bytes()
+            found.update(f"{path.relative_to(folder).as_posix()}\0{len(content)}\0".encode())
+            found.update(content)
+    return found.hexdigest()[:8]
+
+
+def with_digest(project: str, letters: str) -> str:
+    """The text of a pyproject.toml whose version ends in +g and ``letters`` (PEP 440's local
+    version, which is no number whatever the letters are).
+    """
+    version = tomllib.loads(project)["project"]["version"]
+    line = f'version = "{version}"\n'
+    if project.count(line) != 1:
+        raise SetupError(f"pyproject.toml has no line of its own that says {line.strip()}.")
+    return project.replace(line, f'version = "{version}+g{letters}"\n')
 
 
 def fetch_wheels(listing: Path, target: Path) -> None:

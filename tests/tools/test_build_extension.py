@@ -86,6 +86,27 @@ def test_wheel_holds_the_backend_and_not_the_addon(archive: Path, tmp_path: Path
     assert sources <= set(names)
 
 
+def test_another_build_has_another_version(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
+    import build_extension
+
+    with zipfile.ZipFile(archive) as extension:
+        (wheel,) = [name for name in extension.namelist() if "/facestage-" in name]
+    assert Path(wheel).name.startswith(f"facestage-{facestage.__version__}+g")
+    (tmp_path / "a.py").write_text("1", encoding="utf-8")
+    before = build_extension.digest(tmp_path)
+    assert build_extension.digest(tmp_path) == before
+    (tmp_path / "a.py").write_text("2", encoding="utf-8")
+    changed = build_extension.digest(tmp_path)
+    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    assert len({before, changed, build_extension.digest(tmp_path)}) == 3
+    text = '[project]\nversion = "1.2"\n[tool.x]\nversion = "3"\n'
+    after = tomllib.loads(build_extension.with_digest(text, "00ab"))
+    assert after["project"]["version"] == "1.2+g00ab" and after["tool"]["x"]["version"] == "3"
+
+
 def test_blender_installs_and_enables_it(archive: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", INSTALL, str(archive), str(REPOSITORY)],
