@@ -42,6 +42,13 @@ PART_HELP = {
 }
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
+# Newer Blenders want to be told which paths may begin with "//", the .blend's folder.
+RELATIVE = (
+    {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    if "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
+    else set()
+)
+
 
 def _sentence(words: str) -> str:
     """``words`` with a capital first letter; "dB" stays as it is."""
@@ -161,7 +168,11 @@ class LandmarkSettings(bpy.types.PropertyGroup):
 
 
 class SceneSettings(bpy.types.PropertyGroup):
-    """The job as the user has set it up, and where its result went."""
+    """The job as the user has set it up, and where its result went.
+
+    Photo, landmarks and result are plain strings, because some versions of Blender change what
+    they know for a path when a file is saved elsewhere, and some do not: scene/keeping.py does.
+    """
 
     stage: PointerProperty(
         type=bpy.types.Object,
@@ -171,12 +182,11 @@ class SceneSettings(bpy.types.PropertyGroup):
     rig: PointerProperty(
         type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh
     )
-    photo: StringProperty(name="Photo", description="The photo to fit", subtype="FILE_PATH")
+    photo: StringProperty(name="Photo", description="The photo to fit")
     landmarks: StringProperty(
         name="Landmarks",
         description="Landmark file of the photo (landmarks.json). Empty: the fit finds them "
         "by itself",
-        subtype="FILE_PATH",
     )
     landmarks_from: EnumProperty(
         name="Landmarks from",
@@ -287,10 +297,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Folder for the job and the result. Empty: beside the .blend, or a "
         "temporary folder",
         subtype="DIR_PATH",
+        options=RELATIVE,
     )
-    result: StringProperty(
-        name="Result", description="Folder of the last result", subtype="DIR_PATH"
-    )
+    result: StringProperty(name="Result", description="Folder of the last result")
 
 
 class RunState(bpy.types.PropertyGroup):

@@ -7,6 +7,7 @@ import bpy
 from . import preferences, properties
 from .landmarks import overlay as landmark_overlay
 from .preview import live as preview
+from .scene import keeping
 from .ui import backend_task, export, face, fit, landmarks, light_stage, own_mesh, photo, result
 
 # Panels stand in the sidebar in the order in which they are registered.
@@ -32,6 +33,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     backend_task.register()
+    keeping.register()
     preview.register()
     landmark_overlay.register()
 
@@ -40,6 +42,7 @@ def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
     landmark_overlay.unregister()
     preview.unregister()
+    keeping.unregister()
     backend_task.unregister()
     properties.detach()
     for module in reversed(MODULES):

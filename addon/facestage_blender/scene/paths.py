@@ -29,9 +29,13 @@ def work_folder(scene: bpy.types.Scene) -> Path:
     if scene.facestage.output:
         return user_path(bpy.path.abspath(scene.facestage.output), "output folder").resolve()
     if bpy.data.filepath:
-        blend = Path(bpy.data.filepath)
-        return blend.with_name(f"{blend.stem}_facestage")
+        return work_folder_of(Path(bpy.data.filepath))
     return Path(bpy.app.tempdir) / "facestage"
+
+
+def work_folder_of(blend: Path) -> Path:
+    """Where the job and the result of a saved .blend go."""
+    return blend.with_name(f"{blend.stem}_facestage")
 
 
 def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:

@@ -21,6 +21,8 @@ COLLECTION = "Facestage"
 EMPTY = "Facestage Stage"
 # Sum of the new lights' radiances: a white card that faces the camera then reflects about 1.2.
 TOTAL_RADIANCE = 100.0
+# EEVEE leaves out light below this threshold; its own, 0.01, would leave out lamps of a watt.
+FAINTEST = 1e-5
 
 
 def default_stage(count: int, radius: float, side: float) -> LightStage:
@@ -67,6 +69,7 @@ def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
         lights.append(_new_light(collection, empty, len(lights)))
     for index, light in enumerate(lights):
         _set_light(light, stage, index)
+    scene.eevee.light_threshold = min(scene.eevee.light_threshold, FAINTEST)
     return empty
 
 

@@ -221,6 +221,17 @@ def test_relight_leaves_off_and_frozen_lights_what_they_are(scene) -> None:
     assert [light.data.energy for light in stage_lights(empty)] == pytest.approx(kept)
 
 
+def test_eevee_leaves_out_no_lamp_of_the_stage(scene) -> None:
+    from facestage_blender.scene.stage import build_stage
+
+    assert scene.eevee.light_threshold == pytest.approx(0.01)  # black: the lamps have half a watt
+    build_stage(scene, some_stage())
+    assert scene.eevee.light_threshold <= 1e-5
+    scene.eevee.light_threshold = 0.0
+    build_stage(scene, some_stage())
+    assert scene.eevee.light_threshold == 0.0
+
+
 def test_relight_without_a_light_that_is_on_says_so(scene) -> None:
     from facestage_blender.scene.relight import relight
     from facestage_blender.scene.stage import build_stage
