@@ -230,6 +230,11 @@ class SceneSettings(bpy.types.PropertyGroup):
         soft_max=2,
         unit="LENGTH",
     )
+    world_before: PointerProperty(
+        type=bpy.types.World,
+        name="World before",
+        description="The world that was put out of the way",
+    )
     light_color: EnumProperty(
         name="Light color",
         description="Whether the lights may differ in color",

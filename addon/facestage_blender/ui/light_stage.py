@@ -3,9 +3,15 @@
 import bpy
 from bpy.props import EnumProperty
 
+from facestage.contract.errors import InputError
+
+from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
 from .action import Action
 from .sidebar import SidebarPanel
+
+LOOKED_AT = 500  # objects: more would make the panel slow to draw
+NAMED = 3
 
 
 class FACESTAGE_OT_build_stage(Action, bpy.types.Operator):
@@ -45,6 +51,33 @@ class FACESTAGE_OT_light_states(Action, bpy.types.Operator):
             light.facestage_light.state = self.state
 
 
+class FACESTAGE_OT_clear_stage(Action, bpy.types.Operator):
+    """Hides what would stand between the lights and the face."""
+
+    bl_idname = "facestage.clear_stage"
+    bl_label = "Hide What Is in the Way"
+    bl_description = (
+        "Hide the objects that stand where the face or its lights are, turn other lights off and "
+        "the world dark. Give Back undoes it"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Hide it, and say what that was."""
+        names = clear(context.scene)
+        self.report({"INFO"}, f"Hidden: {', '.join(names)}." if names else "Nothing is in the way.")
+
+
+class FACESTAGE_OT_give_back(Action, bpy.types.Operator):
+    """Show again what was put out of the way, with the world's light"""
+
+    bl_idname = "facestage.give_back"
+    bl_label = "Give Back"
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Show it."""
+        give_back(context.scene)
+
+
 class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
     """Step 2: the light stage."""
 
@@ -68,6 +101,28 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
             icon="FILE_REFRESH" if built else "ADD",
             text="Rebuild Light Stage" if built else None,
         )
+        if built:
+            _draw_obstacles(layout, context.scene)
+
+
+def _draw_obstacles(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Name what hides or lights the face beside the stage, and the button against it."""
+    names = []
+    if len(scene.objects) <= LOOKED_AT:
+        try:
+            names = [item.name for item in obstacles(scene)]
+        except InputError:  # the operators say what is wrong with the stage
+            return
+    if world_shines(scene):
+        names.append("the world's light")
+    row = layout.row(align=True)
+    if names or len(scene.objects) > LOOKED_AT:
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        if names:
+            layout.label(text=f"In the way: {', '.join(names[:NAMED])}{more}", icon="ERROR")
+        row.operator("facestage.clear_stage", icon="HIDE_ON")
+    if cleared(scene):
+        row.operator("facestage.give_back", icon="LOOP_BACK")
 
 
 class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
@@ -102,6 +157,8 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
 CLASSES = (
     FACESTAGE_OT_build_stage,
     FACESTAGE_OT_light_states,
+    FACESTAGE_OT_clear_stage,
+    FACESTAGE_OT_give_back,
     FACESTAGE_PT_stage,
     FACESTAGE_PT_lights,
 )
