@@ -58,6 +58,8 @@ def test_what_is_far_away_dark_or_part_of_the_face_is_not_in_the_way(
     default_file.collection.objects.link(hair)
     default_file.view_layers[0].update()
     assert not obstacles(default_file)
+    rig.parent = None
+    assert not obstacles(default_file)
     cube.location = (1.9, 0.0, 0.0)  # its side is 0.1 m within the stage
     default_file.view_layers[0].update()
     assert obstacles(default_file) == [cube]
