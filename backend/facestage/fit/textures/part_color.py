@@ -12,7 +12,7 @@ from facestage.contract.files.color import REC709
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import albedo_seen, by_albedo, by_c_spec
+from facestage.fit.forward.reflectance import albedo_seen, by_albedo
 from facestage.fit.forward.shading import ForwardModel
 from facestage.render.light_terms import PLAIN
 
@@ -112,7 +112,7 @@ def _albedo_by_part(
     )
     terms = forward.light_terms(state, surface, stage, SAMPLES, seed, PLAIN, roughness=rough)
     image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
-    diffuse, specular = by_albedo(image.diffuse), by_c_spec(image.specular)
+    diffuse, specular = by_albedo(image.diffuse), image.skin.gloss(image.specular)
     column, row = surface.pixels.astype(int).T
     albedo = np.clip(albedo_seen(look.color[row, column], diffuse, specular), 1e-3, 1.0)
     light, result = diffuse.mean(axis=1), []

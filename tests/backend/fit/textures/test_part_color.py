@@ -72,7 +72,8 @@ def test_blue_eyes_are_found(face: PaintedFace, smiling: State):
         face, part_colors(face.forward, smiling, face.stage, picture(face, smiling, change)), "iris"
     )[0]
     print("log change of the iris", found.round(2), "true", change[iris][0].round(2))
-    np.testing.assert_allclose(found, change[iris][0], atol=0.35)
+    # 0.05 where the highlight is taken for that of a dry eye
+    assert np.abs(found - change[iris][0]).mean() < 0.035
     assert found[2] > found[0] + 0.5
 
 
