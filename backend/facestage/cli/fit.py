@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from facestage.cli.common import MODELS, add_finding
 from facestage.cli.jobs import read_job, read_jobs
 from facestage.contract.errors import EXIT_DONE
 from facestage.contract.quality import GOOD, QUALITIES, describe
-
-if TYPE_CHECKING:
-    from facestage.contract.events import Event
 
 
 def add_command(commands: Any) -> None:
@@ -25,8 +22,8 @@ def add_command(commands: Any) -> None:
         "one skin to several of the same person, with a result for each photo.",
         epilog="Example: facestage fit photo.png --out result --budget 60, or "
         "facestage fit a.png b.png --same-person --out result. "
-        "Progress comes as one JSON object per line on stdout; the result folder appears when "
-        "all is done.",
+        "A terminal shows the progress in one line; a pipe or a file gets one JSON object per "
+        "line. The result folder appears when all is done.",
     )
     fit.add_argument(
         "image",
@@ -141,21 +138,26 @@ def add_command(commands: Any) -> None:
         action="store_true",
         help="continue from the checkpoint of a stopped fit into the same --out",
     )
+    fit.add_argument(
+        "--json", action="store_true", help="tell of the progress in JSON on a terminal, too"
+    )
     fit.set_defaults(run=run, cancelled=cancelled)
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit, telling of the progress on standard output."""
+    from facestage.cli.terminal import ProgressLine, listener, summary
     from facestage.fit.result.person import fit_person
     from facestage.fit.result.run import fit_job
 
-    def emit(event: Event) -> None:
-        print(event.to_line(), flush=True)
-
-    if options.same_person:
-        fit_person(read_jobs(options), options.out, options.resume, emit, options.landmark_model)
-    else:
-        fit_job(read_job(options), options.out, options.resume, emit, options.landmark_model)
+    with listener(options.json) as emit:
+        how = (options.out, options.resume, emit, options.landmark_model)
+        if options.same_person:
+            fit_person(read_jobs(options), *how)
+        else:
+            fit_job(read_job(options), *how)
+    if isinstance(emit, ProgressLine):
+        print(summary(options.out))
     return EXIT_DONE
 
 

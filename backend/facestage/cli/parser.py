@@ -7,6 +7,15 @@ import argparse
 from facestage import __version__
 from facestage.cli import bench, detect, doctor, fit, model, render, stress
 
+EXAMPLES = """\
+facestage doctor says what works on this machine.
+Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works here.
+
+examples:
+  facestage fit photo.jpg --out result
+  facestage fit left.jpg front.jpg right.jpg --same-person --out me
+  facestage render result --out smile.png --weights smile.json
+"""
 COMMANDS = (fit, detect, render, model, bench, stress, doctor)
 
 
@@ -15,8 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="facestage",
         description="From a photograph of a face to a face that can be edited and relit.",
-        epilog="Start with: facestage doctor, then facestage fit photo.jpg --out result. "
-        "Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works here.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"facestage {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
