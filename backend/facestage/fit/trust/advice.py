@@ -48,14 +48,24 @@ def verdict(
 
 
 def _unsupported(fitted: Fitted) -> str:
-    """What a fit says whose photo told next to nothing of the shape; else empty."""
+    """What a fit says whose photo told next to nothing of the shape, or nothing that it can rely
+    on; else empty.
+    """
     support = fitted.support
-    if support is None or not support.little:
+    if support is None or not support.weak:
         return ""
+    remedy = "light the face from one side, or give more photos with --same-person"
+    if support.little:
+        return (
+            "; but the photo hardly adds to what the landmarks tell of the shape, which is known "
+            f"to {support.photo_mm:.1f} mm with it and {support.landmarks_mm:.1f} mm without: "
+            f"{remedy}"
+        )
     return (
-        "; but the photo hardly adds to what the landmarks tell of the shape, which is known to "
-        f"{support.photo_mm:.1f} mm with it and {support.landmarks_mm:.1f} mm without: light the "
-        "face from one side, or give more photos with --same-person"
+        "; but the shape may be no better than by landmarks alone: it is known to "
+        f"{support.photo_mm:.1f} mm with the photo and {support.landmarks_mm:.1f} mm without, and "
+        "of heads outside the face model such fits gained a fifth at most; check the landmarks, "
+        f"{remedy}"
     )
 
 

@@ -18,6 +18,10 @@ from facestage.fit.trust.vertex_certainty import shape_columns
 # Deviations are right to about a fifth on photographs (docs/certainty.md): a shape that is surer by
 # less than that may as well be no surer.
 NARROWED_MIN = 0.2
+# Heads outside the face model whose shape the photo narrowed down by less than this gained a fifth
+# of their error at most, or lost as much: skin that no albedo mode has passes for shading, and the
+# less of that there is, the further it goes.
+NARROWED_SURELY = 0.6
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,11 @@ class Support:
     def little(self) -> bool:
         """Whether the photo has hardly narrowed down the shape."""
         return self.photo_mm > (1.0 - NARROWED_MIN) * self.landmarks_mm
+
+    @property
+    def weak(self) -> bool:
+        """Whether what the photo says of the shape may be nothing but its misfit."""
+        return self.photo_mm > (1.0 - NARROWED_SURELY) * self.landmarks_mm
 
 
 def expected_distance(

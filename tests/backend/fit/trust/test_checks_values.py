@@ -27,7 +27,7 @@ from facestage.fit.trust.checks import (
 )
 from facestage.fit.trust.guard import landmark_statistic, statistic_limit
 from facestage.fit.trust.lens_check import LensCheck
-from facestage.fit.trust.vertex_certainty import REACH_MM
+from facestage.fit.trust.vertex_certainty import MISFIT_FACTOR, REACH_MM, vertex_deviation
 from reference.known import known
 from reference.synthetic_scene import Scene, moved, plain_photo
 
@@ -163,6 +163,15 @@ def test_certainty_is_the_inverse_of_the_last_normal_equations(scene: Scene):
     of_modes, sharp = (np.sqrt(each.astype(float) ** 2 - REACH_MM**2) for each in both)
     np.testing.assert_allclose(sharp, 0.5 * of_modes, atol=1e-3)
     assert vertices.min() >= REACH_MM and of_modes.max() > 0.1
+    model = scene.model
+    alone = vertex_deviation(
+        model,
+        model.shape(scene.state.identity, scene.state.expression),
+        scene.state.rotation,
+        0.25 * np.eye(7),
+        model.regions["narrow_face"],
+    )
+    np.testing.assert_allclose(of_modes, MISFIT_FACTOR * alone, rtol=1e-2, atol=1e-2)
     frozen = _certainty(view_of(scene, held=("identity", "expression")), scene.state, last)
     assert not known(frozen.vertices_mm).any()
     # Of identity, expression and light; the rest is held, or not asked about.

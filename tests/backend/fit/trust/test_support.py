@@ -37,6 +37,11 @@ def test_a_fifth_less_is_worth_a_word(photo: float, little: bool):
     assert Support(3.0, 3.0 * photo).little is little
 
 
+@pytest.mark.parametrize(("photo", "weak"), [(0.41, True), (0.39, False)])
+def test_what_may_be_misfit_is_not_relied_on(photo: float, weak: bool):
+    assert Support(3.0, 3.0 * photo).weak is weak
+
+
 @pytest.fixture
 def job(case: Case) -> Job:
     return case.job(lights=6)
@@ -47,6 +52,8 @@ def test_a_photo_that_tells_nothing_of_the_shape_is_said_to(job: Job, tmp_path: 
     told = fit_job(job, tmp_path / "told", fineness=QUICK)
     assert told.errors["shape_deviation"] < 0.8 * told.errors["landmark_shape_deviation"]
     assert told.status == CONVERGED and "hardly adds" not in told.advice
+    share = told.errors["shape_deviation"] / told.errors["landmark_shape_deviation"]
+    assert ("no better than by landmarks alone" in told.advice) is (share > 0.4)
     # Landmarks that leave nothing to tell.
     deaf = replace(job, weights=Weights(landmarks=300))
     silent = fit_job(deaf, tmp_path / "silent", fineness=QUICK)
