@@ -100,8 +100,9 @@ def head() -> FaceModel:
 @contextmanager
 def addon_enabled() -> Iterator[Any]:
     """An empty scene with the add-on enabled; disabled afterwards."""
-    import addon_utils
-    import bpy
+    import bpy  # first, because it is what makes the other importable
+
+    import addon_utils  # isort: skip
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert addon_utils.enable("facestage_blender", default_set=True) is not None

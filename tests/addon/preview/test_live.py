@@ -51,9 +51,10 @@ def shown() -> np.ndarray:
 
 def expected(scene) -> np.ndarray:
     """(h, w, 3) the cache's own picture of the scene's lights over the photo."""
+    from facestage_blender.scene.paths import absolute
     from facestage_blender.scene.stage import read_stage
 
-    cache = RelightCache.load(Result.load(Path(scene.facestage.result)))
+    cache = RelightCache.load(Result.load(absolute(scene.facestage.result)))
     behind = np.ones(cache.height * cache.width)
     behind[cache.pixels] = 1 - cache.coverage
     picture = cache.relight(read_stage(scene.facestage.stage).radiance)
