@@ -197,4 +197,11 @@ RECIPES = (
         optics=Optics(f_number=2.8, electrons=1000, jpeg_quality=60),
     ),
     Recipe("close_up", "from 0.45 m: strong perspective", distance=0.45, pose=(12, -4, 3)),
+    Recipe(
+        "grazing",
+        "turned by 40 degrees, the jaw wide open, one lamp that grazes the face",
+        (Lamp(-44, 6, 1.0, 0.9, 0.1),),
+        {"jawOpen": 0.95, "mouthLowerDownLeft": 0.2, "mouthLowerDownRight": 0.2},
+        pose=(40, 2, 2),
+    ),
 )

@@ -11,30 +11,30 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.models.mesh.closest_alignment import closest_alignment
 from facestage.models.mesh.similarity import Similarity
-from facestage.models.mesh.surface import Surface
+from facestage.models.mesh.surface import Surface, normals_and_areas
 
 # A finer scan says no more of errors of a millimetre: so many of its face's points are compared.
 POINTS_MAX = 20_000
 COVERED_ROUNDS = 3
 COVERED_MIN = 50  # points below which a mesh covers nothing that it could be laid on
+# What of the model the scan's face is, the smallest first: models draw the line in other places,
+# and a mesh that is too small is drawn out to points that it has nothing for.
+REGIONS = ("narrow_face", "face", "skin")
+LARGE_ENOUGH = 0.9  # of the scan's face, by radius
 
 
 class ScanTruth:
     """A scan's face, in metres in the camera frame; what is measured is how far its points lie from
-    the fitted mesh, cut to the model's narrow face.
+    the fitted mesh, cut to the smallest region of the model that is as large.
     """
 
     cheap = False  # an alignment takes as long as a step of the fit
 
     def __init__(self, scan: Scan, geometry: FaceGeometry) -> None:
         self.geometry = geometry
-        model = geometry.model
-        self.region = model.regions.get("narrow_face", geometry.used)
-        inside = np.zeros(len(model.vertices), bool)
-        inside[self.region] = True
-        self.triangles = model.triangles[inside[model.triangles].all(axis=1)]
         every = -(-len(scan.face) // POINTS_MAX)
         self.points = scan.vertices[scan.face[::every]] / MILLIMETRES
+        self.region, self.triangles = _as_large(geometry, _face_radius(scan))
         self._scan = scan
 
     def geometry_errors(self, state: State) -> dict[str, float]:
@@ -105,7 +105,7 @@ class ScanTruth:
         return {}
 
     def _surface(self, state: State) -> Surface:
-        """The fitted mesh in the camera frame, cut to the narrow face."""
+        """The fitted mesh in the camera frame, cut to its region."""
         vertices = self.geometry.model.shape(state.identity, state.expression)
         return Surface(vertices @ state.rotation.T + state.translation, self.triangles)
 
@@ -149,6 +149,35 @@ class _Laid:
         variance = np.einsum("pk,pkx->px", self.nearest.weights, deviation_mm[corners] ** 2)
         along = np.sqrt((variance * self.nearest.normal**2).sum(axis=1))
         return MILLIMETRES * self.distance / np.maximum(self.scale * along, 1e-6)
+
+
+def _as_large(geometry: FaceGeometry, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of the smallest of ``REGIONS`` whose radius is about ``radius`` metres
+    or more; else of all that the model shows.
+    """
+    model = geometry.model
+    for region in [model.regions[name] for name in REGIONS if name in model.regions]:
+        inside = np.zeros(len(model.vertices), bool)
+        inside[region] = True
+        triangles = model.triangles[inside[model.triangles].all(axis=1)]
+        middles = model.vertices[triangles].mean(axis=1)
+        area = normals_and_areas(model.vertices, triangles)[1]
+        if _radius(middles, area) >= LARGE_ENOUGH * radius:
+            return region, triangles
+    return geometry.used, geometry.used[geometry.triangles]
+
+
+def _face_radius(scan: Scan) -> float:
+    """The radius of the scan's face, whose vertices may be denser around the eyes."""
+    _, area = normals_and_areas(scan.vertices, scan.triangles)
+    share = np.bincount(scan.triangles.ravel(), np.repeat(area, 3), len(scan.vertices))[scan.face]
+    return _radius(scan.vertices[scan.face] / MILLIMETRES, share if share.any() else None)
+
+
+def _radius(points: np.ndarray, weight: np.ndarray | None = None) -> float:
+    """Root mean square distance of points (n, 3) from their middle."""
+    middle = np.average(points, axis=0, weights=weight)
+    return float(np.sqrt(np.average(((points - middle) ** 2).sum(axis=1), weights=weight)))
 
 
 def _quantiles(name: str, laid: _Laid) -> dict[str, float]:

@@ -72,15 +72,29 @@ def test_another_face_is_further_away(scene: Scene):
     assert truth.geometry_errors(other)["similarity_90_percent_mm"] > 0.5
 
 
+def columns(scan: Scan, scene: Scene, reach: float) -> Scan:
+    """``scan`` with the sheet's vertices up to ``reach`` of its half width for a face."""
+    across = np.tile(np.linspace(-1, 1, 23), len(scene.model.vertices) // 23)[scene.geometry.used]
+    return replace(scan, face=np.flatnonzero(np.abs(across) < reach))
+
+
 def test_points_beyond_the_mesh_are_not_covered(scene: Scene):
     scan = scanned(scene)
-    whole = replace(scan, face=np.arange(len(scan.vertices)))
-    narrow, all_of_it = (ScanTruth(item, scene.geometry) for item in (scan, whole))
+    narrow = ScanTruth(scan, scene.geometry)
     assert narrow.covered_errors(scene.state)["covered"] == pytest.approx(1.0, abs=0.02)
-    found = all_of_it.covered_errors(scene.state)
-    inside = np.abs(np.linspace(-1, 1, 23)) < 0.6
-    assert found["covered"] == pytest.approx(inside.mean(), abs=0.1)
-    assert found["covered_mm"] < 0.05 < all_of_it.geometry_errors(scene.state)["similarity_mean_mm"]
+    wider = ScanTruth(columns(scan, scene, 0.68), scene.geometry)
+    np.testing.assert_array_equal(wider.region, scene.model.regions["narrow_face"])
+    found = wider.covered_errors(scene.state)
+    # Of 15 columns 13 are the narrow face, and its outermost two are its border.
+    assert found["covered"] == pytest.approx(11 / 15, abs=0.05)
+    assert found["covered_mm"] < 0.05 < wider.geometry_errors(scene.state)["similarity_mean_mm"]
+
+
+def test_a_face_much_larger_than_the_narrow_one_is_compared_with_more_of_the_mesh(scene: Scene):
+    truth = ScanTruth(columns(scanned(scene), scene, 2.0), scene.geometry)
+    assert len(truth.region) == len(scene.geometry.used)
+    assert truth.covered_errors(scene.state)["covered"] > 0.85
+    assert truth.geometry_errors(scene.state)["similarity_90_percent_mm"] < 1e-3
 
 
 @pytest.mark.parametrize(("deviation", "shares"), [(0.45, (0, 1)), (1.2, (1, 1)), (0.2, (0, 0))])
