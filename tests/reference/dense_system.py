@@ -78,9 +78,9 @@ def prior_rows(stage: PhotoDescent, state: State, blocks: Sequence[str]) -> Rows
     for where, gaussian in stage.energy.term(Priors).gaussians.values():
         if not any(layout.slices[name] == where for name in blocks):
             continue
-        residual = gaussian.operator @ values[where] - gaussian.offset
+        residual = gaussian.residuals(values[where])
         jacobian = np.zeros((len(residual), layout.size))
-        jacobian[:, where] = gaussian.operator.toarray()
+        jacobian[:, where] = gaussian.jacobian(values[where])
         rows.append(Rows(jacobian, residual, np.ones(len(residual))))
     return stacked(rows)
 

@@ -17,6 +17,7 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
 from facestage.fit.face.gaussians import Gaussian
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import UNKNOWNS, Known
 
@@ -55,7 +56,7 @@ class Priors(Term, Placed):
         return cls(setup.layout, setup.known, setup.problem.job.weights)
 
     @cached_property
-    def gaussians(self) -> dict[str, tuple[slice, Gaussian]]:
+    def gaussians(self) -> dict[str, tuple[slice, Gaussian | LightPrior]]:
         """By the name of each energy: where its unknown lies, and the weighted residuals."""
         result = {}
         for unknown in UNKNOWNS:
@@ -77,7 +78,7 @@ class Priors(Term, Placed):
 
     def weighed(self, state: State) -> WeighedPriors:
         """With the residuals of ``state``."""
-        return WeighedPriors(self, self.residuals(state))
+        return WeighedPriors(self, state, self.residuals(state))
 
     def residuals(self, state: State) -> dict[str, Float[np.ndarray, " _"]]:
         """By the name of each energy: its residuals (r,) at ``state``."""
@@ -94,9 +95,10 @@ class Priors(Term, Placed):
 
 @dataclass(frozen=True, eq=False)
 class WeighedPriors(Weighed):
-    """The priors' residuals at one state; being quadratic they need no weights."""
+    """The priors' residuals at one state; nearly quadratic, they need no weights."""
 
     priors: Priors
+    state: State
     residuals: Mapping[str, Float[np.ndarray, " _"]]
 
     @property
@@ -105,10 +107,12 @@ class WeighedPriors(Weighed):
         return {name: 0.5 * float(one @ one) for name, one in self.residuals.items()}
 
     def add_to(self, total: Quadratic) -> None:
-        """Exactly."""
-        for name, (where, gaussian) in self.priors.gaussians.items():
-            total.hessian[where, where] += gaussian.hessian
-            total.gradient[where] += gaussian.operator.T @ self.residuals[name]
+        """Exactly, but for the curvature of what is known of light."""
+        values = total.layout.values(self.state)
+        for where, gaussian in self.priors.gaussians.values():
+            hessian, gradient = gaussian.normal_equations(values[where])
+            total.hessian[where, where] += hessian
+            total.gradient[where] += gradient
 
     def decrease(self, state: State, evaluation: Evaluation | None) -> float:
         """Exactly."""

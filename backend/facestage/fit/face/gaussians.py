@@ -10,12 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.arrays import Float
-from facestage.fit.face.light_parameters import CHANNELS, LightParameters
-
-# E_light, relative to the mean light: how much the channels of one light differ, and how bright it
-# is. Lamps may be of any color; that all of them together tint the skin cannot be told from the
-# skin's own color.
-LIGHT_COLOR_SIGMA, LIGHT_LEVEL_SIGMA, LIGHT_TINT_SIGMA = 0.4, 3.0, 0.06
 
 
 @dataclass(frozen=True)
@@ -38,6 +32,18 @@ class Gaussian:
     def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
         """The residuals of the ``values``."""
         return np.asarray(self.operator @ values - self.offset)
+
+    def jacobian(
+        self, values: Float[np.ndarray, " values"]
+    ) -> Float[np.ndarray, "residuals values"]:
+        """Their derivative, everywhere the same."""
+        return np.asarray(self.operator.toarray())
+
+    def normal_equations(
+        self, values: Float[np.ndarray, " values"]
+    ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
+        """Hessian and gradient of the energy at ``values``."""
+        return self.hessian, np.asarray(self.operator.T @ self.residuals(values))
 
     def scaled(self, factor: float) -> Gaussian:
         """With ``factor`` times each residual."""
@@ -67,27 +73,6 @@ def smooth(count: int, sigma: float) -> Gaussian:
     unit = sp.identity(side)
     differences = sp.vstack([sp.kron(unit, step), sp.kron(step, unit)]).tocsr()
     return Gaussian(differences * (1.0 / sigma), np.zeros(differences.shape[0]))
-
-
-def light_color(lights: LightParameters, mean: float) -> Gaussian:
-    """E_light = sum_j |l_j - m_j|^2 (Dib et al. 2019, eq. 5), with a common tint and a weak level.
-
-    ``mean``: the radiance that it is relative to.
-    """
-    count = int(lights.fitted.sum())
-    if count == 0:
-        return Gaussian(sp.csr_matrix((0, 0)), np.zeros(0))
-    if lights.uniform:
-        brightness = sp.identity(count) / (LIGHT_LEVEL_SIGMA * mean)
-        color = sp.identity(CHANNELS) / LIGHT_TINT_SIGMA
-        white = np.concatenate([np.zeros(count), np.full(CHANNELS, 1.0 / LIGHT_TINT_SIGMA)])
-        return Gaussian(sp.block_diag([brightness, color]).tocsr(), white)
-    centre = np.eye(CHANNELS) - 1.0 / CHANNELS
-    color = sp.kron(sp.identity(count), centre / (LIGHT_COLOR_SIGMA * mean))
-    tint = sp.kron(np.ones((1, count)), centre / (LIGHT_TINT_SIGMA * mean * count))
-    brightness = sp.identity(count * CHANNELS) / (LIGHT_LEVEL_SIGMA * mean)
-    operator = sp.vstack([color, tint, brightness]).tocsr()
-    return Gaussian(operator, np.zeros(operator.shape[0]))
 
 
 def _diagonal(values: Float[np.ndarray, " values"]) -> sp.csr_matrix:

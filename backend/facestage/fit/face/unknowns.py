@@ -21,8 +21,9 @@ from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import FAR
 from facestage.contract.parameters import KEPT, TABLE, Values
-from facestage.fit.face.gaussians import Gaussian, independent, level, light_color, smooth
+from facestage.fit.face.gaussians import Gaussian, independent, level, smooth
 from facestage.fit.face.lamps import spacing
+from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 
@@ -61,7 +62,7 @@ class Known:
 
 Range = tuple[float | np.ndarray, float | np.ndarray]
 # From what is known and the number of values.
-Prior = Callable[[Known, int], Gaussian]
+Prior = Callable[[Known, int], Gaussian | LightPrior]
 
 
 @dataclass(frozen=True)
@@ -133,8 +134,8 @@ def _expression_prior(known: Known, count: int) -> Gaussian:
     return independent(count, 0.0, np.where(known.expression_box, EXPRESSION_SIGMA, 1.0))
 
 
-def _light_prior(known: Known, count: int) -> Gaussian:
-    return light_color(known.lights, known.light_scale)
+def _light_prior(known: Known, count: int) -> LightPrior:
+    return LightPrior(known.lights, known.light_scale)
 
 
 def _light_position_prior(known: Known, count: int) -> Gaussian:

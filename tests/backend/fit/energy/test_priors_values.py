@@ -11,6 +11,7 @@ import pytest
 from facestage.contract.job import Weights
 from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
 from reference.synthetic_scene import Scene, synthetic_scene
 
@@ -49,20 +50,10 @@ def test_the_specular_map_s_level_counts_once_and_each_step_of_a_quarter_by_itse
     assert energies(given, specular=stepped.T)["specular_smooth"] == pytest.approx(0.5 * PRIOR * 6)
 
 
-def test_light_of_any_color(given: Scene):
-    radiance = given.lights.radiance(given.state.lights)
-    gray = radiance.mean(axis=1, keepdims=True)
-    color = ((radiance - gray) ** 2).sum() / (0.4 * MEAN) ** 2
-    tint = ((radiance - gray).mean(axis=0) ** 2).sum() / (0.06 * MEAN) ** 2
-    level = (radiance**2).sum() / (3 * MEAN) ** 2
-    assert energies(given)["light"] == pytest.approx(0.5 * LIGHT * (color + tint + level))
-
-
-def test_light_of_one_color(given: Scene):
-    lights = LightParameters(np.ones(6, bool), np.zeros((6, 3)), uniform=True)
-    values = np.array([1.0, 2, 3, 4, 5, 6, 1.06, 1.0, 0.88])
-    wanted = 91 / 9**2 + 1 + 4
-    assert energies(given, lights, lights=values)["light"] == pytest.approx(0.5 * LIGHT * wanted)
+def test_light_is_what_its_own_prior_says(given: Scene):
+    prior = LightPrior(given.lights, MEAN)
+    wanted = 0.5 * LIGHT * (prior.residuals(given.state.lights) ** 2).sum()
+    assert energies(given)["light"] == pytest.approx(wanted)
 
 
 def test_lamps_stand_within_two_fifths_of_the_lattice_s_spacing(given: Scene):
