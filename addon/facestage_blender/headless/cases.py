@@ -16,13 +16,14 @@ from facestage.contract.job import DEFAULT_MODEL
 
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
+from ..synthetic.cases.skies import skies
 from ..synthetic.cases.tones import tones
 from .command import exit_code
 from .scan_options import SCAN_SIZE, add_options, check_alone
 
 SAMPLES, SIZE = 96, 256
 SIZE_MIN, SIZE_MAX = 16, 4096
-TONES = "tones"
+TONES, SKIES = "tones", "skies"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -61,8 +62,9 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument(
         "--people",
-        choices=(TONES,),
-        help="instead: twelve people of six skin types, each under three lights",
+        choices=(TONES, SKIES),
+        help="instead: tones, twelve people of six skin types, each under three lights; skies, "
+        "eight people, each in one of the surroundings that Blender ships",
     )
     result.add_argument(
         "--photos",
@@ -112,7 +114,11 @@ def _chosen(options: argparse.Namespace) -> dict[str, tuple[Recipe, int | None]]
     if options.people is not None:
         if options.person is not None:
             raise InputError("--people and --person are two orders; leave out one of them.")
-        people: dict[str, tuple[Recipe, int | None]] = dict(tones())
+        people: dict[str, tuple[Recipe, int | None]]
+        if options.people == SKIES:
+            people = {name: (recipe, None) for name, recipe in skies().items()}
+        else:
+            people = dict(tones())
         return {name: people[name] for name in named(people, options.only)}
     if options.person is not None:
         return {name: (each, options.person) for name, each in photos(options.photos).items()}

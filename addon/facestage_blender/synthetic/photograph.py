@@ -36,6 +36,7 @@ from ..rig.material import plain_material, set_textures
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place
+from .scans.light import Surroundings, light_world, shipped
 from .sightlines import BACKGROUND as NOTHING
 from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
 from .truth import SIZE, Optics, Person, Worn, landmark_points
@@ -83,7 +84,9 @@ def render_person(
     noise = spread * np.random.default_rng(seed + 1).normal(size=(len(points), 2))
     found = camera.project(points) + noise
     lights = stage.transformed(np.linalg.inv(camera_to_stage))
-    truth = {"vertices": vertices.astype(np.float32)} | _truth(person, model, lights)
+    truth = {"vertices": vertices.astype(np.float32)} | _truth(person, model)
+    if person.sky is None:
+        truth |= _light_truth(lights)
     bare = np.isin(labels, (NARROW_FACE, FACE, HEAD))
     with atomic_folder(folder) as unfinished:
         _save_photo(unfinished, picture, person.optics)
@@ -130,15 +133,21 @@ def _save_photo(folder: Path, picture: np.ndarray, optics: Optics) -> None:
     save_exr(folder / LINEAR_PHOTO, picture)
 
 
-def _truth(person: Person, model: FaceModel, lights: LightStage) -> dict[str, np.ndarray]:
-    """What is true of the person and of the lights (camera frame), as truth.npz names it."""
+def _light_truth(lights: LightStage) -> dict[str, np.ndarray]:
+    """What is true of the lights (camera frame), as truth.npz names it."""
     return {
-        "identity": person.identity,
-        "expression": person.expression,
         "light_position": lights.position,
         "light_direction": lights.direction,
         "light_corners": lights.corners,
         "light_radiance": lights.radiance,
+    }
+
+
+def _truth(person: Person, model: FaceModel) -> dict[str, np.ndarray]:
+    """What is true of the person, as truth.npz names it."""
+    return {
+        "identity": person.identity,
+        "expression": person.expression,
         "albedo": face_tile(person.albedo, model).astype(np.float32),
         "specular": person.specular,
         "roughness": np.array(person.roughness),
@@ -180,6 +189,9 @@ def _build(
         _add(scene, empty, item, pose)
     for item in person.around:
         _add(scene, empty, item, np.eye(4))
+    if person.sky is not None:
+        sky = Surroundings(person.sky.name, shipped()[person.sky.name], person.sky.turn)
+        light_world(scene, sky, vertical="Z")
 
 
 def _add(scene: bpy.types.Scene, empty: bpy.types.Object, item: Worn, pose: np.ndarray) -> None:

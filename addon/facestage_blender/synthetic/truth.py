@@ -40,6 +40,14 @@ PERFECT = Optics()
 
 
 @dataclass(frozen=True)
+class Sky:
+    """One of the surroundings that Blender ships, turned by degrees about the vertical."""
+
+    name: str
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
 class Person:
     """The truth behind a synthetic photo, as plain arrays of the contract."""
 
@@ -55,6 +63,7 @@ class Person:
     focal_px: float = FOCAL_PX  # for a picture of SIZE pixels
     around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
     optics: Optics = PERFECT
+    sky: Sky | None = None  # what lights the scene beside the stage
 
 
 def landmark_points(model: FaceModel, vertices: np.ndarray) -> np.ndarray:

@@ -54,6 +54,15 @@ def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == [recipe.name for recipe in RECIPES[:3]]
 
 
+def test_families_of_people_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    from facestage_blender.headless.cases import main
+
+    for family, count, name in (("tones", 36, "dark_a_lamp"), ("skies", 8, "studio")):
+        assert main(["--list", "--people", family]) == 0
+        names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+        assert len(names) == count and name in names
+
+
 def test_command_line_writes_cases_that_load(
     scene,
     head: FaceModel,

@@ -100,6 +100,7 @@ def person_of(
         FOCAL_PX * recipe.distance / DISTANCE,
         () if recipe.walls is None else walls(recipe.walls, recipe.lamps),
         recipe.optics,
+        recipe.sky,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..truth import PERFECT, Optics
+from ..truth import PERFECT, Optics, Sky
 from .lamps import Lamp
 
 WARM, COOL = (1.0, 0.62, 0.32), (0.4, 0.65, 1.0)
@@ -42,6 +42,7 @@ class Recipe:
     # albedo of a wall behind the head and one beside it
     walls: tuple[float, float, float] | None = None
     optics: Optics = PERFECT
+    sky: Sky | None = None
 
 
 RECIPES = (

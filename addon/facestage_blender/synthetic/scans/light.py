@@ -57,9 +57,9 @@ def read_surroundings(text: str) -> Surroundings:
     return Surroundings(path.stem, path, turn)
 
 
-def light_world(scene: bpy.types.Scene, light: Surroundings) -> None:
-    """Let the surroundings light the scene, whose vertical is the camera's own y. Raises
-    InputError.
+def light_world(scene: bpy.types.Scene, light: Surroundings, *, vertical: str = "Y") -> None:
+    """Let the surroundings light the scene, whose ``vertical`` is the camera's own Y, or Blender's
+    Z. Raises InputError.
     """
     image = load_image(light.file)
     world = bpy.data.worlds.new("Surroundings")
@@ -70,7 +70,8 @@ def light_world(scene: bpy.types.Scene, light: Surroundings) -> None:
     place = nodes.new("ShaderNodeTexCoord")
     turned = nodes.new("ShaderNodeMapping")
     # Pictures of surroundings have their vertical along z.
-    turned.inputs["Rotation"].default_value = (math.pi / 2, 0.0, math.radians(light.turn))
+    upright = math.pi / 2 if vertical == "Y" else 0.0
+    turned.inputs["Rotation"].default_value = (upright, 0.0, math.radians(light.turn))
     picture = nodes.new("ShaderNodeTexEnvironment")
     picture.image = image
     links.new(place.outputs["Generated"], turned.inputs["Vector"])

@@ -78,3 +78,25 @@ def test_surroundings_turn_about_the_vertical(scene, tmp_path: Path) -> None:
     for one, other in ((rows[0], rows[2]), (rows[1], rows[3])):
         np.testing.assert_allclose(one[[2, 13]] + other[[2, 13]], 1.01, atol=0.02)
     assert sorted(float(np.ptp(row[[2, 13]])) > 0.9 for row in rows) == [False, False, True, True]
+
+
+def test_a_scene_with_its_vertical_along_z_shows_the_same(scene, tmp_path: Path):
+    from facestage_blender.pictures.render import render_linear, save_exr
+    from facestage_blender.scene import frames
+    from facestage_blender.scene.camera import ensure_camera, write_camera
+    from facestage_blender.synthetic.scans.light import light_world, read_surroundings
+
+    save_exr(tmp_path / "my.exr", np.random.default_rng(3).random((16, 32, 3), np.float32))
+    sky = read_surroundings(f"{tmp_path / 'my.exr'}@70")
+    camera = ensure_camera(scene, scene.collection)
+    write_camera(scene, camera.data, Camera.default(16, 16, 20.0))
+    pictures = []
+    for vertical, matrix in (
+        ("Y", np.eye(4)),
+        ("Z", frames.local_matrix(np.eye(4), frames.CAMERA)),
+    ):
+        camera.matrix_world = Matrix(matrix.tolist())
+        light_world(scene, sky, vertical=vertical)
+        pictures.append(render_linear(scene, samples=1, background=True)[..., :3])
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=0.02)
+    assert np.ptp(pictures[0]) > 0.3
