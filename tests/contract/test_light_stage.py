@@ -13,15 +13,23 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import (
+    BEHIND_COUNT_MAX,
+    BEHIND_FINER,
+    BEHIND_MOST,
     FROZEN,
+    GOLDEN_ANGLE,
     LIGHT_ARRAYS,
     OFF,
     ON,
     LightStage,
     StageSchema,
     fibonacci_stage,
+    joined,
+    lights_behind,
+    selected,
 )
 from facestage.contract.schemas.schema import checked
+from reference.known import known
 
 counts = st.integers(1, 300)
 
@@ -64,6 +72,37 @@ def test_each_light_covers_an_even_solid_angle(count: int):
         f"{share[inner].max():.2f}"
     )
     assert share[inner].min() > 0.75 and share[inner].max() < 1.3
+
+
+@given(counts)
+def test_both_halves_are_one_lattice_of_the_sphere(count: int):
+    front, behind = fibonacci_stage(count), fibonacci_stage(count, behind=True)
+    whole = joined(front, behind)
+    assert len(whole) == 2 * count and (behind.position[:, 2] < 0).all()
+    np.testing.assert_allclose(-np.diff(whole.position[:, 2]), 1 / count)
+    turn = np.angle(whole.position[:, 0] + 1j * whole.position[:, 1])
+    step = np.angle(np.exp(1j * (np.diff(turn) - GOLDEN_ANGLE)))
+    np.testing.assert_allclose(step, 0, atol=1e-6)
+    np.testing.assert_allclose(behind.direction, -behind.position, atol=1e-12)
+
+
+@given(counts, st.floats(0.1, 5.0), st.floats(0.01, 1.0))
+def test_lights_behind_are_dark_fitted_and_not_where_the_head_hides_them(
+    count: int, radius: float, side: float
+):
+    behind = known(lights_behind(fibonacci_stage(count, radius, side)))
+    np.testing.assert_allclose(np.linalg.norm(behind.position, axis=1), radius)
+    assert (behind.side == side).all() and (behind.state == ON).all()
+    assert not behind.radiance.any()
+    height = behind.position[:, 2] / radius
+    assert (height < 0).all() and (height > -BEHIND_MOST).all()
+    assert len(behind) >= 0.8 * min(BEHIND_FINER * count, BEHIND_COUNT_MAX)
+
+
+def test_a_stage_with_a_light_behind_needs_none():
+    front = fibonacci_stage(5)
+    one = selected(fibonacci_stage(5, behind=True), np.array([2]))
+    assert lights_behind(joined(front, one)) is None
 
 
 def test_the_lattice_is_deterministic_and_its_pole_is_z():

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.case_files import PHOTO
 from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.files.atomic import atomic_file
-from facestage.contract.job import FULL, LEAN, Job
+from facestage.contract.job import FULL, LEAN, WITHOUT, Job
 from facestage.contract.light_stage import OFF, ON
 from facestage.fit.energy.plan import Plan, Rules
 from facestage.fit.face.layout import Layout
@@ -199,6 +199,8 @@ class _Timed:
     """A fit, and how long its steps on the photo take."""
 
     def __init__(self, job: Job, folder: Path, fineness: Fineness) -> None:
+        # Both plans and every rule with the same lights.
+        job = replace(job, surround=WITHOUT)
         self.job, self.folder, self.problem = job, folder, read_problem(job, fineness=fineness)
         assert job.truth is not None
         self.truth = read_truth(job.truth, self.problem.geometry)

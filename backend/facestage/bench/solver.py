@@ -53,8 +53,9 @@ def run_solver(
         run = FitRun(problem, forward, Path(folder), None, listen, schedule)
         budget = float("inf") if settings.budget is None else settings.budget
         fitted = run.run(time.monotonic() + budget)
-    track = Track(snapshots, forward, fitted.stage, run.view.placed_stage)
-    return finished_track(track, problem, truth, fitted) if detail else track
+    # Lights behind the face may have joined.
+    track = Track(snapshots, run.view.forward, fitted.stage, run.view.placed_stage)
+    return finished_track(track, run.view.problem, truth, fitted) if detail else track
 
 
 def finished_track(track: Track, problem: Problem, truth: Truth, fitted: Fitted) -> Track:

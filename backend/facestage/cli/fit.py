@@ -85,6 +85,12 @@ def add_command(commands: Any) -> None:
         "--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)"
     )
     fit.add_argument(
+        "--surround",
+        choices=("auto", "on", "off"),
+        help="lights behind the face beside those of the stage: where the photo needs them "
+        "(auto, default), always or never",
+    )
+    fit.add_argument(
         "--light-color",
         choices=("multi", "uniform"),
         help="a color for each light (default), or one for all",

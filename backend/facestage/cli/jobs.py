@@ -38,6 +38,7 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             "focal_px",
             "lights",
             "light_color",
+            "surround",
             "seed",
             "device",
             "face",
@@ -113,7 +114,7 @@ def _image_job(
     focal_px: float | None,
 ) -> Job:
     from facestage.contract.camera import Camera
-    from facestage.contract.job import Job
+    from facestage.contract.job import AUTO, Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
     from facestage.images.image_io import read_photograph
@@ -129,6 +130,7 @@ def _image_job(
         camera=camera,
         stage=fibonacci_stage(count),
         light_color=options.light_color or "multi",
+        surround=options.surround or AUTO,
         freeze=tuple(options.freeze),
         seed=options.seed or 0,
         device=options.device or "auto",

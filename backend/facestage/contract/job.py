@@ -55,6 +55,9 @@ WEIGHT_MAX, BUDGET_MAX = 1e9, 1e9
 JOB_ARRAYS_MAX = 64 * MIB
 LEAN, FULL = "lean", "full"  # leave out what the scene does not need | work on everything
 PLANS = (LEAN, FULL)
+# Lights behind the face, beside those of the stage: where the photo needs them | always | never
+AUTO, WITH, WITHOUT = "auto", "on", "off"
+SURROUNDS = (AUTO, WITH, WITHOUT)
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,8 @@ class Job:
     quality: str = GOOD
     # which face to find where landmarks is None: 1 is the largest, as is None
     face: int | None = None
+    # whether lights behind the face join those of the stage: one of SURROUNDS
+    surround: str = AUTO
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -113,6 +118,10 @@ class Job:
             raise InputError(f"device is '{self.device}'; expected one of {', '.join(DEVICES)}.")
         if self.plan not in PLANS:
             raise InputError(f"The plan is '{self.plan}'; expected one of {', '.join(PLANS)}.")
+        if self.surround not in SURROUNDS:
+            raise InputError(
+                f"The surround is '{self.surround}'; expected one of {', '.join(SURROUNDS)}."
+            )
         if self.quality not in QUALITIES:
             raise InputError(
                 f"The quality is '{self.quality}'; expected one of {', '.join(QUALITIES)}."
@@ -167,6 +176,7 @@ class Job:
             "plan": self.plan,
             "quality": self.quality,
             "face": self.face,
+            "surround": self.surround,
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -222,6 +232,7 @@ class Job:
             plan=found["plan"],
             quality=found["quality"],
             face=found["face"],
+            surround=found["surround"],
         )
 
 
@@ -253,6 +264,7 @@ class JobSchema(HandWritten):
     plan = Choice(PLANS, load_default=LEAN)
     quality = Choice(QUALITIES, load_default=GOOD)
     face = Whole(1, FACE_MAX, load_default=None)
+    surround = Choice(SURROUNDS, load_default=AUTO)
 
 
 class JobArrays(FileSchema):

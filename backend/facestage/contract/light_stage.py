@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from marshmallow import ValidationError, validates_schema
 
-from facestage.contract.arrays import Float, Int
+from facestage.contract.arrays import Float, Int, Shaped
 from facestage.contract.errors import InputError
 from facestage.contract.schemas.array_field import WHOLE, Array, unit
 from facestage.contract.schemas.schema import FileSchema
@@ -23,6 +23,11 @@ COUNT_MAX = 10_000
 FAR = 1e9  # metres: nothing in a file may lie further off
 # in files; their products stay within single floats
 SIDE_LEAST, SIDE_MOST, RADIANCE_MAX = 1e-6, 1e6, 1e15
+# Lights behind the face: how much denser they stand, because a rim is as wide as its lamp's place
+# says, and how far behind, as a share of the distance; from further back a light only draws the
+# outline.
+BEHIND_FINER, BEHIND_MOST = 3, 0.9
+BEHIND_COUNT_MAX = 120  # on the lattice; stages of more lights than 40 need none denser
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -128,12 +133,15 @@ def fibonacci_stage(
     radius: float = DEFAULT_RADIUS,
     side: float = DEFAULT_SIDE,
     radiance: float = 1.0,
+    *,
+    behind: bool = False,
 ) -> LightStage:
     """``count`` lights on the spherical Fibonacci lattice of the hemisphere whose pole is +Z.
 
     Heights are evenly spaced, so that each light covers the same solid angle (Swinbank & Purser
     2006); each light faces the origin. The frame is the stage frame: +Z points from the face to the
-    camera.
+    camera. ``behind``: the other ``count`` lights of the same lattice, which goes on over the whole
+    sphere.
     """
     if not 1 <= count <= COUNT_MAX:
         raise InputError(
@@ -144,7 +152,7 @@ def fibonacci_stage(
             f"The light stage's radius {radius} and light side {side} must be greater than 0 "
             "metres."
         )
-    index = np.arange(count)
+    index = np.arange(count) + (count if behind else 0)
     height = 1.0 - (index + 0.5) / count
     ring = np.sqrt(1.0 - height**2)
     angle = GOLDEN_ANGLE * index
@@ -157,6 +165,35 @@ def fibonacci_stage(
         radiance=np.full((count, 3), float(radiance)),
         state=np.full(count, ON),
     )
+
+
+def selected(stage: LightStage, keep: Shaped[np.ndarray, " _"]) -> LightStage:
+    """Some of the lights (a mask or numbers)."""
+    return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
+
+
+def joined(stage: LightStage, other: LightStage) -> LightStage:
+    """The lights of both, in one frame."""
+    return LightStage(
+        **{
+            name: np.concatenate([getattr(stage, name), getattr(other, name)])
+            for name in LIGHT_ARRAYS
+        }
+    )
+
+
+def lights_behind(stage: LightStage) -> LightStage | None:
+    """Dark lights behind the face for a ``stage`` (stage frame) in front of it, as far away and as
+    large: the other half of a denser lattice, but for those that the head hides. None where the
+    stage has lights behind the face already.
+    """
+    if (stage.position[:, 2] < 0).any():
+        return None
+    radius = float(np.median(np.linalg.norm(stage.position, axis=1)))
+    side = float(np.median(stage.side))
+    count = min(BEHIND_FINER * len(stage), BEHIND_COUNT_MAX)
+    behind = fibonacci_stage(count, radius, side, radiance=0.0, behind=True)
+    return selected(behind, np.flatnonzero(behind.direction[:, 2] < BEHIND_MOST))
 
 
 def _horizontal_axis(outward: Float[np.ndarray, "lights 3"]) -> Float[np.ndarray, "lights 3"]:

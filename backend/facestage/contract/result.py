@@ -85,8 +85,8 @@ class Result:
     # What the normal equations leave open: "count" of "of" directions, "by_block", and "sentences"
     # that name them.
     null_directions: dict[str, Any] = field(default_factory=dict)
-    # What the fit took from the photo's file, in words: its "size" and "color" space, and where
-    # "focal" comes from.
+    # What the fit took from the photo and its file, in words: its "size" and "color" space, where
+    # "focal" comes from, and why there are lights behind the face ("light").
     photo: dict[str, str] = field(default_factory=dict)
     # The face model's "name", "license" and "source"; none in results of an older version.
     model_origin: dict[str, str] = field(default_factory=dict)

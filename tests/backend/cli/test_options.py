@@ -25,6 +25,7 @@ from reference.synthetic_case import Case
         (["--model", "npz:x.npz"], lambda job: job.model, "npz:x.npz"),
         (["--focal-px", "333"], lambda job: job.camera.focal_px, 333.0),
         (["--plan", "full"], lambda job: job.plan, "full"),
+        (["--surround", "on"], lambda job: job.surround, "on"),
         (["--face", "2"], lambda job: job.face, 2),
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
         (

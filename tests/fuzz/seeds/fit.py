@@ -11,6 +11,7 @@ from facestage.fit.face.state import State
 from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.stages.passage import Within
+from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory
 from fuzz.case import Case
 from fuzz.seeds.contract import (
@@ -65,7 +66,8 @@ def _state() -> State:
 
 def checkpoint(step: int | None = 3) -> Checkpoint:
     """In the middle of a phase, or (None) before its first step."""
-    memory = Memory(1.5, 0.1, rigid(3), np.array([True, False, True]), np.zeros((4, 5), bool))
+    strong, surround = np.array([True, False, True]), Surround((0,), 50.0, 0.1, joined=False)
+    memory = Memory(1.5, 0.1, rigid(3), strong, np.zeros((4, 5), bool), surround)
     ledger = Ledger({"rays": Work(1.5, 20.0)}, {("resting lights", "rays"): 5.0})
     within = (
         None

@@ -301,12 +301,19 @@ def lamps_known(job: Job) -> bool:
     """
     if job.stage is None or job.camera_to_stage is None:
         return False
-    position = job.stage.position
+    # A fit may have put lights behind those of the lattice.
+    position, lit = job.stage.position, job.stage.state != OFF
+    front = position[:, 2] >= 0
+    return not (_on_lattice(position)[lit].any() or _on_lattice(position[front])[lit[front]].any())
+
+
+def _on_lattice(position: Float[np.ndarray, "lights 3"]) -> Bool[np.ndarray, " lights"]:
+    """Which lights stand where the lattice of as many has them, at any distance."""
+    if not len(position):
+        return np.zeros(0, bool)
     outward = position / np.maximum(np.linalg.norm(position, axis=1, keepdims=True), 1e-9)
-    on_lattice = (
-        np.abs(outward - fibonacci_stage(len(position)).position).max(axis=1) < LATTICE_TOLERANCE
-    )
-    return not on_lattice[job.stage.state != OFF].any()
+    away = np.abs(outward - fibonacci_stage(len(position)).position)
+    return np.asarray(away.max(axis=1) < LATTICE_TOLERANCE)
 
 
 def omission(share: float | None) -> tuple[str, str]:

@@ -17,6 +17,7 @@ from facestage.contract.light_stage import LightStage
 
 # A light with less than this share of the flux casts no highlight or shadow worth following.
 STRONG_SHARE, STRONG_MAX = 0.12, 4
+RIM_SHARE = 0.02  # of all flux, from which on a light behind the face counts
 
 
 def spacing(count: int) -> float:
@@ -44,8 +45,21 @@ def turned(
 def strong_lights(
     stage: LightStage, radiance: Float[np.ndarray, "lights 3"], fitted: Bool[np.ndarray, " lights"]
 ) -> Bool[np.ndarray, " lights"]:
-    """The fitted lights whose place matters, by their share of the flux of ``radiance``."""
+    """The fitted lights of a ``stage`` (stage frame) whose place matters, by their share of the
+    flux of ``radiance``; behind the face, where a light's place says how wide its rim is, of the
+    flux from there.
+    """
     flux = radiance.mean(axis=1) * stage.side**2
     share = np.where(fitted, flux, 0.0) / max(float(flux.sum()), 1e-30)
+    behind = stage.position[:, 2] < 0
+    rims = np.where(behind & (share >= RIM_SHARE), share, 0.0)
+    rims /= max(float(share[behind].sum()), 1e-30)
+    return _strongest(share, ~behind & fitted) | _strongest(rims, behind & fitted)
+
+
+def _strongest(
+    share: Float[np.ndarray, " lights"], among: Bool[np.ndarray, " lights"]
+) -> Bool[np.ndarray, " lights"]:
+    share = np.where(among, share, 0.0)
     weakest = np.sort(share)[::-1][min(STRONG_MAX, len(share)) - 1]
-    return (share >= max(STRONG_SHARE, weakest)) & fitted
+    return (share >= max(STRONG_SHARE, weakest)) & among

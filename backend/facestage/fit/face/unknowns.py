@@ -50,7 +50,7 @@ class Known:
     expression_box: bool | Bool[np.ndarray, " expressions"] = True
     # The mean radiance that E_light is relative to. Fixed, so that black is no escape.
     light_scale: float = 1.0
-    # Lights of the whole stage, those that are off too; None: as many as ``lights`` has.
+    # Lights of the stage's hemisphere, those that are off too; None: as many as ``lights`` has.
     stage_lights: int | None = None
 
     @property

@@ -16,7 +16,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.files.storage import finite
-from facestage.contract.job import FULL, Job
+from facestage.contract.job import AUTO, FULL, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import (
     FROZEN,
@@ -25,6 +25,7 @@ from facestage.contract.light_stage import (
     ON,
     LightStage,
     fibonacci_stage,
+    joined,
 )
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
@@ -71,6 +72,11 @@ class Problem:
     focal_sigma: float  # standard deviation of log focal before the fit
     window: Window
     fineness: Fineness = USUAL
+    added: int = 0  # lights at the end of the stage that are the fit's own, not the job's
+
+    def lit_from_behind(self, lights: LightStage) -> Problem:
+        """With more ``lights`` (stage frame), to be fitted like those of the job."""
+        return replace(self, stage=joined(self.stage, lights), added=self.added + len(lights))
 
     @property
     def lit(self) -> np.ndarray:
@@ -188,8 +194,9 @@ class Problem:
         digest.update(self.photograph.color.tobytes())
         digest.update(self.geometry.mean.tobytes())
         digest.update(self.geometry.basis.sum(axis=0, dtype=np.float64).tobytes())
+        own = len(self.stage) - self.added
         for name in LIGHT_ARRAYS:
-            digest.update(np.ascontiguousarray(getattr(self.stage, name)).tobytes())
+            digest.update(np.ascontiguousarray(getattr(self.stage, name)[:own]).tobytes())
         if self.job.camera_to_stage is not None:
             digest.update(np.ascontiguousarray(self.job.camera_to_stage).tobytes())
         for name, value in sorted(self.job.initial.items()):
@@ -208,6 +215,8 @@ class Problem:
             "quality": self.job.quality,
             "fineness": vars(self.fineness),
         }
+        if self.job.surround != AUTO:  # checkpoints of before it could be said still count
+            settings["surround"] = self.job.surround
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 

@@ -47,6 +47,7 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
             "the job asks for the full plan",
             "nothing: every rule was off",
         )
+    _behind(problem, fitted, add)
     if ("shadows", "lines") in fitted.ledger.skipped:
         what, why = omission(fitted.penumbra)
         add(what, why, *saved_sentence(fitted.ledger, "shadows", "lines"))
@@ -133,6 +134,21 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
             "one color for all lights",
             "two of three columns of every light",
         )
+
+
+def _behind(problem: Problem, fitted: Fitted, add: Any) -> None:
+    """Lights behind the face, where they were looked for."""
+    found, work = fitted.surround, fitted.ledger.work.get("samples")
+    if found is None or found.joined:
+        return
+    share, rate = len(found.lights) / max(int(problem.lit.sum()), 1), fitted.ledger.rate("samples")
+    if work is None or rate is None:
+        add(f"{len(found.lights)} lights behind the face", found.words, "never traced")
+        return
+    units, seconds = share * work.units, share * work.seconds
+    pace = f"about {seconds:.2g} s at this run's {amount(rate)} a second"
+    saved = f"{amount(units)} light samples, {pace}"
+    add(f"{len(found.lights)} lights behind the face", found.words, saved, seconds)
 
 
 def _structural(problem: Problem, add: Any) -> None:

@@ -194,7 +194,7 @@ def write_result(
         unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
         model_origin={"name": model.name, "license": model.license, "source": model.source},
-        photo=problem.read_from_photo(),
+        photo=problem.read_from_photo() | _light_from_behind(fitted),
         versions=_versions(),
         seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)}
@@ -222,6 +222,16 @@ def write_result(
     (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
     write_report(folder, _report_data(problem, fitted, finished, result, probe))
     return result
+
+
+def _light_from_behind(fitted: Fitted) -> dict[str, str]:
+    """Why lights that the job has not are in the result, in words."""
+    found = fitted.surround
+    if found is None or not found.joined:
+        return {}
+    return {
+        "light": f"{len(found.lights)} lights behind the face joined the stage's: {found.words}"
+    }
 
 
 def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:

@@ -67,7 +67,8 @@ def _fit(problem: Problem, out: Path, partial: Path, resume: bool, teller: Telle
     with kept_unless_refused(partial, resume):
         fitted = run.run(deadline, Checkpoint.load(partial) if resume else None)
     teller.finishing()
-    finished = finish(problem, forward, fitted, truth)
+    problem = run.view.problem  # with the lights that joined
+    finished = finish(problem, run.view.forward, fitted, truth)
     timings = {
         "cold_start": cold_start,
         "optimisation": fitted.seconds,

@@ -33,6 +33,7 @@ from facestage.fit.runs.checkpoint_schema import (
 )
 from facestage.fit.stages.passage import Within
 from facestage.fit.stages.phases import PHASES, Schedule
+from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory, View
 
 SCHEMA_VERSION = 2
@@ -90,10 +91,15 @@ class Checkpoint:
             trace=list(trace),
         )
 
-    def restore(self, view: View) -> None:
-        """Let ``view`` remember what it did where the phase began."""
+    def restored(self, view: View) -> View:
+        """``view``, with the lights that had joined it, remembering what it did where the phase
+        began.
+        """
+        if self.memory.surround is not None and self.memory.surround.joined:
+            view = view.lit_from_behind(self.memory.surround.lights)
         view.memory = self.memory
         view.plan.ledger.set_to(self.ledger)
+        return view
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The checkpoint as named arrays."""
@@ -112,6 +118,7 @@ class Checkpoint:
             "ledger": ledger_to_json(self.ledger),
             "light_scale": self.memory.light_scale,
             "penumbra": self.memory.penumbra,
+            "surround": None if self.memory.surround is None else vars(self.memory.surround),
             "within": None if within is None else {"step": within.step, "damping": within.damping},
             "states": {
                 name: state_to_meta(state) for name, state in states.items() if state is not None
@@ -147,6 +154,7 @@ class Checkpoint:
                 given.get("camera_to_stage"),
                 given["strong"],
                 given.get("hidden"),
+                None if meta.get("surround") is None else _surround(meta["surround"]),
             )
             within = None
             if meta["within"] is not None:
@@ -214,6 +222,12 @@ def ledger_from_json(data: Mapping[str, Any]) -> Ledger:
     return Ledger(
         work, {(str(rule), str(kind)): finite(units) for rule, kind, units in data["skipped"]}
     )
+
+
+def _surround(data: Mapping[str, Any]) -> Surround:
+    """Raises KeyError, TypeError or ValueError for what is none."""
+    gain, share = finite(data["gain"]), finite(data["share"])
+    return Surround(tuple(map(int, data["lights"])), gain, share, bool(data["joined"]))
 
 
 def damaged(folder: Path, error: Exception) -> InputError:

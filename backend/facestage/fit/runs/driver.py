@@ -60,7 +60,7 @@ class FitRun:
             state, start = checkpoint.began, checkpoint.start
             rest = self.schedule.since(checkpoint.phase)
             self.trace = list(checkpoint.trace)
-            checkpoint.restore(view)
+            view = self.view = checkpoint.restored(view)
             self._started -= checkpoint.seconds
         for phase in rest.phases:
             before = checkpoint if checkpoint and checkpoint.phase == phase.name else None
@@ -68,7 +68,11 @@ class FitRun:
                 # The step that a checkpoint was before is taken whatever the time.
                 if before is None and time.monotonic() > deadline:
                     break
-                start = start or state
+                if start is None:
+                    view = self.view = view.with_surround(phase, state)
+                    start = state = view.unlit(state)
+                    if view.problem.added:
+                        self._last = None  # was of fewer lights
             if before is None:
                 seconds = self._seconds()
                 before = Checkpoint.of(view, phase.name, seconds, start, state, self.trace)

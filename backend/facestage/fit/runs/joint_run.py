@@ -106,6 +106,8 @@ class JointRun:
         for phase in phases:
             if time.monotonic() > deadline:
                 break
+            if phase.name == self.schedule.photo_phases[0].name:
+                self._look_behind(phase)
             self._photo_phase(phase, None)
         shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
@@ -148,6 +150,19 @@ class JointRun:
         for member in self.members:
             member.together = member.state
         return odd
+
+    def _look_behind(self, phase: Phase) -> None:
+        """Let each photo have lights behind the face where it needs them, before its first
+        ``phase``.
+        """
+        for member in self.members:
+            self._see(member, member.view.with_surround(phase, member.state))
+
+    def _see(self, member: Member, view: View) -> None:
+        """Let a photo go on with ``view``, which may have more lights."""
+        if view is not member.view and view.problem.added:
+            self._final = None  # was of fewer lights
+        member.seen_by(view)
 
     def _skins(self) -> dict[tuple[int, int], Likeness]:
         """How alike the photos' skins are, each with the face where its own landmarks put it."""
@@ -284,7 +299,7 @@ class JointRun:
         first = self.schedule.photo_phases[0].name
         self.shape_held = checkpoint.shape_held
         for index, (photo, member) in enumerate(zip(checkpoint.photos, self.members, strict=True)):
-            photo.restore(member.view)
+            self._see(member, photo.restored(member.view))
             member.state, member.trace = photo.began, list(photo.trace)
             member.joined, member.doubt = checkpoint.joined[index], checkpoint.doubts[index]
             member.statistic = checkpoint.statistics[index]

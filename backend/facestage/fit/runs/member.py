@@ -95,6 +95,15 @@ class Member:
             return None
         return Evidence.of(*last) if where.start < where.stop else None
 
+    def seen_by(self, view: View) -> None:
+        """Go on with a ``view`` of the same photo that may have more lights, all dark."""
+        if view is not self.view and view.problem.added:
+            self.last = None  # was of fewer lights
+        self.view = view
+        self.state, self.start, self.together = (
+            view.unlit(state) for state in (self.state, self.start, self.together)
+        )
+
     def disbelief(self) -> tuple[float, str]:
         """How little the photo is believed about the shape where it stands, above 0 if not at all,
         and why.

@@ -4,12 +4,14 @@ phases.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import LightStage
+from facestage.contract.job import AUTO, WITHOUT
+from facestage.contract.light_stage import ON, LightStage, lights_behind, selected
 from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Plan, Rules
@@ -25,6 +27,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.photo_descent import PhotoDescent
+from facestage.fit.stages.surround import Surround, look_behind
 from facestage.fit.stages.visible import VisiblePhoto
 
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their
@@ -42,6 +45,7 @@ class Memory:
     strong: np.ndarray  # (N,) bool, the lights whose position is fitted
     # (h, w) bool at the size of the first photo phase; None before it was looked for
     hidden: np.ndarray | None
+    surround: Surround | None = None  # None before it was looked for, and where it is not wanted
 
 
 class View:
@@ -64,6 +68,7 @@ class View:
         self.camera_to_stage = problem.job.camera_to_stage
         # (N,) bool, the lights whose position is fitted.
         self.strong = np.zeros(len(problem.lit_stage), bool)
+        self.surround: Surround | None = None
         self.samples_factor = self._samples_factor()
         self.plan = Plan(Rules.of(problem.job.plan))
 
@@ -71,7 +76,12 @@ class View:
     def memory(self) -> Memory:
         """What later phases depend on beside the state."""
         return Memory(
-            self.light_scale, self.penumbra, self.camera_to_stage, self.strong, self.visible.hidden
+            self.light_scale,
+            self.penumbra,
+            self.camera_to_stage,
+            self.strong,
+            self.visible.hidden,
+            self.surround,
         )
 
     @memory.setter
@@ -82,6 +92,47 @@ class View:
             known.strong,
         )
         self.camera_to_stage, self.visible.hidden = known.camera_to_stage, known.hidden
+        self.surround = known.surround
+
+    def lit_from_behind(self, numbers: Sequence[int] | None = None) -> View:
+        """The same photo with lights behind the face; ``numbers``: these of them, None: all."""
+        behind = lights_behind(self.problem.stage)
+        if behind is None:
+            return self
+        if numbers is not None:
+            behind = selected(behind, np.array(numbers, int))
+        problem = self.problem.lit_from_behind(behind)
+        view = View(problem, ForwardModel(problem.geometry, problem.lights), self._penumbra_min)
+        view.camera_to_stage, view.plan = self.camera_to_stage, self.plan
+        return view
+
+    def with_surround(self, phase: Phase, state: State) -> View:
+        """The same photo, with lights behind the face where it needs them, or the job asks for
+        them.
+
+        ``state`` is where the landmark phases ended, ``phase`` the first that looks at the photo.
+        """
+        job, around = self.problem.job, self.lit_from_behind()
+        if job.surround == WITHOUT or around is self or "lights" in job.freeze:
+            return self
+        if job.surround == AUTO and (self.problem.stage.state != ON).any():
+            return self  # somebody has said where light comes from
+        dark = around.unlit(state)
+        photo = around.photo_term(phase, dark)
+        if photo is None:
+            return self
+        found = look_behind(photo, around.scaled(phase, dark), around.problem.added, job)
+        view = self.lit_from_behind(found.lights) if found.joined else self
+        view.surround = found
+        return view
+
+    def unlit(self, state: State) -> State:
+        """``state`` with all lights dark, in their places."""
+        return replace(
+            state,
+            lights=np.zeros(self.problem.lights.size),
+            light_position=np.zeros((len(self.problem.lit_stage), AXES)),
+        )
 
     def start_state(self) -> State:
         """Where a fit starts: the job's own values, else the landmarks' pose and the mean of
@@ -113,7 +164,7 @@ class View:
             problem.focal_sigma,
             problem.geometry.model.expression_box,
             self.light_scale,
-            len(problem.stage),
+            int((problem.stage.position[:, 2] >= 0).sum()),
         )
 
     def frozen(self) -> set[str]:
@@ -188,12 +239,9 @@ class View:
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
             return state
-        setup = self._setup(phase, state)
-        photo = None if setup is None else PhotoTerm.of(setup)
+        photo, scaled = self.photo_term(phase, state), self.scaled(phase, state)
         if photo is None:
             return state
-        factor = photo.photo.usable.shape[1] / problem.camera.width
-        scaled = replace(state, camera=state.camera.scaled(factor))
         evaluation = photo.evaluate(scaled, problem.job.seed)
         if len(evaluation.image.color) == 0:
             raise InputError(
@@ -208,6 +256,11 @@ class View:
             radiance = initial_lights(evaluation, seen, problem.lights)
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def photo_term(self, phase: Phase, state: State) -> PhotoTerm | None:
+        """What compares the photo in ``phase``; None where it moves nothing by the photo."""
+        setup = self._setup(phase, state)
+        return None if setup is None else PhotoTerm.of(setup)
 
     def _setup(self, phase: Phase, state: State) -> Setup | None:
         """What the terms of a phase are made from, shadows held; None when all that it could move

@@ -70,6 +70,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         ending.statistic,
         view.plan.ledger,
         view.penumbra,
+        surround=view.surround,
         support=None if ending.doubt else _support(view, ending.start, state, last),
     )
 

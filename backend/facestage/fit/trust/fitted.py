@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
+from facestage.fit.stages.surround import Surround
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.lens_check import LensCheck
 from facestage.fit.trust.support import Support
@@ -43,4 +44,5 @@ class Fitted:
     penumbra: float | None = None
     # None: the photo was not asked about the shape, or not believed
     support: Support | None = None
+    surround: Surround | None = None  # what light from behind was found; None: was not looked for
     company: str = ""  # what speaks against this photo beside others of the same person; or empty

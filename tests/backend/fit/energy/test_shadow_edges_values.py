@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from facestage.contract import brdf
 from facestage.contract.job import Job
-from facestage.contract.light_stage import OFF, ON, LightStage, fibonacci_stage
+from facestage.contract.light_stage import OFF, ON, LightStage, fibonacci_stage, joined
 from facestage.fit.energy.shadow_edges import (
     CLOSEST,
     COSINE_MIN,
@@ -342,3 +342,11 @@ def test_a_lamp_is_known_once_it_has_left_its_place_on_the_lattice():
     off = replace(stage, state=np.where(np.arange(6) == 2, OFF, ON))
     assert lamps_known(replace(job, stage=off))
     assert not lamps_known(replace(job, stage=far, camera_to_stage=None))
+
+
+def test_lights_that_a_fit_put_behind_the_lattice_make_no_lamp_known():
+    lattice = fibonacci_stage(6, radius=0.8)
+    behind = fibonacci_stage(9, radius=0.8, behind=True)
+    job = Job(Path("photo.png"), stage=joined(lattice, behind), camera_to_stage=np.eye(4))
+    assert not lamps_known(job)
+    assert lamps_known(replace(job, stage=behind))

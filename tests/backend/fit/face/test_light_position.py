@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.contract.light_stage import OFF, fibonacci_stage
+from facestage.contract.light_stage import OFF, fibonacci_stage, joined
 from facestage.fit.face.lamps import STRONG_MAX, spacing, strong_lights, turned
 
 
@@ -45,6 +45,18 @@ def test_strong_lights_are_few_fitted_and_bright():
     strong = strong_lights(stage, level[:, None] * np.ones(3), fitted)
     assert strong[0] and not strong[1] and not strong[5:].any()
     assert strong.sum() <= STRONG_MAX
+
+
+def test_behind_the_face_a_light_counts_by_its_share_of_the_rims():
+    stage = joined(fibonacci_stage(6), fibonacci_stage(6, behind=True))
+    level = np.array([60, 30, 1, 1, 1, 1, 4, 3, 0.2, 0, 0, 0.0])
+    fitted = np.ones(12, bool)
+    strong = strong_lights(stage, level[:, None] * np.ones(3), fitted)
+    np.testing.assert_array_equal(np.flatnonzero(strong), [0, 1, 6, 7])
+    # A rim of next to nothing is none.
+    level[6:] *= 0.1
+    strong = strong_lights(stage, level[:, None] * np.ones(3), fitted)
+    np.testing.assert_array_equal(np.flatnonzero(strong), [0, 1])
 
 
 def test_no_light_is_strong_in_the_dark_or_when_all_are_held():

@@ -24,6 +24,7 @@ from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.driver import FitRun
 from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.passage import Within
+from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory
 from facestage.fit.trust.fitted import Fitted
 from reference.small_fit import SMALL, StopError
@@ -165,7 +166,8 @@ def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
 
 def a_checkpoint(scene: Scene) -> Checkpoint:
     """With something in every field."""
-    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool))
+    surround = Surround((0, 4), 70.5, 0.25, joined=True)
+    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool), surround)
     ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
     row = {"stage": "pose", "seconds": 0.1}
     within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
@@ -184,7 +186,9 @@ def test_round_trip(scene: Scene, tmp_path: Path):
         assert getattr(loaded, name) == getattr(saved, name)
     for one, other in ((loaded.memory, saved.memory), (loaded.within, saved.within)):
         for name in other.__dataclass_fields__:
-            if name != "state":
+            if name == "surround":
+                assert getattr(one, name) == getattr(other, name)
+            elif name != "state":
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     for state in (loaded.start, loaded.began, loaded.within.state):
         for name in State.__dataclass_fields__:
@@ -203,6 +207,7 @@ def test_a_file_of_the_first_version_with_this_number_is_read(scene: Scene, tmp_
     meta["states"] = {
         of: {name: meta["states"][of][name] for name in ("camera", "roughness")} for of in STATES
     }
+    del meta["surround"]
     old = {name: arrays[name] for name in {*own, *names}} | {"meta": np.array(json.dumps(meta))}
     write_arrays(tmp_path / CHECKPOINT, old)
     loaded = Checkpoint.load(tmp_path)
@@ -235,13 +240,21 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     meta = json.loads(str(arrays["meta"]))
     del meta["ledger"]
     unknown = json.dumps(json.loads(str(arrays["meta"])) | {"phase": -1})
-    for text in (json.dumps(meta), unknown, "{", "[]", '{"schema": 2, "trace": ' + "[" * 5000):
+    spoiled = json.dumps(json.loads(str(arrays["meta"])) | {"surround": {"lights": "x"}})
+    for text in (
+        json.dumps(meta),
+        unknown,
+        spoiled,
+        "{",
+        "[]",
+        '{"schema": 2, "trace": ' + "[" * 5000,
+    ):
         change = {"meta": np.array(text)}
         write_arrays(tmp_path / CHECKPOINT, arrays | change)
         with pytest.raises(InputError, match=r"damaged.*without --resume"):
             Checkpoint.load(tmp_path)
-    for spoiled in (np.full((3, 3), np.nan), np.eye(4), np.full((3, 3), "x")):
-        write_arrays(tmp_path / CHECKPOINT, arrays | {"began/rotation": spoiled})
+    for wrong in (np.full((3, 3), np.nan), np.eye(4), np.full((3, 3), "x")):
+        write_arrays(tmp_path / CHECKPOINT, arrays | {"began/rotation": wrong})
         with pytest.raises(InputError, match=r"rotation.*without --resume"):
             Checkpoint.load(tmp_path)
     write_arrays(
