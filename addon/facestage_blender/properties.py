@@ -14,7 +14,15 @@ from bpy.props import (
 )
 
 from facestage.contract.face_model import PARTS
-from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
+from facestage.contract.job import (
+    AUTO,
+    DEFAULT_MODEL,
+    DEVICES,
+    LIGHT_COLORS,
+    MODEL_FORMS,
+    WITH,
+    WITHOUT,
+)
 from facestage.contract.light_stage import (
     DEFAULT_COUNT,
     DEFAULT_RADIUS,
@@ -241,6 +249,15 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=[
             (LIGHT_COLORS[0], "Each its own", "Every light has a color of its own"),
             (LIGHT_COLORS[1], "One for all", "All lights share one color and differ in power only"),
+        ],
+    )
+    surround: EnumProperty(
+        name="Light behind",
+        description="Whether the fit adds lights behind the face to those of the stage",
+        items=[
+            (AUTO, "Where Needed", "Lights behind the face where the photo shows light from there"),
+            (WITH, "Always", "Lights behind the face, whatever the photo shows"),
+            (WITHOUT, "Never", "The lights of the stage alone"),
         ],
     )
     freeze: EnumProperty(

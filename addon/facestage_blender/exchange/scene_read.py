@@ -37,6 +37,7 @@ def read_job(scene: bpy.types.Scene) -> Job:
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,
         light_color=settings.light_color,
+        surround=settings.surround,
         freeze=frozen,
         weights=Weights(
             photo=settings.weight_photo,

@@ -95,6 +95,7 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "light_radius")
         column.prop(settings, "light_side")
         layout.prop(settings, "light_color", text="Color")
+        layout.prop(settings, "surround", text="Behind")
         built = settings.stage is not None
         layout.operator(
             "facestage.build_stage",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
+from facestage.contract.light_stage import joined, lights_behind, selected
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.result import Result
 from facestage_blender.backend.commands import fit_command
@@ -68,10 +70,12 @@ def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
         12.5,
     )
     settings.weight_prior, settings.seed, settings.device = 2.0, 7, "cpu"
+    settings.surround = "on"
     settings.rig.data.shape_keys.key_blocks["identity/mode_2"].value = 1.5
     read_job(ready).save(tmp_path / "job")
     job = Job.load(tmp_path / "job")
     assert job.freeze == ("identity", "roughness")
+    assert job.surround == "on"
     assert (job.light_color, job.budget_seconds, job.seed, job.device) == (
         "uniform",
         12.5,
@@ -121,6 +125,29 @@ def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -
     assert known(job.camera).focal_px == pytest.approx(result.camera.focal_px, rel=1e-6)
     assert known(job.camera).principal_px == pytest.approx(result.camera.principal_px, abs=1e-3)
     assert ready.world == world
+
+
+def test_lights_that_joined_from_behind_are_shown_and_fitted_again(
+    ready, stand_in, tmp_path: Path
+) -> None:
+    from facestage_blender.exchange.scene_read import read_job
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.scene.stage import new_stage, stage_lights
+
+    plain = fitted(ready, stand_in, tmp_path)
+    behind = selected(known(lights_behind(plain.stage)), np.array([1, 4, 6]))
+    stage = joined(plain.stage, behind.with_radiance(np.full((3, 3), 7.5)))
+    apply_result(ready, replace(plain, stage=stage))
+    shown = stage_lights(ready.facestage.stage)
+    assert len(shown) == len(plain.stage) + 3
+    # A face looks along -Y.
+    assert all(light.matrix_basis.translation.y > 0 for light in shown[-3:])
+    found = known(read_job(ready).stage)
+    np.testing.assert_allclose(found.position, stage.position, atol=1e-6)
+    np.testing.assert_allclose(found.radiance, stage.radiance, rtol=1e-5)
+    assert lights_behind(found) is None, "nothing joins them"
+    new_stage(ready)
+    assert len(stage_lights(ready.facestage.stage)) == ready.facestage.light_count
 
 
 def test_textures_are_packed_and_linear(ready, stand_in, tmp_path: Path) -> None:
