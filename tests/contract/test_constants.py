@@ -13,7 +13,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import LightStage, _horizontal_axis, fibonacci_stage
+from facestage.contract.light_stage import LightStage, fibonacci_stage, horizontal_axis
 from facestage.contract.quality import QUALITIES, Expectation, describe, expectations, parse_budget
 
 INDEX = 1.5
@@ -160,7 +160,7 @@ def test_the_lattice_has_level_sides_and_light_of_one():
 
 
 def test_straight_above_and_below_a_side_is_level_too():
-    found = _horizontal_axis(np.array([[0.0, 1, 0], [0, -1, 0], [0.6, 0.8, 0]]))
+    found = horizontal_axis(np.array([[0.0, 1, 0], [0, -1, 0], [0.6, 0.8, 0]]))
     np.testing.assert_allclose(found, [[-1, 0, 0], [1, 0, 0], [0, 0, -1]], atol=1e-12)
 
 

@@ -99,6 +99,7 @@ def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, j
         ({"face": 0}, ["face", "0", "1"]),
         ({"plan": "some"}, ["plan", "some", "lean", "full"]),
         ({"surround": "some"}, ["surround", "some", "auto, on, off"]),
+        ({"exposure": "some"}, ["exposure", "some", "known, unknown"]),
         ({"seed": 2**40}, ["seed", str(2**40), "0 to"]),
     ],
 )
@@ -254,6 +255,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "quality": "good",
         "face": None,
         "surround": "auto",
+        "exposure": "known",
     }
     (folder / "job.json").write_text(json.dumps({"schema": 1, "image": "photo.png"}))
     assert_same(replace(Job.load(folder), image=photo), Job(photo))

@@ -85,6 +85,13 @@ def add_command(commands: Any) -> None:
         "--lights", type=int, metavar="N", help="area lights of the virtual stage (default 20)"
     )
     fit.add_argument(
+        "--environment",
+        metavar="FILE.exr[@DEGREES]",
+        help="the photo's surroundings, where they are known, instead of fitted lights: a "
+        "latitude-longitude map of linear radiance (OpenEXR, any exposure) with the zenith above, "
+        "turned so many degrees about the vertical",
+    )
+    fit.add_argument(
         "--surround",
         choices=("auto", "on", "off"),
         help="lights behind the face beside those of the stage: where the photo needs them "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from facestage.contract.quality import parse_budget
 
 if TYPE_CHECKING:
     from facestage.contract.job import Job
+    from facestage.contract.light_stage import LightStage
 
 
 def read_job(options: argparse.Namespace) -> Job:
@@ -39,6 +41,7 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             "lights",
             "light_color",
             "surround",
+            "environment",
             "seed",
             "device",
             "face",
@@ -114,7 +117,7 @@ def _image_job(
     focal_px: float | None,
 ) -> Job:
     from facestage.contract.camera import Camera
-    from facestage.contract.job import AUTO, Job
+    from facestage.contract.job import AUTO, KNOWN, UNKNOWN, Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
     from facestage.images.image_io import read_photograph
@@ -123,12 +126,14 @@ def _image_job(
     if focal_px is not None:
         camera = Camera.default(*read_photograph(image).size, focal_px)
     count = DEFAULT_COUNT if options.lights is None else options.lights
+    known = options.environment is not None
     return Job(
         image=image.absolute(),
         model=options.model or "default",
         landmarks=Landmarks.read(landmarks) if landmarks else None,
         camera=camera,
-        stage=fibonacci_stage(count),
+        stage=_surroundings(options) if known else fibonacci_stage(count),
+        exposure=UNKNOWN if known else KNOWN,
         light_color=options.light_color or "multi",
         surround=options.surround or AUTO,
         freeze=tuple(options.freeze),
@@ -136,3 +141,27 @@ def _image_job(
         device=options.device or "auto",
         face=options.face,
     )
+
+
+def _surroundings(options: argparse.Namespace) -> LightStage:
+    """The lights that a known map of the surroundings stands for."""
+    from facestage.contract.environment import ENVIRONMENT_COUNT, environment_stage
+    from facestage.images.image_io import read_exr
+
+    given, mark, text = options.environment.rpartition("@")
+    given, text = (given, text) if mark else (text, "0")
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = math.nan
+    if not math.isfinite(degrees):
+        raise InputError(
+            f"The surroundings '{options.environment}' are turned by '{text}', expected degrees, "
+            "as in sky.exr@40."
+        )
+    if Path(given).suffix.lower() != ".exr":
+        raise InputError(
+            f"The surroundings '{given}' are no .exr file; save them as OpenEXR (ZIP)."
+        )
+    count = ENVIRONMENT_COUNT if options.lights is None else options.lights
+    return environment_stage(read_exr(Path(given)), degrees, count)

@@ -58,6 +58,10 @@ PLANS = (LEAN, FULL)
 # Lights behind the face, beside those of the stage: where the photo needs them | always | never
 AUTO, WITH, WITHOUT = "auto", "on", "off"
 SURROUNDS = (AUTO, WITH, WITHOUT)
+# What is known of the radiance of lights that are held: all | all but one factor, the photo's
+# exposure
+KNOWN, UNKNOWN = "known", "unknown"
+EXPOSURES = (KNOWN, UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -108,6 +112,7 @@ class Job:
     face: int | None = None
     # whether lights behind the face join those of the stage: one of SURROUNDS
     surround: str = AUTO
+    exposure: str = KNOWN  # of the lights that are held: one of EXPOSURES
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -121,6 +126,10 @@ class Job:
         if self.surround not in SURROUNDS:
             raise InputError(
                 f"The surround is '{self.surround}'; expected one of {', '.join(SURROUNDS)}."
+            )
+        if self.exposure not in EXPOSURES:
+            raise InputError(
+                f"The exposure is '{self.exposure}'; expected one of {', '.join(EXPOSURES)}."
             )
         if self.quality not in QUALITIES:
             raise InputError(
@@ -177,6 +186,7 @@ class Job:
             "quality": self.quality,
             "face": self.face,
             "surround": self.surround,
+            "exposure": self.exposure,
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -233,6 +243,7 @@ class Job:
             quality=found["quality"],
             face=found["face"],
             surround=found["surround"],
+            exposure=found["exposure"],
         )
 
 
@@ -265,6 +276,7 @@ class JobSchema(HandWritten):
     quality = Choice(QUALITIES, load_default=GOOD)
     face = Whole(1, FACE_MAX, load_default=None)
     surround = Choice(SURROUNDS, load_default=AUTO)
+    exposure = Choice(EXPOSURES, load_default=KNOWN)
 
 
 class JobArrays(FileSchema):

@@ -160,7 +160,7 @@ def fibonacci_stage(
     return LightStage(
         position=radius * outward,
         direction=-outward,
-        axis_x=_horizontal_axis(outward),
+        axis_x=horizontal_axis(outward),
         side=np.full(count, float(side)),
         radiance=np.full((count, 3), float(radiance)),
         state=np.full(count, ON),
@@ -196,7 +196,7 @@ def lights_behind(stage: LightStage) -> LightStage | None:
     return selected(behind, np.flatnonzero(behind.direction[:, 2] < BEHIND_MOST))
 
 
-def _horizontal_axis(outward: Float[np.ndarray, "lights 3"]) -> Float[np.ndarray, "lights 3"]:
+def horizontal_axis(outward: Float[np.ndarray, "lights 3"]) -> Float[np.ndarray, "lights 3"]:
     """A unit tangent of each direction, level where the direction is not vertical."""
     up = np.where(np.abs(outward[:, 1:2]) < 0.999, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
     axis = np.cross(up, outward)

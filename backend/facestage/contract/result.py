@@ -86,7 +86,7 @@ class Result:
     # that name them.
     null_directions: dict[str, Any] = field(default_factory=dict)
     # What the fit took from the photo and its file, in words: its "size" and "color" space, where
-    # "focal" comes from, and why there are lights behind the face ("light").
+    # "focal" comes from, and what was found of the lights before they were fitted ("light").
     photo: dict[str, str] = field(default_factory=dict)
     # The face model's "name", "license" and "source"; none in results of an older version.
     model_origin: dict[str, str] = field(default_factory=dict)

@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from facestage import cli
 from facestage.cli.jobs import read_job
 from facestage.cli.parser import build_parser
+from facestage.contract.environment import ENVIRONMENT_COUNT
+from facestage.contract.errors import InputError
+from facestage.contract.light_stage import FROZEN
+from facestage.images.image_io import write_exr
+from reference.known import known
 from reference.synthetic_case import Case
 
 
@@ -45,6 +51,21 @@ def test_every_option_reaches_the_job(
         assert attribute(read_job(parser.parse_args(plain))) != value
     else:
         assert read_job(parser.parse_args(plain)).camera is None
+
+
+def test_a_map_of_the_surroundings_is_the_light(case: Case, tmp_path: Path):
+    sky = tmp_path / "sky.exr"
+    write_exr(sky, np.ones((8, 16, 3), np.float32))
+    fit = ["fit", str(case.photo), "--out", "o", "--environment"]
+    job = read_job(build_parser().parse_args([*fit, f"{sky}@30"]))
+    stage = known(job.stage)
+    assert job.exposure == "unknown" and len(stage) == ENVIRONMENT_COUNT
+    assert (stage.state == FROZEN).all() and (stage.position[:, 2] < 0).any()
+    fewer = read_job(build_parser().parse_args([*fit, str(sky), "--lights", "20"]))
+    assert len(known(fewer.stage)) == 20
+    for wrong, words in ((f"{sky}@left", "turned by 'left'"), ("sky.png", "no .exr")):
+        with pytest.raises(InputError, match=words):
+            read_job(build_parser().parse_args([*fit, wrong]))
 
 
 @pytest.mark.parametrize("plan", ["lean", "full"])

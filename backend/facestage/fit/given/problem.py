@@ -16,7 +16,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.files.storage import finite
-from facestage.contract.job import AUTO, FULL, Job
+from facestage.contract.job import AUTO, FULL, KNOWN, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import (
     FROZEN,
@@ -72,6 +72,7 @@ class Problem:
     focal_sigma: float  # standard deviation of log focal before the fit
     window: Window
     fineness: Fineness = USUAL
+    exposure: float = 1.0  # what the radiance of the lights that are held is times
     added: int = 0  # lights at the end of the stage that are the fit's own, not the job's
 
     def lit_from_behind(self, lights: LightStage) -> Problem:
@@ -94,7 +95,7 @@ class Problem:
     def lights(self) -> LightParameters:
         """How the lit lights are parametrised."""
         fitted = (self.lit_stage.state == ON) & ("lights" not in self.job.freeze)
-        held = np.where(fitted[:, None], 0.0, self.lit_stage.radiance)
+        held = np.where(fitted[:, None], 0.0, self.exposure * self.lit_stage.radiance)
         uniform = self.job.light_color == "uniform"
         return LightParameters(fitted, held, uniform, np.flatnonzero(self.lit))
 
@@ -217,6 +218,8 @@ class Problem:
         }
         if self.job.surround != AUTO:  # checkpoints of before it could be said still count
             settings["surround"] = self.job.surround
+        if self.job.exposure != KNOWN:
+            settings["exposure"] = self.job.exposure
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 

@@ -194,7 +194,7 @@ def write_result(
         unobserved=fitted.certainty.unobserved,
         null_directions=fitted.certainty.directions,
         model_origin={"name": model.name, "license": model.license, "source": model.source},
-        photo=problem.read_from_photo() | _light_from_behind(fitted),
+        photo=problem.read_from_photo() | _found_of_light(problem, fitted),
         versions=_versions(),
         seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)}
@@ -224,14 +224,15 @@ def write_result(
     return result
 
 
-def _light_from_behind(fitted: Fitted) -> dict[str, str]:
-    """Why lights that the job has not are in the result, in words."""
-    found = fitted.surround
-    if found is None or not found.joined:
-        return {}
-    return {
-        "light": f"{len(found.lights)} lights behind the face joined the stage's: {found.words}"
-    }
+def _found_of_light(problem: Problem, fitted: Fitted) -> dict[str, str]:
+    """What the fit found of the lights before it fitted any, in words."""
+    words, found = [], fitted.surround
+    if problem.exposure != 1.0:
+        words.append(f"held lights {problem.exposure:.3g} times as bright as given, by mean skin")
+    if found is not None and found.joined:
+        count = len(found.lights)
+        words.append(f"{count} lights behind the face joined the stage's: {found.words}")
+    return {"light": "; ".join(words)} if words else {}
 
 
 def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:

@@ -95,6 +95,8 @@ class Checkpoint:
         """``view``, with the lights that had joined it, remembering what it did where the phase
         began.
         """
+        if self.memory.exposure != 1.0:
+            view = view.exposed(self.memory.exposure)
         if self.memory.surround is not None and self.memory.surround.joined:
             view = view.lit_from_behind(self.memory.surround.lights)
         view.memory = self.memory
@@ -118,6 +120,7 @@ class Checkpoint:
             "ledger": ledger_to_json(self.ledger),
             "light_scale": self.memory.light_scale,
             "penumbra": self.memory.penumbra,
+            "exposure": self.memory.exposure,
             "surround": None if self.memory.surround is None else vars(self.memory.surround),
             "within": None if within is None else {"step": within.step, "damping": within.damping},
             "states": {
@@ -155,6 +158,7 @@ class Checkpoint:
                 given["strong"],
                 given.get("hidden"),
                 None if meta.get("surround") is None else _surround(meta["surround"]),
+                finite(meta.get("exposure", 1.0)),
             )
             within = None
             if meta["within"] is not None:

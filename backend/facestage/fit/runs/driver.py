@@ -69,7 +69,7 @@ class FitRun:
                 if before is None and time.monotonic() > deadline:
                     break
                 if start is None:
-                    view = self.view = view.with_surround(phase, state)
+                    view = self.view = view.lit(phase, state)
                     start = state = view.unlit(state)
                     if view.problem.added:
                         self._last = None  # was of fewer lights

@@ -152,11 +152,9 @@ class JointRun:
         return odd
 
     def _look_behind(self, phase: Phase) -> None:
-        """Let each photo have lights behind the face where it needs them, before its first
-        ``phase``.
-        """
+        """Find what each photo needs of light before its first ``phase``."""
         for member in self.members:
-            self._see(member, member.view.with_surround(phase, member.state))
+            self._see(member, member.view.lit(phase, member.state))
 
     def _see(self, member: Member, view: View) -> None:
         """Let a photo go on with ``view``, which may have more lights."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
+from facestage.contract.arrays import Float
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.evaluation import Evaluation
@@ -79,6 +80,7 @@ def initial_pose(
 # face.
 LIGHT_RIDGE = 1e-3
 ROBUST_ROUNDS = 5
+DARK_SHARE = 0.02  # of the brightest skin, below which no pixel tells the exposure
 
 
 def initial_lights(
@@ -111,6 +113,22 @@ def initial_lights(
     level = max(float(result[lights.fitted].mean()), 1e-6)
     result[lights.fitted] = np.maximum(result[lights.fitted], 1e-3 * level)
     return result
+
+
+def exposure(
+    photo: PhotoTerm, evaluation: Evaluation, radiance: Float[np.ndarray, "lights 3"]
+) -> float:
+    """By what lights of this ``radiance`` must be brighter for mean skin to be as bright as the
+    photo's: the median over the pixels that count. 1 where nothing can be compared.
+    """
+    image = evaluation.image
+    y, x = photo.index(image.surface)
+    lit = photo.forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
+    shown, seen = lit.color.mean(axis=1), photo.photo.color[y, x].mean(axis=1)
+    counted = (evaluation.base_weight[y, x] > 0.5) & ~photo.photo.clipped[y, x].any(axis=1)
+    counted &= shown > DARK_SHARE * max(float(shown.max(initial=0.0)), 1e-30)
+    found = float(np.median(seen[counted] / shown[counted])) if counted.any() else 0.0
+    return found if found > 0 else 1.0
 
 
 def _robust_nnls(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.job import AUTO, WITHOUT
+from facestage.contract.job import AUTO, KNOWN, WITHOUT
 from facestage.contract.light_stage import ON, LightStage, lights_behind, selected
 from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -24,7 +24,7 @@ from facestage.fit.face.unknowns import SHAPE, Known, kept_shapes, start_values
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
-from facestage.fit.stages.initialize import initial_lights, initial_pose
+from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.stages.surround import Surround, look_behind
@@ -46,6 +46,7 @@ class Memory:
     # (h, w) bool at the size of the first photo phase; None before it was looked for
     hidden: np.ndarray | None
     surround: Surround | None = None  # None before it was looked for, and where it is not wanted
+    exposure: float = 1.0
 
 
 class View:
@@ -82,6 +83,7 @@ class View:
             self.strong,
             self.visible.hidden,
             self.surround,
+            self.problem.exposure,
         )
 
     @memory.setter
@@ -101,10 +103,38 @@ class View:
             return self
         if numbers is not None:
             behind = selected(behind, np.array(numbers, int))
-        problem = self.problem.lit_from_behind(behind)
+        return self._of(self.problem.lit_from_behind(behind))
+
+    def exposed(self, exposure: float) -> View:
+        """The same photo with the lights that are held ``exposure`` times as bright as the job has
+        them.
+        """
+        return self._of(replace(self.problem, exposure=exposure))
+
+    def _of(self, problem: Problem) -> View:
         view = View(problem, ForwardModel(problem.geometry, problem.lights), self._penumbra_min)
         view.camera_to_stage, view.plan = self.camera_to_stage, self.plan
         return view
+
+    def lit(self, phase: Phase, state: State) -> View:
+        """The same photo with all that is to be found of its lights before the first is fitted.
+
+        ``state`` is where the landmark phases ended, ``phase`` the first that looks at the photo.
+        """
+        return self.with_exposure(phase, state).with_surround(phase, state)
+
+    def with_exposure(self, phase: Phase, state: State) -> View:
+        """The same photo, with the lights that are held as bright as it was exposed, where the job
+        does not know that.
+        """
+        if self.problem.job.exposure == KNOWN or not self.problem.lights.fixed_radiance.any():
+            return self
+        photo = self.photo_term(phase, state)
+        if photo is None:
+            return self
+        evaluation = photo.evaluate(self.scaled(phase, state), self.problem.job.seed)
+        found = exposure(photo, evaluation, self.problem.lights.fixed_radiance)
+        return self.exposed(found)
 
     def with_surround(self, phase: Phase, state: State) -> View:
         """The same photo, with lights behind the face where it needs them, or the job asks for

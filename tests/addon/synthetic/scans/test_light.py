@@ -100,3 +100,28 @@ def test_a_scene_with_its_vertical_along_z_shows_the_same(scene, tmp_path: Path)
         pictures.append(render_linear(scene, samples=1, background=True)[..., :3])
     np.testing.assert_allclose(pictures[0], pictures[1], atol=0.02)
     assert np.ptp(pictures[0]) > 0.3
+
+
+def test_the_fit_takes_a_map_for_the_same_surroundings(scene, tmp_path: Path) -> None:
+    """Each pixel of the background has the color of the texel that lies there, turned or not."""
+    from facestage.contract.environment import directions
+    from facestage_blender.pictures.render import render_linear, save_exr
+    from facestage_blender.scene import frames
+    from facestage_blender.scene.camera import ensure_camera, write_camera
+    from facestage_blender.synthetic.scans.light import light_world, read_surroundings
+
+    towards = directions(32, 64)
+    picture = (0.5 + 0.4 * towards).astype(np.float32)  # smooth, and every direction its own color
+    save_exr(tmp_path / "my.exr", picture)
+    camera, lens = ensure_camera(scene, scene.collection), Camera.default(16, 16, 20.0)
+    write_camera(scene, camera.data, lens)
+    camera.matrix_world = Matrix(frames.local_matrix(np.eye(4), frames.CAMERA).tolist())
+    y, x = np.mgrid[:16, :16] + 0.5
+    rays = np.stack([x - 8, 8 - y, np.full_like(x, -20.0)], axis=-1).reshape(-1, 3)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    for degrees in (0, 70):
+        light_world(scene, read_surroundings(f"{tmp_path / 'my.exr'}@{degrees}"), vertical="Z")
+        seen = render_linear(scene, samples=4, background=True)[..., :3].reshape(-1, 3)
+        turned = directions(32, 64, degrees).reshape(-1, 3)
+        nearest = np.argmax(rays @ turned.T, axis=1)
+        np.testing.assert_allclose(seen, picture.reshape(-1, 3)[nearest], atol=0.04)

@@ -167,7 +167,7 @@ def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
 def a_checkpoint(scene: Scene) -> Checkpoint:
     """With something in every field."""
     surround = Surround((0, 4), 70.5, 0.25, joined=True)
-    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool), surround)
+    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool), surround, 2.5)
     ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
     row = {"stage": "pose", "seconds": 0.1}
     within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
@@ -207,7 +207,7 @@ def test_a_file_of_the_first_version_with_this_number_is_read(scene: Scene, tmp_
     meta["states"] = {
         of: {name: meta["states"][of][name] for name in ("camera", "roughness")} for of in STATES
     }
-    del meta["surround"]
+    del meta["surround"], meta["exposure"]
     old = {name: arrays[name] for name in {*own, *names}} | {"meta": np.array(json.dumps(meta))}
     write_arrays(tmp_path / CHECKPOINT, old)
     loaded = Checkpoint.load(tmp_path)
