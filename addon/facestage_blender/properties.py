@@ -260,6 +260,12 @@ class SceneSettings(bpy.types.PropertyGroup):
             (WITHOUT, "Never", "The lights of the stage alone"),
         ],
     )
+    exposure_known: BoolProperty(
+        name="Exposure known",
+        description="Whether lights that are frozen are as bright as the photo shows them; else "
+        "the fit finds the one factor that their brightness lacks",
+        default=True,
+    )
     freeze: EnumProperty(
         name="Keep as is",
         description="What the fit must not change",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from facestage.contract.job import Job, Weights
+from facestage.contract.job import KNOWN, UNKNOWN, Job, Weights
 
 from ..landmarks.editing import read_landmarks
 from ..pictures.images import load_image
@@ -38,6 +38,7 @@ def read_job(scene: bpy.types.Scene) -> Job:
         camera_to_stage=camera_to_stage,
         light_color=settings.light_color,
         surround=settings.surround,
+        exposure=KNOWN if settings.exposure_known else UNKNOWN,
         freeze=frozen,
         weights=Weights(
             photo=settings.weight_photo,

@@ -42,6 +42,7 @@ def ensure_stage(scene: bpy.types.Scene) -> bpy.types.Object:
 def new_stage(scene: bpy.types.Scene) -> bpy.types.Object:
     """Build the stage anew, as the scene's settings say."""
     settings = scene.facestage
+    settings.exposure_known = True
     stage = default_stage(settings.light_count, settings.light_radius, settings.light_side)
     return build_stage(scene, stage)
 

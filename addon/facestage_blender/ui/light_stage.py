@@ -7,6 +7,7 @@ from facestage.contract.errors import InputError
 
 from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
+from ..scene.surroundings import light_as_world
 from .action import Action
 from .sidebar import SidebarPanel
 
@@ -27,6 +28,22 @@ class FACESTAGE_OT_build_stage(Action, bpy.types.Operator):
     def act(self, context: bpy.types.Context) -> None:
         """Build the stage as the scene's settings say."""
         new_stage(context.scene)
+
+
+class FACESTAGE_OT_light_as_world(Action, bpy.types.Operator):
+    """Lights the stage as the world's picture does."""
+
+    bl_idname = "facestage.light_as_world"
+    bl_label = "Light as World"
+    bl_description = (
+        "The surroundings are known: put frozen lights where the world's Environment Texture is "
+        "bright, in place of the stage's. Turn it about Z so that the photo's camera looks along "
+        "the stage's; the fit finds the exposure"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Put the lights there."""
+        light_as_world(context.scene)
 
 
 class FACESTAGE_OT_light_states(Action, bpy.types.Operator):
@@ -103,6 +120,7 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
             text="Rebuild Light Stage" if built else None,
         )
         if built:
+            layout.operator("facestage.light_as_world", icon="WORLD")
             _draw_obstacles(layout, context.scene)
 
 
@@ -157,6 +175,7 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
 
 CLASSES = (
     FACESTAGE_OT_build_stage,
+    FACESTAGE_OT_light_as_world,
     FACESTAGE_OT_light_states,
     FACESTAGE_OT_clear_stage,
     FACESTAGE_OT_give_back,

@@ -70,12 +70,12 @@ def test_job_holds_what_the_scene_says(ready, tmp_path: Path) -> None:
         12.5,
     )
     settings.weight_prior, settings.seed, settings.device = 2.0, 7, "cpu"
-    settings.surround = "on"
+    settings.surround, settings.exposure_known = "on", False
     settings.rig.data.shape_keys.key_blocks["identity/mode_2"].value = 1.5
     read_job(ready).save(tmp_path / "job")
     job = Job.load(tmp_path / "job")
     assert job.freeze == ("identity", "roughness")
-    assert job.surround == "on"
+    assert (job.surround, job.exposure) == ("on", "unknown")
     assert (job.light_color, job.budget_seconds, job.seed, job.device) == (
         "uniform",
         12.5,
