@@ -79,6 +79,10 @@ class Problem:
         """With more ``lights`` (stage frame), to be fitted like those of the job."""
         return replace(self, stage=joined(self.stage, lights), added=self.added + len(lights))
 
+    def lit_as(self, other: Problem) -> Problem:
+        """With what was found of the lights for the same photo at another size."""
+        return replace(self, stage=other.stage, added=other.added, exposure=other.exposure)
+
     @property
     def lit(self) -> np.ndarray:
         """(N,) bool, the lights that may be traced: those that are not off, or all where nothing is

@@ -88,6 +88,7 @@ def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
     """A member's problem and fit at the photo's own size."""
     small = member.problem
     problem = read_problem(small.job, geometry=small.geometry, fineness=small.fineness)
+    problem = problem.lit_as(small)
     if problem.camera.width == small.camera.width:
         return problem, fitted
     focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)

@@ -28,6 +28,7 @@ from facestage.fit.result.relight import render_result
 from facestage.fit.runs import joint_run
 from facestage.fit.stages.matching import LOOKS, Look
 from facestage.images.image_io import read_exr
+from reference.known import known
 from reference.small_fit import QUICK, SMALL, StopError
 from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
@@ -157,6 +158,26 @@ def test_stopped_in_the_middle_it_ends_at_the_same_place(
     for photo in whole.photos:
         one, other = (Result.load(out / photo.folder) for out in (pair, tmp_path / "out"))
         np.testing.assert_allclose(one.vertices, other.vertices, atol=1e-7)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_lights_behind_the_face_join_in_each_photo_that_needs_them(jobs: list[Job], tmp_path: Path):
+    pair = [replace(jobs[0], surround="on"), replace(jobs[1], surround="off")]
+    whole = quick_fit(pair, tmp_path / "whole")
+
+    def stop(event: Event) -> None:
+        if "together: geometry, step 1" in event.message:
+            raise StopError
+
+    with pytest.raises(StopError):
+        quick_fit(pair, tmp_path / "out", emit=stop)
+    again = quick_fit(pair, tmp_path / "out", resume=True)
+    np.testing.assert_allclose(again.identity, whole.identity, rtol=1e-6, atol=1e-9)
+    for number, photo in enumerate(whole.photos):
+        one, other = (Result.load(tmp_path / out / photo.folder) for out in ("whole", "out"))
+        np.testing.assert_allclose(one.stage.radiance, other.stage.radiance, atol=1e-6)
+        own = len(known(pair[number].stage))
+        assert (len(one.stage) > own) == ("light" in one.photo) == (number == 0)
 
 
 @pytest.mark.usefixtures("no_pictures")
