@@ -220,8 +220,7 @@ def _moved(case: Case, there: State, here: State) -> tuple[float, float]:
     geometry = case.geometry
     region = geometry.new_index[geometry.model.regions["narrow_face"]]
     after, before = (
-        geometry.vertices(state.identity, state.expression) @ state.rotation.T + state.translation
-        for state in (there, here)
+        geometry.at(state) @ state.rotation.T + state.translation for state in (there, here)
     )
     normals = geometry.vertex_normals(before)[0][region]
     laid = procrustes(after[region], before[region]).apply(after[region])

@@ -126,6 +126,11 @@ def tampered(folder: Path, **arrays: np.ndarray) -> None:
             [np.full((9, 3), np.inf)],
             [np.zeros((9, 2)), np.zeros((8, 3))],
         ),
+        (
+            "extra__relief",
+            [np.full((9, 3), 1e-3)],
+            [np.zeros((8, 3)), np.full((9, 3), np.nan), np.full((9, 3), 1e30)],
+        ),
     ],
 )
 def test_limits_of_the_arrays(tmp_path: Path, result: Result, name: str, right: list, wrong: list):
@@ -135,7 +140,7 @@ def test_limits_of_the_arrays(tmp_path: Path, result: Result, name: str, right: 
         tampered(tmp_path, **{name: np.array(value)})
         loaded = Result.load(tmp_path)
         found = (
-            loaded.arrays["vertex_deviation_mm"]
+            loaded.arrays[name.removeprefix("extra__")]
             if name.startswith("extra")
             else getattr(loaded, name)
         )

@@ -20,6 +20,7 @@ from facestage.fit.face.unknowns import Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.models.registry import load_model
 from facestage.stress.scene import plain_scene
+from reference.synthetic_face import synthetic_relief
 from reference.synthetic_scene import moved, plain_photo
 
 WEIGHTS = Weights(landmarks=0.7, prior=1.3, light=0.6, photo=0.4)
@@ -29,13 +30,14 @@ FACE, BACK = np.array([0.5, 0.4, 0.3]), np.array([0.05, 0.08, 0.1])
 def outlined_head() -> tuple[Energy, State]:
     """The energy of landmarks, outline and priors, and a state a little off. The renderer runs."""
     truth = plain_scene(load_model("default"), side_px=160)
-    geometry = FaceGeometry(truth.model)
+    geometry = FaceGeometry(truth.model, synthetic_relief(truth.model))
     radiance = truth.stage.radiance
     lights = LightParameters(np.ones(len(radiance), bool), np.zeros_like(radiance), uniform=False)
     state = replace(
         truth.state,
         lights=lights.from_radiance(radiance),
         light_position=np.zeros((len(radiance), 2)),
+        relief=np.zeros(2),
     )
     forward = ForwardModel(geometry, lights)
     # Turned, so that a cheek is the outline.

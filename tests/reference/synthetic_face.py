@@ -16,6 +16,13 @@ def _bump(u: np.ndarray, v: np.ndarray, at: tuple[float, float], size: float) ->
     return np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * size**2))
 
 
+def synthetic_relief(model: FaceModel) -> np.ndarray:
+    """(2, n, 3) float32: 0.4 mm outwards, waves along the face and across it."""
+    outward = model.vertices / np.linalg.norm(model.vertices, axis=1, keepdims=True)
+    waves = [np.sin(60 * model.vertices[:, axis] + 0.5) for axis in (0, 1)]
+    return np.stack([4e-4 * wave[:, None] * outward for wave in waves]).astype(np.float32)
+
+
 def synthetic_face(rows: int = 23, columns: int = 23, expression_prior: str = "box") -> FaceModel:
     """About 15 x 20 x 8 cm; ``rows`` x ``columns`` vertices, every polygon skin, one UV chart."""
     v, u = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")

@@ -28,7 +28,7 @@ from facestage.fit.face.unknowns import Known
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
-from reference.synthetic_face import synthetic_face
+from reference.synthetic_face import synthetic_face, synthetic_relief
 
 SIDE = 96
 RADIANCE = np.array([[9, 8, 7], [1, 1, 2], [6, 7, 8], [0.5, 0.5, 0.5], [3, 2, 2], [4, 5, 6]], float)
@@ -128,7 +128,7 @@ def plain_photo(color: np.ndarray, clipped: np.ndarray | None = None) -> Photo:
 def synthetic_scene(uniform: bool = False, side: int = SIDE, specular_size: int = 6) -> Scene:
     """The synthetic face, turned a little, 60 cm from the camera under six lights."""
     model = synthetic_face()
-    geometry = FaceGeometry(model)
+    geometry = FaceGeometry(model, synthetic_relief(model))
     radiance = RADIANCE
     if uniform:
         radiance = RADIANCE[:, :1] * np.array([1.2, 1.0, 0.8])
@@ -149,6 +149,7 @@ def synthetic_scene(uniform: bool = False, side: int = SIDE, specular_size: int 
         albedo=np.array([0.3, -0.5, 0.4, 0.6, -0.3]),
         roughness=0.45,
         specular=0.8 + 0.15 * random.uniform(-1, 1, (specular_size, specular_size)),
+        relief=np.zeros(2),
     )
     stage = fibonacci_stage(len(radiance), radius=0.8).transformed(matrix).with_radiance(radiance)
     return Scene(model, geometry, lights, stage, ForwardModel(geometry, lights), state)

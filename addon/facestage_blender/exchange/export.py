@@ -27,6 +27,7 @@ from ..rig.face_rig import IDENTITY, require_rig
 from ..rig.own_record import OwnMesh
 from ..rig.own_sliders import SHAPE_KEY
 from ..rig.plain_skin import is_facestage_skin, plain_skin, write_textures
+from ..rig.relief_key import NAME as RELIEF_KEY
 from ..scene.user_state import preserved
 
 SIDE_MIN = 16
@@ -224,7 +225,11 @@ def _bake_identity(rig: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
     if mesh.shape_keys is None:
         return
     own = OwnMesh.of(rig)
-    who = {SHAPE_KEY, *(() if own is None else (key for key, _ in own.identity.values()))}
+    who = {
+        SHAPE_KEY,
+        RELIEF_KEY,
+        *(() if own is None else (key for key, _ in own.identity.values())),
+    }
     blocks = mesh.shape_keys.key_blocks
     basis = _points(blocks[0])
     offset = np.zeros_like(basis)

@@ -11,11 +11,12 @@ from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
-from ..rig.face_rig import move_sliders, require_rig, rig_axes, slider_values
+from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.material import set_textures
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
+from ..rig.relief_key import check_relief, write_relief
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
@@ -47,10 +48,16 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if own is not None:
         check_vertices(rig, result)
         borrowed = borrowed_shape(rig, own, result)
+    # What a mesh borrows is the whole of the shape that its sliders lack.
+    relief = result.relief if borrowed is None else None
+    if relief is not None:
+        check_relief(rig, relief)
+        relief = relief_of(rig, relief)
     textures = load_textures(result)
     move_sliders(rig, sliders)
     if own is not None and borrowed is not None:
         write_shape(rig, own, identity, borrowed)
+    write_relief(rig, relief)
     build_stage(scene, result.stage)
     place(empty, rig, result.model_to_stage, rig_axes(rig))
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})

@@ -18,6 +18,8 @@ from facestage.contract.result import Result
 
 from ..pictures.images import image_pixels, load_image
 from ..rig.face_rig import SLIDER_LIMIT, read_weights, rig_axes
+from ..rig.own_record import OwnMesh
+from ..rig.relief_key import shown_relief
 from ..scene import frames
 from ..scene.camera import read_camera
 from ..scene.paths import absolute
@@ -97,7 +99,10 @@ class RelitPhoto:
             wanted = np.clip(fitted, -SLIDER_LIMIT, SLIDER_LIMIT)
             if values.shape != wanted.shape or not np.allclose(values, wanted, atol=TOLERANCE):
                 return False
-        return True
+        own = OwnMesh.of(rig)
+        if own is not None and own.borrowed:
+            return True  # it is part of the shape that was borrowed
+        return shown_relief(rig) == float(self.result.relief is not None)
 
     def _same_camera(self, scene: bpy.types.Scene) -> bool:
         if scene.camera is None or scene.camera.data.type != "PERSP":

@@ -13,6 +13,7 @@ from facestage.contract.face_model import FaceModel
 
 from ..scene import frames
 from ..scene.stage import facestage_collection
+from . import relief_key
 from .material import part_materials, show_model
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
@@ -130,7 +131,8 @@ def read_weights(rig: bpy.types.Object) -> tuple[dict[str, float], dict[str, flo
     own = OwnMesh.of(rig)
     if own is not None:
         return read_own_weights(rig, own)
-    values = {key.name: float(key.value) for key in list(rig.data.shape_keys.key_blocks)[1:]}
+    keys = list(rig.data.shape_keys.key_blocks)[1:]
+    values = {key.name: float(key.value) for key in keys if key.name != relief_key.NAME}
     identity = {
         name[len(IDENTITY) :]: value for name, value in values.items() if name.startswith(IDENTITY)
     }
@@ -182,6 +184,15 @@ def rig_axes(rig: bpy.types.Object) -> str | np.ndarray:
     """What :mod:`.frames` must know of the axes that the rig's own coordinates have."""
     own = OwnMesh.of(rig)
     return frames.STAGE if own is None else own.matrix
+
+
+def relief_of(rig: bpy.types.Object, relief: np.ndarray) -> np.ndarray:
+    """(n, 3) ``relief`` (n, 3), metres in the model's frame, in the mesh's own coordinates."""
+    own = OwnMesh.of(rig)
+    if own is None:
+        return frames.points_to_blender(relief)
+    turned: np.ndarray = relief @ np.linalg.inv(own.matrix)[:3, :3].T
+    return turned
 
 
 def _blender_points(points: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 
+from . import relief_key
 from .own_record import OwnMesh
 
 SHAPE_KEY = "Facestage Shape"
@@ -43,7 +44,7 @@ def read_shapes(
     size = max(float(np.ptp(base, axis=0).max()), 1e-12)
     left_out: dict[str, list[str]] = {}
     for key in mesh.shape_keys.key_blocks:
-        if key == reference or key.name == SHAPE_KEY:
+        if key == reference or key.name in (SHAPE_KEY, relief_key.NAME):
             continue
         offset = _points(key.data) - _points(key.relative_key.data)
         if key.vertex_group:

@@ -112,8 +112,8 @@ class SceneMap:
         arm = values.vertices - state.translation
         result[slices["pose"]] = np.concatenate([np.cross(arm, by_vertex).sum(0), by_vertex.sum(0)])
         by_shape = geometry.basis.T @ (by_vertex @ state.rotation).ravel().astype(np.float32)
-        result[slices["identity"]] = by_shape[: geometry.identity_count]
-        result[slices["expression"]] = by_shape[geometry.identity_count :]
+        where = self.layout.shape
+        result[where] = by_shape[: where.stop - where.start]
         by_logs = by_log(derivative.albedo, values.albedo)
         result[slices["albedo"]] = (
             geometry.albedo_basis.reshape(len(geometry.albedo_basis), -1) @ by_logs.ravel()

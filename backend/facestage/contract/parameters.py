@@ -73,6 +73,9 @@ TABLE: Mapping[str, Parameter] = MappingProxyType(
         "lights": Parameter("Keep every light at its present color and power"),
         "light_position": Parameter("Where strong lights stand on the hemisphere"),
         "focal": Parameter("Keep the focal length"),
+        "relief": Parameter(
+            "Keep to the shapes of the face model: no relief beyond them", shared=True
+        ),
     }
 )
 PARAMETERS = tuple(TABLE)

@@ -48,6 +48,7 @@ RENDER, LIGHT_PROBE = "render.exr", "light_probe.exr"
 # their texels are from.
 PICTURES = (*(each.file for each in TEXTURE_MAPS if each.required), RENDER, LIGHT_PROBE)
 COVERAGE = "coverage.png"
+RELIEF = "relief"  # of the extra arrays
 # The red channel of COVERAGE; 0: the model's own.
 SEEN, BY_SYMMETRY = 255, 128
 
@@ -102,6 +103,13 @@ class Result:
         """All that is kept as numbers of its own; what an older version did not know is missing."""
         values = vars(self) | self.further
         return {name: np.asarray(values[name]) for name in KEPT if name in values}
+
+    @property
+    def relief(self) -> Float[np.ndarray, "vertices 3"] | None:
+        """Metres in the model's frame by which the vertices differ from the shape that identity and
+        expression say, in the model's order; None where they do not.
+        """
+        return self.arrays.get(RELIEF)
 
     @property
     def model_to_stage(self) -> Float[np.ndarray, "4 4"]:
@@ -257,12 +265,13 @@ class ResultArrays(FileSchema):
             raise ValidationError(
                 {"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]}
             )
-        certain = data["extra"].get("vertex_deviation_mm")
-        if certain is not None and certain.shape != (count, 3):
-            raise ValidationError(
-                {
-                    "extra": {
-                        "vertex_deviation_mm": [f"has shape {certain.shape}, expected {count, 3}"]
-                    }
-                }
-            )
+        for name in ("vertex_deviation_mm", RELIEF):
+            each = data["extra"].get(name)
+            if each is not None and each.shape != (count, 3):
+                words = f"has shape {each.shape}, expected {count, 3}"
+                raise ValidationError({"extra": {name: [words]}})
+        relief = data["extra"].get(RELIEF)
+        # NaN is not below either.
+        if relief is not None and not (np.abs(relief) <= FAR).all():
+            words = f"holds numbers beyond {FAR:g}, or none"
+            raise ValidationError({"extra": {RELIEF: [words]}})

@@ -234,6 +234,9 @@ def _certainty(folder: Path, data: ReportData) -> str:
                 wide=True,
             )
         )
+    relief = tables.relief_sentence(data.result)
+    if relief:
+        parts.append(f'<div class="card"><h3>Relief</h3><p class="note">{escape(relief)}</p></div>')
     found = data.result.null_directions
     if found:
         where = ", ".join(

@@ -169,6 +169,20 @@ def certainty_rows(result: Result, count: int = 12) -> list[CertaintyRow]:
     return sorted(rows, key=lambda row: -row.left)[:count]
 
 
+def relief_sentence(result: Result) -> str:
+    """How far the shape goes beyond the face model's; empty where it does not."""
+    if result.relief is None:
+        return ""
+    height = 1e3 * np.linalg.norm(result.relief, axis=1)
+    moved = height[height > 0]
+    size = float(np.sqrt((moved**2).mean())) if len(moved) else 0.0
+    return (
+        "What the photos together say of the shape beyond the face model's: "
+        f"{size:.2f} mm (root mean square over the face), at most "
+        f"{float(height.max()):.2f} mm. In Blender it is the shape key Facestage Relief."
+    )
+
+
 def energy_rows(
     energy: Mapping[str, Any], names: Mapping[str, str]
 ) -> list[tuple[str, float, str]]:

@@ -100,6 +100,33 @@ def test_every_parameter_can_be_frozen(ready) -> None:
         assert read_job(ready).freeze == (name,)
 
 
+def test_relief_is_one_more_shape_key_until_a_result_has_none(
+    ready, stand_in, tmp_path: Path
+) -> None:
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.rig.face_rig import read_weights
+    from facestage_blender.rig.relief_key import NAME
+
+    plain = fitted(ready, stand_in, tmp_path)
+    relief = 1e-3 * np.random.default_rng(5).normal(size=plain.vertices.shape)
+    vertices = plain.vertices + relief @ plain.model_to_camera[:3, :3].T
+    result = replace(plain, vertices=vertices, arrays=plain.arrays | {"relief": relief})
+    apply_result(ready, result)
+    np.testing.assert_allclose(camera_vertices(ready), result.vertices, atol=2e-6)
+    keys = ready.facestage.rig.data.shape_keys.key_blocks
+    weights, count = read_weights(ready.facestage.rig), len(keys)
+    assert [len(part) for part in weights] == [len(plain.identity), len(plain.expression)]
+    apply_result(ready, result)
+    assert len(keys) == count
+    np.testing.assert_allclose(camera_vertices(ready), result.vertices, atol=2e-6)
+    with pytest.raises(InputError, match="relief has 3 vertices"):
+        apply_result(ready, replace(result, arrays={"relief": relief[:3]}))
+    assert NAME in keys
+    apply_result(ready, plain)
+    assert NAME not in keys
+    np.testing.assert_allclose(camera_vertices(ready), plain.vertices, atol=2e-6)
+
+
 def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -> None:
     from facestage_blender.exchange.scene_read import (
         read_camera_to_stage,

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from facestage.report.tables import (
     light_place,
     light_rows,
     number,
+    relief_sentence,
     setup_rows,
     timing_rows,
     total_seconds,
@@ -107,3 +110,11 @@ def test_the_largest_weights_come_first_and_zeros_not_at_all() -> None:
 def test_stage_bands_join_up() -> None:
     bands = stage_bands(["a", "a", "b"], np.array([1.0, 2.0, 8.0]))
     assert bands == [("a", pytest.approx(0.8), 2.0), ("b", 2.0, 8.0)]
+
+
+def test_relief_is_said_in_millimetres_where_there_is_any():
+    plain = result(stage())
+    assert not relief_sentence(plain)
+    relief = np.array([[0, 0, 3e-4], [0, 4e-4, 0], [0, 0, 0]])
+    said = relief_sentence(replace(plain, arrays={"relief": relief}))
+    assert "0.35 mm (root mean square over the face), at most 0.40 mm" in said

@@ -163,7 +163,7 @@ class LandmarkTerm(Term):
         camera.
         """
         corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
-        shape = self.geometry.vertices(state.identity, state.expression)
+        shape = self.geometry.at(state)
         normals = (
             np.einsum("mi,mix->mx", weights, self.geometry.vertex_normals(shape)[0][corners])
             @ state.rotation.T

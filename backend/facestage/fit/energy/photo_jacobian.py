@@ -22,7 +22,7 @@ from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE
+from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
 from facestage.fit.forward.reflectance import by_c_spec
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
@@ -73,10 +73,11 @@ class Jacobian:
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
         chosen = active.copy()
-        shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
-        if self.active["identity"] or self.active["expression"]:
+        shape = layout.shape
+        self._deforms = bool(active[shape].any())
+        if self._deforms:
             self._prepare_shape(chosen, shape, all_columns)
-        if any(self.active[name] for name in SHAPE):
+        if self._moves:
             self._logs = forward.log_albedo(state)
         if self.active["albedo"]:
             self._albedo_modes = self.geometry.albedo_columns[:, :, active[layout.slices["albedo"]]]
@@ -115,7 +116,7 @@ class Jacobian:
             moving = geometry.influence[around].any(axis=0)
             if self.edges is not None:
                 moving |= geometry.influence[self.edges.vertices].any(axis=0)
-            chosen[shape] &= moving
+            chosen[shape] &= moving[: shape.stop - shape.start]
         modes = np.flatnonzero(chosen[shape])
         self._local = np.cumsum(seen) - 1
         self._seen_count = int(seen.sum())
@@ -145,7 +146,7 @@ class Jacobian:
         image, active = self.image, self.active
         part = slice(start, end)
         parts: list[np.ndarray] = []
-        if any(active[name] for name in SHAPE):
+        if self._moves:
             by_normal, slide = self._surface_derivatives(part)
             if self.edges is not None:
                 slide += self.edges.by_surface[part]
@@ -153,7 +154,7 @@ class Jacobian:
                 parts.append(self._pose(part, by_normal, slide)[..., self._wanted("pose")])
             if active["focal"]:
                 parts.append(self._focal(part, slide))
-            if active["identity"] or active["expression"]:
+            if self._deforms:
                 parts.append(self._shape(part, by_normal, slide))
         if active["light_position"] and self.positions is not None:
             parts.append(self._light_positions(part, self.positions))
@@ -169,6 +170,11 @@ class Jacobian:
         return JacobianBlock(
             part, dense, self._lights(part), by_c_spec(image.specular[part]), texels
         )
+
+    @property
+    def _moves(self) -> bool:
+        """Whether points or normals do."""
+        return any(self.active[name] for name in SURFACE)
 
     def _wanted(self, name: str) -> Int[np.ndarray, " columns"]:
         where = self.layout.slices[name]
@@ -255,7 +261,7 @@ class Jacobian:
         by_normal: Float[np.ndarray, "pixels 3 3"],
         slide: Float[np.ndarray, "pixels 3 3"],
     ) -> Float[np.ndarray, "3 pixels modes"]:
-        """By the chosen identity and expression weights, through sparse corner
+        """By the chosen weights of the shape, through sparse corner
         coefficients.
         """
         surface, rotation = self.image.surface, self.state.rotation

@@ -28,7 +28,7 @@ from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
 from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import BLOCKS, SHAPE
+from facestage.fit.face.unknowns import BLOCKS, SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
 from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.fit.given.photo import Photo
@@ -167,7 +167,7 @@ class PhotoTerm(Term):
             return Asked(by_surface=True, by_roughness=True)
         return Asked(
             specular="specular" in self.blocks or bool(state.specular.any()),
-            by_surface=not self.blocks.isdisjoint(SHAPE),
+            by_surface=not self.blocks.isdisjoint(SURFACE),
             by_roughness="roughness" in self.blocks,
         )
 
@@ -182,7 +182,7 @@ class PhotoTerm(Term):
     ) -> tuple[LightTerms, Penumbra | None]:
         """``terms`` with more samples where a casting light is partly hidden, and where that is."""
         ledger = self.plan.ledger
-        if self.blocks.isdisjoint(SHAPE):
+        if self.blocks.isdisjoint(SURFACE):
             return terms, None
         still = casting_lights(stage, self.forward.lights.radiance(state.lights))
         if self.casting is not None:
@@ -260,7 +260,7 @@ class PhotoTerm(Term):
                 positions=self.position_derivatives(
                     evaluation, wanted[layout.slices["light_position"]]
                 ),
-                edges=self._edges(evaluation, wanted[layout.mask(SHAPE)]),
+                edges=self._edges(evaluation, wanted[layout.mask(SURFACE)]),
             )
             columns = len(jacobian.dense_columns) + len(jacobian.light_index)
             done["cells"] = pixels * columns

@@ -22,7 +22,7 @@ from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.surface_points import SurfacePoints
-from facestage.fit.face.unknowns import SHAPE
+from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 
@@ -83,7 +83,7 @@ class SilhouetteTerm(Term):
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
         """Of phases that move the shape: in others the outline is as it is."""
-        if setup.photo is None or not setup.moves(SHAPE):
+        if setup.photo is None or not setup.moves(SURFACE):
             return None
         face_px = setup.factor * setup.problem.face_size_px
         return cls(setup.forward, setup.photo, face_px, setup.problem.job.weights.photo)

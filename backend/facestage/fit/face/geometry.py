@@ -9,19 +9,28 @@ import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Float32, Float64, Int
 from facestage.contract.face_model import OTHER, SKIN, FaceModel
+from facestage.fit.face.state import State
 
 # Metres per standard deviation or unit weight: a mode that moves a vertex less does not move it.
 INFLUENCE_MIN = 1e-7
+
+NO_RELIEF = np.zeros(0)
 
 
 class FaceGeometry:
     """A face model reduced to the m vertices that are rendered, with stacked shape bases.
 
-    ``basis`` is (3 m, k + e) float32, identity modes first, coordinates interleaved (x0, y0, z0,
-    x1, ...). ``fitted`` marks the triangles whose pixels are compared with the photo.
+    ``basis`` is (3 m, k + e + r) float32, identity modes first, then expressions, then relief;
+    coordinates interleaved (x0, y0, z0, x1, ...). ``fitted`` marks the triangles whose pixels are
+    compared with the photo.
     """
 
-    def __init__(self, model: FaceModel) -> None:
+    def __init__(
+        self, model: FaceModel, relief: Float32[np.ndarray, "reliefs vertices 3"] | None = None
+    ) -> None:
+        """``relief``: metres by unit weight, what the shape may have beyond the model's modes."""
+        if relief is None:
+            relief = np.zeros((0, len(model.vertices), 3), np.float32)
         rendered = model.triangle_part != OTHER
         used = np.unique(model.triangles[rendered])
         new_index = np.full(len(model.vertices), -1, np.int64)
@@ -39,12 +48,17 @@ class FaceGeometry:
             face[model.regions["face"]] = True
             self.fitted &= face[used][self.triangles].all(axis=1)
         self.mean = model.vertices[used].astype(np.float64)
-        bases = (model.identity_basis, model.expression_basis)
+        self.relief_basis = relief
+        bases = (model.identity_basis, model.expression_basis, relief)
         shapes = [basis[:, used].reshape(len(basis), 3 * len(used)) for basis in bases]
         self.basis = np.ascontiguousarray(np.concatenate(shapes).T)
-        self.identity_count = len(model.identity_names)
         self.log_albedo = np.log(model.albedo_mean[used])
         self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
+
+    @property
+    def model_basis(self) -> Float[np.ndarray, "coordinates modes"]:
+        """``basis`` without relief."""
+        return self.basis[:, : self.basis.shape[1] - len(self.relief_basis)]
 
     @cached_property
     def influence(self) -> Bool[np.ndarray, "vertices modes"]:
@@ -65,10 +79,24 @@ class FaceGeometry:
         self,
         identity: Float[np.ndarray, " identities"],
         expression: Float[np.ndarray, " expressions"],
+        relief: Float[np.ndarray, " reliefs"] = NO_RELIEF,
     ) -> Float64[np.ndarray, "vertices 3"]:
-        """Model-frame positions."""
-        weights = np.concatenate([identity, expression]).astype(np.float32)
-        return self.mean + (self.basis @ weights).reshape(-1, 3)
+        """Model-frame positions; without weights of the relief there is none."""
+        weights = np.concatenate([identity, expression, relief]).astype(np.float32)
+        return self.mean + (self.basis[:, : len(weights)] @ weights).reshape(-1, 3)
+
+    def at(self, state: State) -> Float64[np.ndarray, "vertices 3"]:
+        """Model-frame positions at ``state``."""
+        return self.vertices(state.identity, state.expression, state.relief)
+
+    def all_vertices(self, state: State) -> Float32[np.ndarray, "vertices 3"]:
+        """Model-frame positions of every vertex of the model, in its order."""
+        return self.model.shape(state.identity, state.expression) + self.relief(state)
+
+    def relief(self, state: State) -> Float32[np.ndarray, "vertices 3"]:
+        """Metres by which the shape at ``state`` differs from the model's, every vertex of it."""
+        weights = state.relief.astype(np.float32)
+        return np.tensordot(weights, self.relief_basis[: len(weights)], 1)
 
     def face_normals(
         self, vertices: Float[np.ndarray, "vertices 3"]

@@ -23,6 +23,11 @@ class Layout:
             start, self.size = self.size, self.size + len(unknown.values(state))
             self.slices[unknown.name] = slice(start, self.size)
 
+    @property
+    def shape(self) -> slice:
+        """Identity, expression and relief: the weights of the shape's bases."""
+        return slice(self.slices["identity"].start, self.slices["relief"].stop)
+
     def mask(self, blocks: Iterable[str]) -> Bool[np.ndarray, " unknowns"]:
         """True for the entries of ``blocks``."""
         result = np.zeros(self.size, bool)

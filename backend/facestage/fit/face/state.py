@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,6 +27,13 @@ class State:
     albedo: Float[np.ndarray, " albedos"]  # delta
     roughness: float
     specular: Float[np.ndarray, "texels texels"]  # c_spec, row 0 at v = 1
+    # of FaceGeometry.relief_basis; none: not fitted
+    relief: Float[np.ndarray, " reliefs"] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def shape_weights(self) -> Float[np.ndarray, " modes"]:
+        """Of identity, expression and relief, in the order of the shape's bases."""
+        return np.concatenate([self.identity, self.expression, self.relief])
 
     @property
     def model_to_camera(self) -> Float[np.ndarray, "4 4"]:

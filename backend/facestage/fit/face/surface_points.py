@@ -26,19 +26,19 @@ class SurfacePoints:
         basis = geometry.basis[rows].reshape(*corners.shape, 3, geometry.basis.shape[1])
         self._basis = np.einsum("mi,mixk->mxk", weights, basis, optimize=True)
         self._mean = np.einsum("mi,mix->mx", weights, geometry.mean[corners])
-        self._identity_count = geometry.identity_count
 
     def part(self, chosen: Shaped[np.ndarray, " _"]) -> SurfacePoints:
         """Some of the points (indices or a mask)."""
         result = object.__new__(SurfacePoints)
         result._basis, result._mean = self._basis[chosen], self._mean[chosen]
-        result._identity_count = self._identity_count
         return result
 
     def positions(self, state: State) -> Float[np.ndarray, "points 3"]:
         """Where the points are, metres in the camera frame."""
-        weights = np.concatenate([state.identity, state.expression])
-        return (self._mean + self._basis @ weights) @ state.rotation.T + state.translation
+        weights = state.shape_weights
+        return (
+            self._mean + self._basis[..., : len(weights)] @ weights
+        ) @ state.rotation.T + state.translation
 
     def project(self, state: State) -> Float[np.ndarray, "points 2"]:
         """Where the points show, in pixels."""
@@ -61,6 +61,6 @@ class SurfacePoints:
         result[:, :, pose + 3 : pose + 6] = by_point
         result[:, :, layout.slices["focal"].start] = np.stack([focal * x, -focal * y], axis=1)
         shape = np.einsum("mcx,mxk->mck", by_point @ state.rotation, self._basis, optimize=True)
-        result[:, :, layout.slices["identity"]] = shape[..., : self._identity_count]
-        result[:, :, layout.slices["expression"]] = shape[..., self._identity_count :]
+        where = layout.shape
+        result[:, :, where] = shape[..., : where.stop - where.start]
         return result

@@ -70,7 +70,7 @@ class Unknown:
     """A row. By default an unknown is the state's field of its name, a number or an array."""
 
     name: str
-    group: str  # what it moves with: see SHAPE, SKIN, LAMPS and GLOSS
+    group: str  # what it moves with: see SHAPE, RELIEF, SKIN, LAMPS and GLOSS
     bounds: Range | Callable[[Known], Range] = (-np.inf, np.inf)
     priors: Mapping[str, Prior] = field(default_factory=dict)  # by their energy's name
     weight: str = "prior"  # which of the job's weights its priors have
@@ -150,7 +150,8 @@ def _specular_smooth(known: Known, count: int) -> Gaussian:
     return smooth(count, SPECULAR_SMOOTHNESS)
 
 
-# In the order of the vector; the expression follows the identity, as in the bases of the shape.
+# In the order of the vector; identity, expression and relief follow each other, as in the bases of
+# the shape.
 UNKNOWNS = (
     Unknown(
         "pose",
@@ -172,6 +173,15 @@ UNKNOWNS = (
     Unknown("identity", "shape", bounds=WEIGHT_RANGE, priors={"identity": normal(0.0, 1.0)}),
     Unknown(
         "expression", "shape", bounds=_expression_range, priors={"expression": _expression_prior}
+    ),
+    # As the identity, what photos say of it together: matches alone move it.
+    Unknown(
+        "relief",
+        "relief",
+        bounds=WEIGHT_RANGE,
+        priors={"relief": normal(0.0, 1.0)},
+        counted=False,
+        parts={"relief": Values(("reliefs",))},
     ),
     Unknown(
         "lights",
@@ -216,8 +226,13 @@ def _group(name: str) -> tuple[str, ...]:
 
 
 # What moves together. Shape: points and normals; skin: light and albedo, of which each explains
-# what the other does not.
-SHAPE, SKIN, LAMPS, GLOSS = (_group(name) for name in ("shape", "skin", "lamps", "gloss"))
+# what the other does not; relief: what no coefficient of the face model says of the shape.
+SHAPE, RELIEF, SKIN, LAMPS, GLOSS = (
+    _group(name) for name in ("shape", "relief", "skin", "lamps", "gloss")
+)
+
+# What moves points and normals.
+SURFACE = SHAPE + RELIEF
 
 STATE_FIELDS: Mapping[str, Values | None] = MappingProxyType(
     {name: values for unknown in UNKNOWNS for name, values in unknown.fields.items()}

@@ -77,7 +77,7 @@ class ForwardModel:
         self, state: State
     ) -> tuple[Float[np.ndarray, "vertices 3"], Float[np.ndarray, "vertices 3"]]:
         """Vertices in the model frame and in the camera frame."""
-        model_vertices = self.geometry.vertices(state.identity, state.expression)
+        model_vertices = self.geometry.at(state)
         return model_vertices, model_vertices @ state.rotation.T + state.translation
 
     def surface(

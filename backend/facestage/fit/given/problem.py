@@ -198,7 +198,7 @@ class Problem:
         digest = hashlib.sha256()
         digest.update(self.photograph.color.tobytes())
         digest.update(self.geometry.mean.tobytes())
-        digest.update(self.geometry.basis.sum(axis=0, dtype=np.float64).tobytes())
+        digest.update(self.geometry.model_basis.sum(axis=0, dtype=np.float64).tobytes())
         own = len(self.stage) - self.added
         for name in LIGHT_ARRAYS:
             digest.update(np.ascontiguousarray(getattr(self.stage, name)[:own]).tobytes())

@@ -106,7 +106,7 @@ class ScanTruth:
 
     def _surface(self, state: State) -> Surface:
         """The fitted mesh in the camera frame, cut to its region."""
-        vertices = self.geometry.model.shape(state.identity, state.expression)
+        vertices = self.geometry.all_vertices(state)
         return Surface(vertices @ state.rotation.T + state.translation, self.triangles)
 
     def _aligned(self, surface: Surface) -> Similarity:

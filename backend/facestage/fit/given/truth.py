@@ -71,7 +71,7 @@ class VertexTruth:
 
     def geometry_errors(self, state: State) -> dict[str, float]:
         """Mean distance over the narrow face in mm, after rigid and after similarity alignment."""
-        vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
+        vertices = self.geometry.at(state)[self.compared]
         found = vertices @ state.rotation.T + state.translation
         return {
             "rigid_mm": 1e3 * float(aligned_distance(found, self.vertices, scale=False).mean()),
@@ -88,7 +88,7 @@ class VertexTruth:
         (0.68 and 0.95 if normal), and the root mean square of error over deviation (1 if right,
         more if they are too small).
         """
-        vertices = self.geometry.vertices(state.identity, state.expression)[self.compared]
+        vertices = self.geometry.at(state)[self.compared]
         error = 1e3 * np.abs(
             aligned_difference(vertices @ state.rotation.T, self.vertices, scale=True)
         )

@@ -18,7 +18,7 @@ from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
-from facestage.contract.result import COVERAGE, LIGHT_PROBE, RENDER, Result
+from facestage.contract.result import COVERAGE, LIGHT_PROBE, RELIEF, RENDER, Result
 from facestage.contract.result_files import LANDMARKS, TRACE
 from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.fit.energy.landmark_term import landmark_pixels
@@ -172,7 +172,7 @@ def write_result(
     """Write every file of the result into an existing folder."""
     model, state = problem.geometry.model, finished.state
     stage = _whole_stage(problem, fitted.stage, fitted.camera_to_stage)
-    vertices = model.shape(state.identity, state.expression) @ state.rotation.T + state.translation
+    vertices = problem.geometry.all_vertices(state) @ state.rotation.T + state.translation
     status, advice = verdict(problem, fitted, finished.picture, finished.errors)
     result = Result(
         status=status,
@@ -198,7 +198,7 @@ def write_result(
         versions=_versions(),
         seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)}
-        | _vertex_arrays(fitted)
+        | _vertex_arrays(problem, fitted)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
         | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
         folder=folder,
@@ -235,12 +235,16 @@ def _found_of_light(problem: Problem, fitted: Fitted) -> dict[str, str]:
     return {"light": "; ".join(words)} if words else {}
 
 
-def _vertex_arrays(fitted: Fitted) -> dict[str, np.ndarray]:
+def _vertex_arrays(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
     """Each vertex's standard deviation in mm (n, 3) along the camera's axes, where any parameter
-    was fitted.
+    was fitted, and its relief, where there is any.
     """
-    found = fitted.certainty.vertices_mm
-    return {} if found is None else {"vertex_deviation_mm": found}
+    found: dict[str, np.ndarray] = {}
+    if fitted.certainty.vertices_mm is not None:
+        found["vertex_deviation_mm"] = fitted.certainty.vertices_mm
+    if fitted.state.relief.any():
+        found[RELIEF] = problem.geometry.relief(fitted.state)
+    return found
 
 
 def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:

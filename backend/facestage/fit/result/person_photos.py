@@ -14,12 +14,14 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.job import Job
 from facestage.contract.person import PHOTOS_MAX
+from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.runs.member import Member
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
+from facestage.models.anatomy.relief import relief_basis
 
 # What the jobs of one person must agree on, in words.
 COMMON = {
@@ -70,15 +72,17 @@ def read_photos(
     Photos of many megapixels are read again, one at a time, for textures and pictures.
     """
     problems: list[Problem] = []
+    geometry: FaceGeometry | None = None
     for number, job in enumerate(jobs, 1):
         try:
-            whole = read_problem(
-                job, emit, landmark_model, problems[0].geometry if problems else None, fineness
-            )
+            whole = read_problem(job, emit, landmark_model, geometry, fineness)
         except InputError as error:
             raise InputError(
                 f"Photo {number} of {len(jobs)} ('{job.image.name}'): {error}"
             ) from error
+        if geometry is None:
+            geometry = FaceGeometry(whole.geometry.model, relief_basis(whole.geometry.model))
+        whole = replace(whole, geometry=geometry)
         # Its job has the landmarks that were found, for when the photo is read again.
         problems.append(whole.reduced(fineness.joint_face_px))
     return problems

@@ -178,7 +178,8 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
             if each.required or is_file(folder / each.file)
         }
     )
-    geometry = FaceGeometry(model)
+    relief = np.zeros((0, len(model.vertices), 3)) if result.relief is None else result.relief[None]
+    geometry = FaceGeometry(model, relief.astype(np.float32))
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(
         geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False)
@@ -190,6 +191,7 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
         camera=result.camera,
         lights=np.zeros(0),
         light_position=np.zeros((len(stage), AXES)),
+        relief=np.ones(len(relief)),
         **from_kept(result.parameters),
     )
     return forward, state, stage, textures

@@ -91,6 +91,20 @@ class Checkpoint:
             trace=list(trace),
         )
 
+    def with_relief(self, count: int) -> Checkpoint:
+        """See :meth:`JointCheckpoint.with_relief`."""
+
+        def completed(state: State) -> State:
+            return state if len(state.relief) else replace(state, relief=np.zeros(count))
+
+        within = self.within
+        return replace(
+            self,
+            began=completed(self.began),
+            start=None if self.start is None else completed(self.start),
+            within=None if within is None else replace(within, state=completed(within.state)),
+        )
+
     def restored(self, view: View) -> View:
         """``view``, with the lights that had joined it, remembering what it did where the phase
         began.

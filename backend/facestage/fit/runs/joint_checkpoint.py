@@ -56,6 +56,10 @@ class JointCheckpoint:
             shape_held,
         )
 
+    def with_relief(self, count: int) -> JointCheckpoint:
+        """With flat relief of ``count`` fields where it was written by a version that knew none."""
+        return replace(self, photos=tuple(photo.with_relief(count) for photo in self.photos))
+
     def after(
         self, item: JointIteration, company: Sequence[tuple[Member, Passage]], seconds: float
     ) -> JointCheckpoint:

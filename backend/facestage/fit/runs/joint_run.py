@@ -13,7 +13,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.fit.face.layout import Layout
-from facestage.fit.face.unknowns import SHAPE, SHARED, with_unknowns
+from facestage.fit.face.unknowns import RELIEF, SHAPE, SHARED, with_unknowns
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
@@ -73,6 +73,7 @@ class JointRun:
         """
         if checkpoint is not None:
             self._check(checkpoint)
+            checkpoint = checkpoint.with_relief(len(self.members[0].state.relief))
             try:
                 return self._run(deadline, checkpoint)
             except MissingStepError:
@@ -211,16 +212,15 @@ class JointRun:
         before = checkpoint or JointCheckpoint.of(
             self.members, phase.name, seconds, self.shape_held
         )
-        company = []
-        for member in self.members:
-            passage = member.passage(phase.name, self.shape_held) if member.joined else None
-            if passage is None:
-                continue
-            company.append((member, passage))
-        if not company:
-            return
+        company = self._company(phase, matched=look is not None)
         passages = [passage for _, passage in company]
         term = None if look is None or len(company) < 2 else stereo_between(passages, look)
+        if term is None and any(set(RELIEF) & set(passage.phase.blocks) for passage in passages):
+            # Nothing but a match says anything of the relief.
+            company = self._company(phase)
+            passages = [passage for _, passage in company]
+        if not company:
+            return
         joint = JointPassage(passages, () if term is None else (term,))
         for member, passage in company:
             own = before.photos[member.number - 1]
@@ -240,6 +240,15 @@ class JointRun:
             # Each step shows another photo.
             shown = item.number % len(company)
             self._tell(*company[shown], item.parts[shown], together=True)
+
+    def _company(self, phase: Phase, matched: bool = False) -> list[tuple[Member, Passage]]:
+        """Who takes part in ``phase``, and where each begins."""
+        passages = [
+            (member, member.passage(phase.name, self.shape_held, matched))
+            for member in self.members
+            if member.joined
+        ]
+        return [(member, passage) for member, passage in passages if passage is not None]
 
     def _least_believed(self, phase: Phase) -> Member | None:
         """Of the photos that take part, the one that is least believed about the shape, if any is

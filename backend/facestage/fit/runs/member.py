@@ -12,7 +12,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, SHARED, with_unknowns
+from facestage.fit.face.unknowns import RELIEF, SHAPE, SHARED, with_unknowns
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
 from facestage.fit.runs.trace import trace_row
@@ -62,20 +62,25 @@ class Member:
         """The photo's problem."""
         return self.view.problem
 
-    def phase(self, name: str, shape_held: bool) -> Phase:
-        """The phase called ``name`` of all photos together, with or without the shape."""
+    def phase(self, name: str, shape_held: bool, matched: bool = False) -> Phase:
+        """The phase called ``name`` of all photos together, with or without the shape; ``matched``:
+        where they are compared with each other.
+        """
         phase = self.schedule[name]
         if not phase.with_photo:
-            # The photo's own phases of landmarks have the plain names.
-            return phase.varied(TOGETHER)
+            # The photo's own phases of landmarks have the plain names. Fine shading would be
+            # explained by a wrong relief: it moves before the photos' light is looked at.
+            moving = phase.blocks + (RELIEF if matched else ())
+            return replace(phase.varied(TOGETHER), blocks=moving)
         return phase.varied(SHAPE_HELD, SHAPE) if shape_held else phase
 
-    def passage(self, name: str, shape_held: bool) -> Passage | None:
-        """Where the phase called ``name`` of all photos together begins; None where the photo has
-        nothing to move.
+    def passage(self, name: str, shape_held: bool, matched: bool = False) -> Passage | None:
+        """Where the phase called ``name`` of all photos together begins, see :meth:`phase`; None
+        where the photo has nothing to move.
         """
         with self._named():
-            return Passage.prepared(self.view, self.phase(name, shape_held), self.state)
+            phase = self.phase(name, shape_held, matched)
+            return Passage.prepared(self.view, phase, self.state)
 
     def landmarks_alone(self, tell: Tell) -> Evidence | None:
         """Its own landmark phases; what they say of the identity, where it is fitted and has a

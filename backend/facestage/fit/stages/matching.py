@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.arrays import Bool
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE
+from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.given.problem import FINE_FACE_PX
 from facestage.fit.stages.passage import Passage
 from facestage.fit.stages.view import View
@@ -41,10 +41,13 @@ class Look:
 
 # From the landmarks' shapes, which are off by some per cent of the face, to what matching is good
 # for: 0.15 pixels on a face of 160, of what a face model leaves of a scan at 40 degrees' parallax.
+# Relief follows matches by a part at a time: three looks are that close.
 LOOKS = (
     Look(FINE_FACE_PX, 8, 0.006),
     Look(FINE_FACE_PX, 5, 0.0025),
     Look(2 * FINE_FACE_PX, 4, 0.00125),
+    Look(2 * FINE_FACE_PX, 3, 0.001),
+    Look(2 * FINE_FACE_PX, 3, 0.001),
     Look(2 * FINE_FACE_PX, 3, 0.001),
 )
 CLOSEST = LOOKS[-1]
@@ -56,7 +59,7 @@ def stereo_between(photos: Sequence[Passage], look: Look) -> StereoTerm | None:
     """
     views, states = [photo.view for photo in photos], [photo.state for photo in photos]
     weight = views[0].problem.job.weights.photo
-    if set(SHAPE).isdisjoint(photos[0].phase.blocks) or not weight:
+    if set(SURFACE).isdisjoint(photos[0].phase.blocks) or not weight:
         return None
     factors = [photo.view.factor(photo.phase) for photo in photos]
     scales = _scales(views, look)

@@ -14,7 +14,7 @@ from typing import Any
 from facestage.contract.job import Job
 from facestage.contract.quality import BEST, DRAFT
 from facestage.fit.energy.shadow_edges import lamps_known
-from facestage.fit.face.unknowns import BLOCKS, GLOSS, LAMPS, SHAPE, SKIN
+from facestage.fit.face.unknowns import GLOSS, LAMPS, SHAPE, SKIN
 from facestage.fit.given.problem import COARSE_FACE_PX, FINE_FACE_PX
 
 
@@ -70,7 +70,15 @@ PHASES = (
     Phase(PhaseName.LIGHT, SKIN, COARSE_FACE_PX, 4, share=0.11, seed=2),
     Phase(PhaseName.GEOMETRY, SHAPE + SKIN + LAMPS, COARSE_FACE_PX, 8, share=0.28, seed=3),
     Phase(PhaseName.SPECULAR, SKIN + GLOSS, COARSE_FACE_PX, 3, share=0.11, seed=4),
-    Phase(PhaseName.JOINT, BLOCKS, FINE_FACE_PX, 8, samples=4, share=0.45, seed=5),
+    Phase(
+        PhaseName.JOINT,
+        SHAPE + SKIN + LAMPS + GLOSS,
+        FINE_FACE_PX,
+        8,
+        samples=4,
+        share=0.45,
+        seed=5,
+    ),
 )
 # Not of a schedule: the landmarks' shape through another lens, see lens_check.py.
 LENS = Phase(PhaseName.LENS, SHAPE, None, 6)

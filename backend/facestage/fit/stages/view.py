@@ -182,6 +182,7 @@ class View:
             camera=problem.camera,
             lights=np.zeros(problem.lights.size),
             light_position=np.zeros((len(problem.lit_stage), AXES)),
+            relief=np.zeros(len(problem.geometry.relief_basis)),
             **start_values(initial, shapes),
         )
 

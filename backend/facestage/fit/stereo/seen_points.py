@@ -44,9 +44,7 @@ class SeenPoints:
 
 def camera_vertices(geometry: FaceGeometry, state: State) -> Float[np.ndarray, "vertices 3"]:
     """The rendered mesh in the camera frame."""
-    return (
-        geometry.vertices(state.identity, state.expression) @ state.rotation.T + state.translation
-    )
+    return geometry.at(state) @ state.rotation.T + state.translation
 
 
 def shown(

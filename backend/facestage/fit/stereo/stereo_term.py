@@ -19,7 +19,7 @@ from facestage.fit.energy.joint_term import JointTerm, JointWeighed, States
 from facestage.fit.energy.robust_residuals import CAUCHY_SCALE
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.joint_layout import JointLayout
-from facestage.fit.face.unknowns import SHAPE
+from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.stereo.matches import Matches
 from facestage.fit.stereo.seen_points import (
@@ -113,7 +113,7 @@ class PlacedPair:
         points = self.seen.at(weights)
         across = between_photos(meshes, self.seen.corners, weights, (first, second))
         parts = (self.first, -across), (self.second, np.eye(2))
-        moving = [np.flatnonzero(layout.layouts[index].mask(SHAPE)) for index, _ in parts]
+        moving = [np.flatnonzero(layout.layouts[index].mask(SURFACE)) for index, _ in parts]
         joint = [layout.columns[index][own] for (index, _), own in zip(parts, moving, strict=True)]
         columns = np.unique(np.concatenate(joint))
         result = np.zeros((len(points.positions(first)), 2, len(columns)))

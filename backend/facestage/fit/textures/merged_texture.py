@@ -65,7 +65,7 @@ def _confidence(
     """0..1: the cosine at which the camera sees each texel, down to 0 at the edge of the
     ``coverage``.
     """
-    vertices = geometry.vertices(state.identity, state.expression)
+    vertices = geometry.at(state)
     normals = geometry.vertex_normals(vertices)[0] @ state.rotation.T
     rays = vertices @ state.rotation.T + state.translation
     cosine = -np.einsum("mx,mx->m", normals, rays) / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)

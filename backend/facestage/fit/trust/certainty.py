@@ -22,7 +22,7 @@ from facestage.fit.solve.covariance import covariance
 UNOBSERVED_SHARE = 0.95
 
 
-NAMED_MAX = 200
+NAMED_MAX = 100
 
 
 @dataclass(frozen=True)

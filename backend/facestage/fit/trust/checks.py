@@ -13,6 +13,7 @@ import numpy as np
 
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import RELIEF
 from facestage.fit.given.problem import Problem
 from facestage.fit.solve.covariance import covariance
 from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
@@ -124,22 +125,29 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
     layout, problem, names = Layout(state), view.problem, _names(view.problem)
     free = ~view.held(layout)
     found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
-    shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
-    model = problem.geometry.model
-    region = model.regions.get("narrow_face", problem.geometry.used)
-    vertices = vertex_deviation(
-        model,
-        model.shape(state.identity, state.expression),
-        state.rotation,
-        covariance(last.hessian, free)[shape, shape],
-        region,
-    )
+    vertices = _vertex_deviation(view, state, covariance(last.hessian, free))
     if free[layout.slices["identity"]].any():
-        vertices = beyond_the_model(vertices)
+        relief = layout.mask(RELIEF) & free
+        before = _vertex_deviation(view, state, np.diag(relief.astype(float)))
+        vertices = beyond_the_model(vertices, before)
     directions = find_null_directions(
         last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
     )
     return replace(found, vertices_mm=vertices, directions=directions.to_json())
+
+
+def _vertex_deviation(view: View, state: State, known: np.ndarray) -> np.ndarray:
+    """(n, 3) in mm by the covariance ``known`` (size, size), see :func:`vertex_deviation`."""
+    geometry, shape = view.problem.geometry, Layout(state).shape
+    model = geometry.model
+    return vertex_deviation(
+        model,
+        geometry.all_vertices(state),
+        state.rotation,
+        known[shape, shape],
+        model.regions.get("narrow_face", geometry.used),
+        geometry.relief_basis[: len(state.relief)],
+    )
 
 
 def _support(view: View, start: State, state: State, last: Iteration | None) -> Support | None:
@@ -162,7 +170,7 @@ def _support(view: View, start: State, state: State, last: Iteration | None) -> 
     found = [
         expected_distance(
             model,
-            model.shape(at.identity, at.expression),
+            view.problem.geometry.all_vertices(at),
             region,
             covariance(hessian, moved)[shape, shape],
         )

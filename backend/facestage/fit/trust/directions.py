@@ -180,11 +180,12 @@ def _size(state: State, layout: Layout, geometry: FaceGeometry) -> np.ndarray:
     """
     result = np.zeros(layout.size)
     face = np.unique(geometry.triangles[geometry.fitted])
-    vertices = geometry.vertices(state.identity, state.expression)[face]
+    vertices = geometry.at(state)[face]
     motions = similarity_motions(vertices - vertices.mean(axis=0)).reshape(-1, 7)
     basis = geometry.basis[(3 * face[:, None] + np.arange(3)).ravel()].astype(float)
-    shape = slice(layout.slices["identity"].start, layout.slices["expression"].stop)
-    result[shape] = np.linalg.lstsq(motions, basis, rcond=None)[0][6]
+    where = layout.shape
+    by_weight = np.linalg.lstsq(motions, basis, rcond=None)[0][6]
+    result[where] = by_weight[: where.stop - where.start]
     return result
 
 

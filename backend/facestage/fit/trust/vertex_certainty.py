@@ -21,11 +21,13 @@ REACH_MM = 0.77
 MISFIT_FACTOR = 1.3
 
 
-def beyond_the_model(deviation_mm: np.ndarray) -> np.ndarray:
+def beyond_the_model(deviation_mm: np.ndarray, relief_mm: np.ndarray | float = 0.0) -> np.ndarray:
     """(n, 3) float32: deviations along the camera's axes that the covariance of the modes knows of,
-    as far as they are too small, and what no coefficient of the model can say of a person.
+    as far as they are too small, and what no coefficient of the model can say of a person, less
+    what relief said of that before it was fitted: ``relief_mm`` (n, 3), its prior deviation.
     """
-    return np.hypot(MISFIT_FACTOR * deviation_mm, REACH_MM).astype(np.float32)
+    rest = np.sqrt(np.maximum(REACH_MM**2 - np.square(relief_mm), 0.0))
+    return np.hypot(MISFIT_FACTOR * deviation_mm, rest).astype(np.float32)
 
 
 def similarity_motions(vertices: np.ndarray) -> np.ndarray:
@@ -39,9 +41,11 @@ def similarity_motions(vertices: np.ndarray) -> np.ndarray:
     return motions
 
 
-def _basis(model: FaceModel, chosen: np.ndarray) -> np.ndarray:
-    """(c, 3, k + e) of the ``chosen`` vertices."""
+def _basis(model: FaceModel, chosen: np.ndarray, relief: np.ndarray | None = None) -> np.ndarray:
+    """(c, 3, k + e + r) of the ``chosen`` vertices."""
     bases = [model.identity_basis[:, chosen], model.expression_basis[:, chosen]]
+    if relief is not None:
+        bases.append(relief[:, chosen])
     return np.moveaxis(np.concatenate(bases).astype(np.float64), 0, 2)
 
 
@@ -62,16 +66,17 @@ def vertex_deviation(
     rotation: np.ndarray,
     covariance: np.ndarray,
     region: np.ndarray,
+    relief: np.ndarray | None = None,
 ) -> np.ndarray:
     """(n, 3) float32 standard deviation in mm of every vertex along the camera's axes,
     similarity-aligned.
 
-    The square roots of the diagonal of J C J^T with C the ``covariance`` (k + e, k + e) of identity
-    and expression. J is the basis less what the best similarity transform over the vertices in
-    ``region`` takes out, so pose and size drop out, as in errors after alignment; so does a
-    coefficient that nothing holds (infinite: it moves nothing). ``vertices`` (n, 3) m, model frame;
-    ``rotation`` (3, 3) to the camera. The length of a row is a vertex's root mean square distance
-    from the truth, if the model is right.
+    The square roots of the diagonal of J C J^T with C the ``covariance`` (k + e + r, k + e + r) of
+    identity and expression, and of the weights of ``relief`` (r, n, 3), if given. J is the basis
+    less what the best similarity transform over the vertices in ``region`` takes out, so pose and
+    size drop out, as in errors after alignment; so does a coefficient that nothing holds (infinite:
+    it moves nothing). ``vertices`` (n, 3) m, model frame; ``rotation`` (3, 3) to the camera. The
+    length of a row is a vertex's root mean square distance from the truth, if the model is right.
     """
     covariance = np.where(np.isfinite(covariance), covariance, 0.0)
     values, vectors = eigh(covariance) if len(covariance) else (np.zeros(0), np.zeros((0, 0)))
@@ -81,12 +86,12 @@ def vertex_deviation(
         return np.zeros((len(vertices), 3), np.float32)
     centred = vertices - vertices[region].mean(axis=0)
     motions = similarity_motions(centred[region]).reshape(-1, 7)
-    inside = _basis(model, region).reshape(len(motions), -1) @ root
+    inside = _basis(model, region, relief).reshape(len(motions), -1) @ root
     taken, *_ = np.linalg.lstsq(motions, inside, rcond=None)
     result = np.zeros((len(vertices), 3), np.float32)
     for start in range(0, len(vertices), ROWS_AT_ONCE):
         chosen = np.arange(start, min(start + ROWS_AT_ONCE, len(vertices)))
-        moved = _basis(model, chosen) @ root - similarity_motions(centred[chosen]) @ taken
+        moved = _basis(model, chosen, relief) @ root - similarity_motions(centred[chosen]) @ taken
         moved = np.einsum("xy,nyk->nxk", rotation, moved, optimize=True)
         result[chosen] = 1e3 * np.sqrt((moved**2).sum(axis=2))
     return result

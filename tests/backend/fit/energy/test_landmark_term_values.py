@@ -27,7 +27,7 @@ def turned(
     term = LandmarkTerm(scene.geometry, scene.landmarks(state), SIGMA)
     vertices, weights = scene.model.landmark_vertices("ibug68")
     corners = scene.geometry.new_index[vertices]
-    shape = scene.geometry.vertices(state.identity, state.expression)
+    shape = scene.geometry.at(state)
     normals = (
         np.einsum("mi,mix->mx", weights, scene.geometry.vertex_normals(shape)[0][corners])
         @ state.rotation.T

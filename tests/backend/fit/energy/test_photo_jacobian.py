@@ -27,6 +27,7 @@ STEPS: dict[str, ArrayLike] = {
     "focal": 2e-3,
     "identity": 0.05,
     "expression": 0.02,
+    "relief": 0.5,
     "lights": 0.2,
     "light_position": 2e-3,
     "albedo": 0.02,
@@ -183,8 +184,8 @@ def test_with_shadows_most_pixels_agree(scene: Scene, block: str):
     assert error < BOUND
 
 
-# Identity and expression share one sparse product.
-SHAPE = ("identity", "expression")
+# Identity, expression and relief share one sparse product.
+SHAPE = ("identity", "expression", "relief")
 
 
 @pytest.mark.parametrize("blocks", [SHAPE, *((name,) for name in BLOCKS if name not in SHAPE)])

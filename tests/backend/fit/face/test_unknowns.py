@@ -16,6 +16,7 @@ from facestage.fit.face.unknowns import (
     BLOCKS,
     GLOSS,
     LAMPS,
+    RELIEF,
     SHAPE,
     SHARED,
     SKIN,
@@ -62,9 +63,9 @@ def test_the_rows_own_the_state_s_fields_once_each():
 
 
 def test_every_unknown_moves_in_some_phase():
-    assert sorted(SHAPE + SKIN + LAMPS + GLOSS) == sorted(BLOCKS)
+    assert sorted(SHAPE + RELIEF + SKIN + LAMPS + GLOSS) == sorted(BLOCKS)
     assert SHAPE == ("pose", "focal", "identity", "expression")
-    assert SHARED == ("identity", "albedo", "roughness", "specular")
+    assert SHARED == ("identity", "relief", "albedo", "roughness", "specular")
 
 
 @each_unknown()

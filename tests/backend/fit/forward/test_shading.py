@@ -132,6 +132,11 @@ def test_geometry_moves_with_its_modes_and_normals_are_unit(scene: Scene):
     identity, expression = scene.state.identity, scene.state.expression
     vertices = scene.geometry.vertices(identity, expression)
     np.testing.assert_allclose(vertices, scene.model.shape(identity, expression), atol=1e-6)
+    relief = np.array([0.6, -0.4])
+    moved = scene.geometry.vertices(identity, expression, relief) - vertices
+    wanted = 0.6 * scene.geometry.relief_basis[0] - 0.4 * scene.geometry.relief_basis[1]
+    np.testing.assert_allclose(moved, wanted, atol=1e-8)
+    assert np.linalg.norm(moved, axis=1).max() > 1e-4
     normals, length = scene.geometry.vertex_normals(vertices)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
     assert (length > 0).all() and (normals[:, 2] > -0.3).all()
@@ -139,7 +144,7 @@ def test_geometry_moves_with_its_modes_and_normals_are_unit(scene: Scene):
 
 def test_normal_operator_is_the_derivative_of_the_normals(scene: Scene):
     geometry = scene.geometry
-    vertices = geometry.vertices(scene.state.identity, scene.state.expression)
+    vertices = geometry.at(scene.state)
     operator = geometry.normal_operator(vertices, np.ones(len(vertices), bool))
     direction = np.random.default_rng(0).normal(size=vertices.shape)
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from facestage.contract.job import Job
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.contract.result_files import is_result_file
+from facestage.fit.energy.joint_term import JointTerm, JointWeighed, States
+from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.given.metrics import aligned_distance
 from facestage.fit.given.problem import read_problem
 from facestage.fit.result import person as person_fit
@@ -28,6 +31,8 @@ from facestage.fit.result.relight import render_result
 from facestage.fit.runs import joint_run
 from facestage.fit.stages.matching import LOOKS, Look
 from facestage.images.image_io import read_exr
+from facestage.models.anatomy.relief import relief_basis
+from facestage.models.registry import load_model
 from reference.known import known
 from reference.small_fit import QUICK, SMALL, StopError
 from reference.synthetic_case import Case, write_case
@@ -119,6 +124,7 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(
     for result, photo in zip(results, person.photos, strict=True):
         np.testing.assert_array_equal(result.identity, person.identity)
         np.testing.assert_array_equal(result.albedo, person.albedo)
+        assert result.relief is None, "smooth skin says nothing of it"
         np.testing.assert_array_equal(result.specular, person.specular)
         assert result.roughness == person.roughness and result.errors["psnr"] > 30
         assert result.errors == photo.errors
@@ -139,6 +145,73 @@ def test_every_photo_has_an_ordinary_result_of_the_same_person(
     assert not partial_folder(folder).exists()
     files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert [str(path) for path in files if not is_result_file(path)] == []
+
+
+class Towards(JointTerm, JointWeighed):
+    """A term that wants the first weights of the relief to be TARGET."""
+
+    words: ClassVar = {"towards": "Towards"}
+    TARGET, STIFF = np.array([1.5, -1.0]), 1e4
+
+    def __init__(self, states: States = ()) -> None:
+        self.states = states
+
+    def weighed(self, states: States) -> JointWeighed:
+        return Towards(states)
+
+    def off(self, states: States) -> np.ndarray:
+        return states[0].relief[: len(self.TARGET)] - self.TARGET
+
+    @property
+    def energies(self) -> tuple[dict[str, float], ...]:
+        return tuple({"towards": 0.0} for _ in self.states)
+
+    def add_to(self, hessian: np.ndarray, gradient: np.ndarray, layout: JointLayout) -> None:
+        first = layout.columns[0][layout.layouts[0].slices["relief"]][: len(self.TARGET)]
+        hessian[first, first] += self.STIFF
+        gradient[first] += self.STIFF * self.off(self.states)
+
+    def decrease(self, states: States) -> float:
+        before, after = (float((self.off(each) ** 2).sum()) for each in (self.states, states))
+        return 0.5 * self.STIFF * (before - after)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_relief_that_matches_say_is_one_for_all_and_rendered_again(
+    jobs: list[Job], pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(joint_run, "stereo_between", lambda photos, look: Towards())
+    out = tmp_path / "out"
+    person = quick_fit(jobs[:2], out)
+    results = [Result.load(out / photo.folder) for photo in person.photos]
+    relief = known(results[0].relief)
+    model = load_model(jobs[0].model)
+    basis = relief_basis(model)
+    fields = basis.reshape(len(basis), -1).T
+    weights = np.linalg.lstsq(fields.astype(float), relief.ravel().astype(float), rcond=None)[0]
+    np.testing.assert_allclose(weights[:2], Towards.TARGET, atol=0.05)
+    for result in results:
+        np.testing.assert_array_equal(known(result.relief), relief)
+        shape = model.shape(result.identity, result.expression) + relief
+        matrix = result.model_to_camera
+        np.testing.assert_allclose(
+            result.vertices, shape @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-6
+        )
+        assert result.arrays["deviation/relief"].any()
+    folder = out / person.photos[0].folder
+    render_result(folder, tmp_path / "same.exr", None, {}, 4)
+    replace(results[0], arrays={}).write_into(folder)
+    render_result(folder, tmp_path / "flat.exr", None, {}, 4)
+    same, flat = (read_exr(tmp_path / name) for name in ("same.exr", "flat.exr"))
+    assert np.abs(same - flat).max() > 1e-3
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_frozen_relief_stays_flat(jobs: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(joint_run, "stereo_between", lambda photos, look: Towards())
+    frozen = [replace(job, freeze=("relief",)) for job in jobs[:2]]
+    person = quick_fit(frozen, tmp_path / "out")
+    assert Result.load(tmp_path / "out" / person.photos[0].folder).relief is None
 
 
 @pytest.mark.usefixtures("no_pictures")

@@ -176,6 +176,23 @@ def a_checkpoint(scene: Scene) -> Checkpoint:
     )
 
 
+def test_a_state_of_a_version_without_relief_is_flat(scene: Scene, tmp_path: Path):
+    a_checkpoint(scene).save(tmp_path)
+    arrays = dict(read_arrays(tmp_path / CHECKPOINT, "checkpoint"))
+    for name in STATES:
+        del arrays[f"{name}/relief"]
+    write_arrays(tmp_path / CHECKPOINT, arrays)
+    loaded = Checkpoint.load(tmp_path)
+    assert loaded is not None and loaded.within is not None and loaded.start is not None
+    assert not len(loaded.began.relief)
+    full = loaded.with_relief(2)
+    assert full.within is not None and full.start is not None
+    for state in (full.began, full.start, full.within.state):
+        np.testing.assert_array_equal(state.relief, [0, 0])
+    kept = replace(scene.state, relief=np.ones(2))
+    assert replace(loaded, began=kept).with_relief(2).began is kept
+
+
 def test_round_trip(scene: Scene, tmp_path: Path):
     saved = a_checkpoint(scene)
     saved.save(tmp_path)
@@ -212,10 +229,9 @@ def test_a_file_of_the_first_version_with_this_number_is_read(scene: Scene, tmp_
     write_arrays(tmp_path / CHECKPOINT, old)
     loaded = Checkpoint.load(tmp_path)
     assert loaded is not None and loaded.within is not None and loaded.start is not None
+    flat = replace(scene.state, relief=np.zeros(0))
     for found in (loaded.start, loaded.began, loaded.within.state):
-        np.testing.assert_array_equal(
-            Layout(found).values(found), Layout(scene.state).values(scene.state)
-        )
+        np.testing.assert_array_equal(Layout(found).values(found), Layout(flat).values(flat))
 
 
 def test_what_is_not_there_yet_comes_back_as_nothing(scene: Scene, tmp_path: Path):

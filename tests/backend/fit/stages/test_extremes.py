@@ -62,7 +62,7 @@ def test_a_model_without_modes_has_an_empty_basis(scene: Scene) -> None:
     np.testing.assert_allclose(geometry.vertices(np.zeros(0), np.zeros(0)), model.vertices)
     points = np.zeros((68, 2))
     term = LandmarkTerm(geometry, Landmarks("ibug68", points, np.ones(68, bool)), 1.0)
-    state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0))
+    state = replace(scene.state, identity=np.zeros(0), expression=np.zeros(0), relief=np.zeros(0))
     assert term.at(state).jacobian(state, Layout(state)).shape == (2 * 68, Layout(state).size)
 
 

@@ -13,7 +13,7 @@ from facestage.fit.energy.priors import Priors
 from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, SHARED
+from facestage.fit.face.unknowns import RELIEF, SHAPE, SHARED
 from facestage.fit.stages.joint_descent import JointDescent
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.stereo.matches import compare
@@ -60,12 +60,12 @@ def test_derivatives_are_those_of_differences(term: StereoTerm, truth: tuple[Sta
     layout = layout_of(states)
     placed = term.weighed(states).pairs[0].placed
     jacobian, columns = placed.jacobian(states, layout)
-    # Both photos' poses, lenses and expressions, and the identity, which moves both.
+    # Both photos' poses, lenses and expressions; identity and relief move both.
     own = sum(
         int(one.mask(SHAPE).sum() - one.mask(set(SHAPE) & set(SHARED)).sum())
         for one in layout.layouts
     )
-    assert len(columns) == own + len(states[0].identity)
+    assert len(columns) == own + len(states[0].identity) + len(states[0].relief)
     worst = 0.0
     for place, column in enumerate(columns):
         step = np.zeros(layout.size)
@@ -109,6 +109,32 @@ def test_a_face_behind_the_camera_has_no_energy(term: StereoTerm, truth: tuple[S
     assert weighed.decrease((truth[0], behind)) == -np.inf
 
 
+def test_it_finds_the_relief_of_the_truth(scene: Scene):
+    wanted = np.array([3.0, -2.0])
+    truth = tuple(replace(turned(scene, angle), relief=wanted) for angle in (15, -20))
+    start = tuple(replace(state, relief=np.zeros(2)) for state in truth)
+    photos = pair(scene, *truth)
+    sights = [sight(scene, *one) for one in zip(photos, start, strict=True)]
+    found = compare(sights[0], sights[1], 8).matches
+    assert found is not None
+    term = StereoTerm((Pair(0, 1, scene.forward, found),), (FLOOR, FLOOR))
+    descents = []
+    for state in start:
+        layout = Layout(state)
+        known = scene.known()
+        energy = Energy(layout, (Priors(layout, known, Weights(prior=1e-2)),))
+        freeze = np.zeros(layout.size, bool)
+        descents.append(
+            PhotoDescent("test", RELIEF, energy, 20, freeze, *layout.bounds(known), tolerance=1e-5)
+        )
+    last = JointDescent(descents, (term,)).last(start, 1)
+    assert last is not None
+    ended = last.parts[0].state.relief
+    print(f"{ended}, true {wanted}")
+    np.testing.assert_allclose(ended, wanted, atol=0.6)
+    np.testing.assert_array_equal(ended, last.parts[1].state.relief)
+
+
 def test_it_pulls_the_shape_to_the_truth(
     scene: Scene, term: StereoTerm, truth: tuple[State, State]
 ):
@@ -141,7 +167,7 @@ def test_it_pulls_the_shape_to_the_truth(
     assert all("stereo" in part.energy for part in last.parts)
 
     def error(state: State, true: State) -> float:
-        meshes = [scene.geometry.vertices(one.identity, one.expression) for one in (state, true)]
+        meshes = [scene.geometry.at(one) for one in (state, true)]
         return float(1e3 * np.linalg.norm(meshes[0] - meshes[1], axis=1).mean())
 
     before, after = error(start[0], truth[0]), error(ended[0], truth[0])

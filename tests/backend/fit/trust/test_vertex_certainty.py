@@ -11,19 +11,25 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.given.metrics import aligned_difference
 from facestage.fit.solve.covariance import covariance
 from facestage.fit.trust.directions import Unseen, find_null_directions
-from facestage.fit.trust.vertex_certainty import vertex_deviation
+from facestage.fit.trust.vertex_certainty import (
+    MISFIT_FACTOR,
+    REACH_MM,
+    beyond_the_model,
+    vertex_deviation,
+)
 from reference.synthetic_scene import Scene
 
 
 def test_deviations_are_those_of_aligned_samples(scene: Scene):
     model, state, random = scene.model, scene.state, np.random.default_rng(1)
-    root = 0.05 * random.normal(size=(7, 7))
+    relief = 5 * scene.geometry.relief_basis
+    root = 0.05 * random.normal(size=(9, 9))
     region = model.regions["narrow_face"]
     mean = model.shape(state.identity, state.expression).astype(float)
-    found = vertex_deviation(model, mean, state.rotation, root @ root.T, region)
-    bases = np.concatenate([model.identity_basis, model.expression_basis]).astype(float)
+    found = vertex_deviation(model, mean, state.rotation, root @ root.T, region, relief)
+    bases = np.concatenate([model.identity_basis, model.expression_basis, relief]).astype(float)
     total, count = np.zeros((len(region), 3)), 2000
-    for weights in random.normal(size=(count, 7)) @ root.T:
+    for weights in random.normal(size=(count, 9)) @ root.T:
         sample = mean + np.tensordot(weights, bases, 1)
         aligned = aligned_difference(sample[region], mean[region], scale=True)
         total += (aligned @ state.rotation.T) ** 2
@@ -142,3 +148,12 @@ def test_trade_offs_are_named(scene: Scene):
     depth, focal = layout.slices["pose"].start + 5, layout.slices["focal"].start
     data[depth, focal] = data[focal, depth] = -0.9999e4
     assert "focal length against distance" in sentences(scene, layout, prior, data)
+
+
+def test_what_relief_says_is_no_longer_beyond_the_model():
+    before = np.array([[0.0, 0.5, 2 * REACH_MM]])
+    after = np.array([[0.0, 0.2, 0.3]])
+    found = beyond_the_model(after, before)
+    left = np.sqrt([REACH_MM**2, REACH_MM**2 - 0.25, 0.0])
+    np.testing.assert_allclose(found[0], np.hypot(MISFIT_FACTOR * after[0], left), rtol=1e-6)
+    np.testing.assert_allclose(beyond_the_model(after)[0], np.hypot(MISFIT_FACTOR * after[0], 0.77))
