@@ -13,7 +13,6 @@ import numpy as np
 
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import RELIEF
 from facestage.fit.given.problem import Problem
 from facestage.fit.solve.covariance import covariance
 from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
@@ -127,9 +126,7 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
     found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
     vertices = _vertex_deviation(view, state, covariance(last.hessian, free))
     if free[layout.slices["identity"]].any():
-        relief = layout.mask(RELIEF) & free
-        before = _vertex_deviation(view, state, np.diag(relief.astype(float)))
-        vertices = beyond_the_model(vertices, before)
+        vertices = beyond_the_model(vertices)
     directions = find_null_directions(
         last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
     )

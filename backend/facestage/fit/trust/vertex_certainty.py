@@ -21,13 +21,11 @@ REACH_MM = 0.77
 MISFIT_FACTOR = 1.3
 
 
-def beyond_the_model(deviation_mm: np.ndarray, relief_mm: np.ndarray | float = 0.0) -> np.ndarray:
+def beyond_the_model(deviation_mm: np.ndarray) -> np.ndarray:
     """(n, 3) float32: deviations along the camera's axes that the covariance of the modes knows of,
-    as far as they are too small, and what no coefficient of the model can say of a person, less
-    what relief said of that before it was fitted: ``relief_mm`` (n, 3), its prior deviation.
+    as far as they are too small, and what no coefficient of the model can say of a person.
     """
-    rest = np.sqrt(np.maximum(REACH_MM**2 - np.square(relief_mm), 0.0))
-    return np.hypot(MISFIT_FACTOR * deviation_mm, rest).astype(np.float32)
+    return np.hypot(MISFIT_FACTOR * deviation_mm, REACH_MM).astype(np.float32)
 
 
 def similarity_motions(vertices: np.ndarray) -> np.ndarray:

@@ -77,6 +77,7 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         visible=SimpleNamespace(at=at, hidden_at=hidden_at),
         plan=SimpleNamespace(ledger=Ledger()),
         penumbra=0.25,
+        surround=None,
     )
 
 
@@ -142,20 +143,22 @@ def test_the_lens_is_asked_about_in_six_steps_of_the_shape(scene: Scene):
 
 
 def test_certainty_is_the_inverse_of_the_last_normal_equations(scene: Scene):
-    assert not known(_certainty(view_of(scene), scene.state, None)).deviations
+    assert not known(_certainty(view_of(scene, held=("relief",)), scene.state, None)).deviations
     layout = Layout(scene.state)
     prior = np.eye(layout.size)
     # Nothing but its prior holds the second mode.
     prior[layout.slices["identity"].start + 1] *= 4
     last = step_of(scene, None, prior_hessian=prior)
-    found = _certainty(view_of(scene, held=("roughness", "albedo")), scene.state, last)
+    found = _certainty(view_of(scene, held=("roughness", "albedo", "relief")), scene.state, last)
     np.testing.assert_allclose(found.deviations["identity"], 0.5)
     np.testing.assert_allclose(found.before["identity"], [1, 0.5, 1, 1])
     np.testing.assert_array_equal(found.deviations["roughness"], 0)
     assert found.unobserved == {"identity": [scene.model.identity_names[1]]}
     # Half the deviation of every mode is half that of every vertex, but for what no mode can say.
     sharper = _certainty(
-        view_of(scene), scene.state, step_of(scene, None, hessian=16 * np.eye(layout.size))
+        view_of(scene, held=("relief",)),
+        scene.state,
+        step_of(scene, None, hessian=16 * np.eye(layout.size)),
     )
     vertices = known(found.vertices_mm)
     assert vertices.shape == scene.model.vertices.shape and vertices.max() > 0.1
@@ -172,7 +175,9 @@ def test_certainty_is_the_inverse_of_the_last_normal_equations(scene: Scene):
         model.regions["narrow_face"],
     )
     np.testing.assert_allclose(of_modes, MISFIT_FACTOR * alone, rtol=1e-2, atol=1e-2)
-    frozen = _certainty(view_of(scene, held=("identity", "expression")), scene.state, last)
+    frozen = _certainty(
+        view_of(scene, held=("identity", "expression", "relief")), scene.state, last
+    )
     assert not known(frozen.vertices_mm).any()
     # Of identity, expression and light; the rest is held, or not asked about.
     assert found.directions["of"] == 4 + 3 + 18
