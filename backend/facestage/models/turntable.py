@@ -131,7 +131,7 @@ def people_sheet(model: FaceModel, count: int = 18, seed: int = 0) -> np.ndarray
     pictures = []
     for person in range(count):
         shape = model.shape(rng.standard_normal(len(model.identity_names)))
-        albedo = model.albedo(rng.standard_normal(len(model.albedo_basis)))
+        albedo = model.albedo(0.5 * rng.standard_normal(len(model.albedo_basis)))
         pictures.append(picture(shape, model.triangles, albedo, (0.0, 40.0, 80.0)[person % 3], 180))
     return sheet(pictures, 6)
 

@@ -23,7 +23,8 @@ TEXTURE_MISMATCH = 0.05  # relative standard deviation of the albedo that the mo
 SMILE = {"mouthSmileLeft": 0.55, "mouthSmileRight": 0.5, "jawOpen": 0.12, "browInnerUp": 0.35}
 POSE_SPREAD = (4.0, 3.0, 3.0)  # degrees, one standard deviation of yaw, pitch and roll
 PLACE_SPREAD = 0.008  # metres
-TONE_SPREAD = 0.15
+# Of the first skin mode: how far from what a recipe says, and from where to where people are drawn.
+TONE_SPREAD, LIGHTEST, DARKEST = 0.05, -0.35, 1.2
 # Of the logarithm: how white eyes and teeth are, and how yellow (red less blue).
 WHITE_SPREAD, YELLOW_SPREAD = 0.12, 0.08
 
@@ -142,7 +143,10 @@ def _identity(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
 
 
 def _skin_tone(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
-    return np.clip(0.6 * rng.normal(size=len(model.albedo_basis)), -1.5, 1.5)
+    result = np.clip(0.6 * rng.normal(size=len(model.albedo_basis)), -1.5, 1.5)
+    # The first mode makes skin darker; hardly any is lighter than the mean.
+    result[:1] = np.clip(result[:1], LIGHTEST, DARKEST)
+    return result
 
 
 def _toned(

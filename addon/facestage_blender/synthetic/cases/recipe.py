@@ -135,7 +135,7 @@ RECIPES = (
         "interreflection",
         "light that the skin reflects onto itself, which the fit does not trace",
         (Lamp(48, 18, 1.0, 0.9, 0.15), Lamp(-60, -10, 0.1, 1.2, 0.3)),
-        melanin=-1.2,
+        melanin=-0.3,
         interreflection=True,
     ),
     Recipe(
@@ -147,17 +147,8 @@ RECIPES = (
     Recipe("fringe", "hair hides the forehead", worn=("fringe",)),
     Recipe("glasses", "a frame on the nose, and its shadow on the cheeks", worn=("glasses",)),
     Recipe("beard", "a dark beard, which no skin tone explains", beard=True),
-    Recipe(
-        "dark_skin",
-        "dark skin, beyond the model's own line of tones: highlights outshine it",
-        melanin=1.8,
-        shade=0.5,
-    ),
-    Recipe(
-        "light_skin",
-        "melanin 1.3 standard deviations below the mean: hardly any color",
-        melanin=-1.3,
-    ),
+    Recipe("dark_skin", "dark skin: highlights outshine it", melanin=1.1),
+    Recipe("light_skin", "as light as skin is: hardly any color", melanin=-0.35),
     Recipe(
         "strands",
         "thin strands of hair over the forehead, with skin between them",

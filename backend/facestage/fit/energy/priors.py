@@ -15,7 +15,7 @@ from facestage.contract.arrays import Float
 from facestage.contract.job import Weights
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.term import Placed, Quadratic, Setup, Term, Weighed
-from facestage.fit.face.gaussians import Gaussian
+from facestage.fit.face.gaussians import Gaussian, Relative
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.state import State
@@ -56,7 +56,7 @@ class Priors(Term, Placed):
         return cls(setup.layout, setup.known, setup.problem.job.weights)
 
     @cached_property
-    def gaussians(self) -> dict[str, tuple[slice, Gaussian | LightPrior]]:
+    def gaussians(self) -> dict[str, tuple[slice, Gaussian | Relative | LightPrior]]:
         """By the name of each energy: where its unknown lies, and the weighted residuals."""
         result = {}
         for unknown in UNKNOWNS:

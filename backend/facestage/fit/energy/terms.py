@@ -7,8 +7,9 @@ from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.silhouette import SilhouetteTerm
 from facestage.fit.energy.term import Term
+from facestage.fit.energy.whites_term import WhitesTerm
 
-TERMS: tuple[type[Term], ...] = (Priors, LandmarkTerm, SilhouetteTerm, PhotoTerm)
+TERMS: tuple[type[Term], ...] = (Priors, LandmarkTerm, SilhouetteTerm, WhitesTerm, PhotoTerm)
 
 
 def words_of_energies() -> dict[str, str]:

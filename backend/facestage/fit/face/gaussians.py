@@ -11,6 +11,8 @@ import scipy.sparse as sp
 
 from facestage.contract.arrays import Float
 
+LEVEL_MIN = 0.05  # of the usual level, below which a relative pattern counts as at that
+
 
 @dataclass(frozen=True)
 class Gaussian:
@@ -73,6 +75,51 @@ def smooth(count: int, sigma: float) -> Gaussian:
     unit = sp.identity(side)
     differences = sp.vstack([sp.kron(unit, step), sp.kron(step, unit)]).tocsr()
     return Gaussian(differences * (1.0 / sigma), np.zeros(differences.shape[0]))
+
+
+@dataclass(frozen=True)
+class Relative:
+    """The residuals A x / m of the values x, m being their mean: of a pattern, whatever its level.
+
+    Neighbours that must not differ would else like a map best that is 0 all over, at which the
+    light makes up for it, and the skin for the light.
+    """
+
+    pattern: Gaussian
+    mean: float  # the level at which the pattern's own standard deviations hold
+
+    def scaled(self, factor: float) -> Relative:
+        """With ``factor`` times each residual."""
+        return Relative(self.pattern.scaled(factor), self.mean)
+
+    def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
+        """The residuals of the ``values``."""
+        return self.pattern.residuals(values) / self._level(values)
+
+    def jacobian(
+        self, values: Float[np.ndarray, " values"]
+    ) -> Float[np.ndarray, "residuals values"]:
+        """Their derivative."""
+        by_level = self.residuals(values)[:, None] * self._by_value(values)
+        return self.pattern.jacobian(values) / self._level(values) - by_level
+
+    def normal_equations(
+        self, values: Float[np.ndarray, " values"]
+    ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
+        """Hessian (Gauss-Newton) and gradient of the energy at ``values``."""
+        level, residuals, by = self._level(values), self.residuals(values), self._by_value(values)
+        slope = self.pattern.operator.T @ residuals / level
+        squares = float(residuals @ residuals)
+        hessian = self.pattern.hessian / level**2 - by * (slope[:, None] + slope) + squares * by**2
+        return hessian, slope - squares * by
+
+    def _level(self, values: np.ndarray) -> float:
+        return max(float(values.mean()) / self.mean, LEVEL_MIN)
+
+    def _by_value(self, values: np.ndarray) -> float:
+        """D log level / d value."""
+        level = self._level(values)
+        return 0.0 if level == LEVEL_MIN else 1.0 / (self.mean * len(values) * level)
 
 
 def _diagonal(values: Float[np.ndarray, " values"]) -> sp.csr_matrix:

@@ -21,7 +21,7 @@ from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import FAR
 from facestage.contract.parameters import KEPT, TABLE, Values
-from facestage.fit.face.gaussians import Gaussian, independent, level, smooth
+from facestage.fit.face.gaussians import Gaussian, Relative, independent, level, smooth
 from facestage.fit.face.lamps import spacing
 from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
@@ -36,7 +36,7 @@ EXPRESSION_SIGMA = 0.35
 LIGHT_POSITION_SHARE = 0.4
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
-SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels
+SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels where the mean is the usual one
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Known:
 
 Range = tuple[float | np.ndarray, float | np.ndarray]
 # From what is known and the number of values.
-Prior = Callable[[Known, int], Gaussian | LightPrior]
+Prior = Callable[[Known, int], Gaussian | Relative | LightPrior]
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,8 @@ def _specular_level(known: Known, count: int) -> Gaussian:
     return level(count, SPECULAR_MEAN, SPECULAR_SIGMA)
 
 
-def _specular_smooth(known: Known, count: int) -> Gaussian:
-    return smooth(count, SPECULAR_SMOOTHNESS)
+def _specular_smooth(known: Known, count: int) -> Relative:
+    return Relative(smooth(count, SPECULAR_SMOOTHNESS), SPECULAR_MEAN)
 
 
 # In the order of the vector; identity, expression and relief follow each other, as in the bases of

@@ -18,6 +18,10 @@ from facestage.contract import brdf
 from facestage.contract.arrays import Float, Shaped
 from facestage.fit.face.light_parameters import CHANNELS
 
+# Eyes and teeth are wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the
+# stage that stand for it are blurred into each other, and dimmed so that they do not veil the iris.
+WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
+
 
 @dataclass(frozen=True)
 class Skin:

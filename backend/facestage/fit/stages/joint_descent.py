@@ -16,13 +16,13 @@ import numpy as np
 
 from facestage.fit.energy.energy import System
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.joint_term import JointTerm, States
 from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.face.unknowns import SHARED
 from facestage.fit.solve.bounded_step import Damping
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.solve.descent import CONVERGED_SHARE, Descent
 from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
+from facestage.fit.stereo.joint_term import JointTerm, States
 
 Evaluations = tuple[Evaluation | None, ...]
 

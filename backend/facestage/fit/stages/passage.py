@@ -14,7 +14,6 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from facestage.fit.energy.joint_term import JointTerm
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.solve.bounded_step import Damping
@@ -23,6 +22,7 @@ from facestage.fit.stages.joint_descent import JointDescent, JointIteration
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from facestage.fit.stages.view import View
+from facestage.fit.stereo.joint_term import JointTerm
 
 
 class _Told(Protocol):

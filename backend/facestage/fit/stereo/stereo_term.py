@@ -15,12 +15,12 @@ from typing import ClassVar
 import numpy as np
 
 from facestage.contract.arrays import Float, Int
-from facestage.fit.energy.joint_term import JointTerm, JointWeighed, States
 from facestage.fit.energy.robust_residuals import CAUCHY_SCALE
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.stereo.joint_term import JointTerm, JointWeighed, States
 from facestage.fit.stereo.matches import Matches
 from facestage.fit.stereo.seen_points import (
     SeenPoints,

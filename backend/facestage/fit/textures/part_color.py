@@ -10,19 +10,16 @@ from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.files.color import REC709
 from facestage.contract.light_stage import LightStage
+from facestage.fit.face.eye_white import IRIS_MAX
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import albedo_seen, by_albedo
+from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, albedo_seen, by_albedo
 from facestage.fit.forward.shading import ForwardModel
 from facestage.render.light_terms import PLAIN
 
 LUMINANCE = np.array(REC709)
 SAMPLES = 16
-# Wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the stage that stand
-# for it are blurred into each other, and dimmed so that they do not veil the iris.
-WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
-# Albedo of what the model paints as pupil, at most, and as iris, at most.
-PUPIL_MAX, IRIS_MAX = 0.02, 0.25
+PUPIL_MAX = 0.02  # albedo of what the model paints as pupil, at most
 # Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.
 PRIOR_PIXELS, PIXELS_MIN = 10.0, 6
 # Irradiance, relative to the part's brightest tenth, below which a pixel says little.

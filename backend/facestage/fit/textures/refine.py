@@ -12,7 +12,7 @@ from facestage.contract import brdf
 from facestage.contract.arrays import Float, Float32, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
-from facestage.fit.forward.reflectance import by_c_spec
+from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, by_c_spec
 from facestage.fit.forward.rendering import Textures
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
 from facestage.fit.given.fineness import USUAL, Fineness
@@ -20,7 +20,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
-from facestage.fit.textures.part_color import WET_ROUGHNESS, WET_SPECULAR, Look, part_colors
+from facestage.fit.textures.part_color import Look, part_colors
 from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled

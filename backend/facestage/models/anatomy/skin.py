@@ -12,6 +12,7 @@ color varies along one direction for melanin and one for haemoglobin.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -22,6 +23,14 @@ from facestage.models.mesh.surface_harmonics import surface_harmonics
 # 1.3-43 % melanosomes in the epidermis, 0.2-7 % blood in the dermis).
 MELANIN_MEAN, HAEMOGLOBIN_MEAN = 0.035, 0.012
 MELANIN_LOG_SD, HAEMOGLOBIN_LOG_SD = 0.6, 0.35
+# Of all people's faces, about: Jacques' range but for the darkest bodies, and twice the spread.
+_MELANIN_RANGE = (0.013, 0.30)
+_BLOOD_RANGE = (
+    HAEMOGLOBIN_MEAN * math.exp(-2 * HAEMOGLOBIN_LOG_SD),
+    HAEMOGLOBIN_MEAN * math.exp(2 * HAEMOGLOBIN_LOG_SD),
+)
+# What the layers may be wrong by, in the logarithm: spectrophotometers find dark skin greyer.
+_MODEL_SD = 0.04
 
 EPIDERMIS_CM = 60e-4
 _EPIDERMIS_SCATTERING = 0.4  # of the dermis: no collagen fibres, only cells and keratin
@@ -88,6 +97,25 @@ def pigment_directions() -> np.ndarray:
     return np.stack([log_rgb[0] - log_rgb[1], log_rgb[2] - log_rgb[3]]) / (2 * step)
 
 
+@cache
+def tone_modes() -> np.ndarray:
+    """(3, 3) changes of log linear RGB for one standard deviation of the skin tones of all people,
+    about the mean tone: darker; then from yellow to red and blue; then towards green or magenta.
+
+    One direction for melanin, as :func:`pigment_directions` has it, is right within a face. From
+    person to person it is a curve, which soon turns from yellow to grey: these are the principal
+    axes of what the pigments make over the whole of their ranges. No skin is much lighter than the
+    mean one, at -0.4 of the first.
+    """
+    melanin, blood = np.meshgrid(np.geomspace(*_MELANIN_RANGE, 60), np.geomspace(*_BLOOD_RANGE, 20))
+    mean = skin_albedo(np.array([MELANIN_MEAN]), np.array([HAEMOGLOBIN_MEAN]))
+    change = np.log(skin_albedo(melanin.ravel(), blood.ravel()) / mean)
+    second = change.T @ change / len(change) + _MODEL_SD**2 * np.eye(3)
+    variances, axes = np.linalg.eigh(second)
+    axes = axes.T[::-1] * np.sqrt(variances[::-1, None])
+    return np.asarray(axes * np.where(axes[:, 2:] > 0, -1.0, 1.0))
+
+
 def albedo_basis(
     vertices: np.ndarray, triangles: np.ndarray, skin_mask: np.ndarray, count: int = 80
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -96,21 +124,22 @@ def albedo_basis(
     vertices (n, 3) metres, triangles (t, 3) int, skin_mask (n,) bool or vertex indices. Returns the
     mean albedo (n, 3) float32 linear RGB (one tone everywhere), and the basis (count, n, 3)
     float32: change of log albedo for unit-variance coefficients, alternately melanin and
-    haemoglobin times surface harmonics of rising frequency. The first pair is constant: the overall
-    skin tone. Zero outside the mask.
+    haemoglobin times surface harmonics of rising frequency, behind three constant ones, the
+    :func:`tone_modes`. Zero outside the mask.
     """
     selected = np.zeros(len(vertices), bool)
     selected[skin_mask] = True
-    harmonics, eigenvalues = surface_harmonics(vertices, triangles, selected, (count + 1) // 2)
+    tones = tone_modes()[:count]
+    pairs = (count - len(tones) + 1) // 2
+    harmonics, eigenvalues = surface_harmonics(vertices, triangles, selected, 1 + pairs)
     # Within a face pigment varies several times less than between people, and less the finer the
     # pattern.
-    sigma = np.full(len(harmonics), 1.0)
-    if len(sigma) > 1:
-        sigma[1:] = 0.14 * (1.0 + eigenvalues[1:] / max(eigenvalues[1], 1e-30)) ** -0.35
-    directions = pigment_directions()
-    basis = np.einsum("hn,pc,h->hpnc", harmonics, directions, sigma).reshape(-1, len(vertices), 3)[
-        :count
-    ]
+    lowest = max(float(eigenvalues[min(1, pairs)]), 1e-30)
+    sigma = 0.14 * (1.0 + eigenvalues[1:] / lowest) ** -0.35
+    within = np.einsum("hn,pc,h->hpnc", harmonics[1:], pigment_directions(), sigma)
+    basis = np.concatenate(
+        [harmonics[0][:, None] * tones[:, None], within.reshape(-1, len(vertices), 3)]
+    )[:count]
     tone = skin_albedo(np.array([MELANIN_MEAN]), np.array([HAEMOGLOBIN_MEAN]))
     return np.repeat(tone, len(vertices), axis=0).astype(np.float32), basis.astype(np.float32)
 

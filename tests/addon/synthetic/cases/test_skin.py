@@ -20,8 +20,8 @@ def test_skin_is_what_the_recipe_says(model: FaceModel) -> None:
         "freckles": {"freckles": True},
         "beard": {"beard": True},
         "shade": {"shade": 0.5},
-        "dark": {"melanin": 2.0},
-        "light": {"melanin": -2.0},
+        "dark": {"melanin": 1.1},
+        "light": {"melanin": -0.3},
     }
     changed = {
         name: person_of(model, replace(plain, **change), 5).albedo

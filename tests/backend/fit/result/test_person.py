@@ -21,7 +21,6 @@ from facestage.contract.job import Job
 from facestage.contract.person import Person
 from facestage.contract.result import CONVERGED, STOPPED, Result
 from facestage.contract.result_files import is_result_file
-from facestage.fit.energy.joint_term import JointTerm, JointWeighed, States
 from facestage.fit.face.joint_layout import JointLayout
 from facestage.fit.given.metrics import aligned_distance
 from facestage.fit.given.problem import read_problem
@@ -30,6 +29,7 @@ from facestage.fit.result import run
 from facestage.fit.result.relight import render_result
 from facestage.fit.runs import joint_run
 from facestage.fit.stages.matching import LOOKS, Look
+from facestage.fit.stereo.joint_term import JointTerm, JointWeighed, States
 from facestage.images.image_io import read_exr
 from facestage.models.anatomy.relief import relief_basis
 from facestage.models.registry import load_model

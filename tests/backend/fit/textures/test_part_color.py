@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from facestage.fit.face.state import State
-from facestage.fit.textures.part_color import (
-    WET_ROUGHNESS,
-    WET_SPECULAR,
-    Look,
-    part_colors,
-    parts_of,
-)
+from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR
+from facestage.fit.textures.part_color import Look, part_colors, parts_of
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
 BLUE = np.array([0.05, 0.09, 0.14])

@@ -1,0 +1,171 @@
+"""The whites of the eyes: the one thing in a face whose color is known before the photo.
+
+Skin and light leave no more than their product in a photo. An eye's white beside it, under the same
+light, has nearly the same albedo in everybody, and says how bright the light is, and of which
+color: what a grey card is for photographers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from facestage.contract.arrays import Float
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.robust_residuals import RobustResiduals
+from facestage.fit.energy.term import Setup, Term
+from facestage.fit.face.eye_white import eye_white
+from facestage.fit.face.lamps import turned
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, Skin
+from facestage.fit.forward.shading import ForwardModel, Surface
+from facestage.render.light_terms import PLAIN
+
+# Of the logarithm: how light whites are, their red over blue (bloodshot, yellow), and their green
+# over both; with what lids, lashes and the eye's own shadows do to the pixels that were chosen.
+SIGMA = np.array([0.2, 0.12, 0.08])
+AXES = np.array([[1 / 3, 1 / 3, 1 / 3], [1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
+# One pixel beside another may show half a lid.
+PIXEL_SIGMA = 0.4
+# Among the pixels that should be white, sorted by what they say of the albedo: below, lids, lashes
+# and the iris mix in; above, the light's own reflection.
+BRIGHTER_THAN, DARKER_THAN = 0.6, 0.9
+PIXELS_MIN, PIXELS_MAX = 8, 400
+# The skin's red over blue exceeds that of an open eye by so much at least, of the logarithm.
+PALER_MIN = 0.15
+SKIN_MIN = 0.9
+SAMPLES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Whites(RobustResiduals):
+    """What light makes of the whites, beside what the photo shows of them."""
+
+    name: ClassVar = "whites"
+    components: ClassVar = 3
+
+    lights: LightParameters
+    by_light: Float[np.ndarray, "3 lights"]  # radiance of the whites, of a light of radiance 1
+    seen: Float[np.ndarray, " 3"]  # radiance
+    sigma: Float[np.ndarray, " 3"]
+    weight: float = 1.0
+    share: float = 1.0
+
+    def residuals(self, state: State) -> Float[np.ndarray, " 3"]:
+        """In lightness, from blue to red, and in green."""
+        return AXES @ np.log(self._shown(state) / self.seen) / self.sigma
+
+    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "3 unknowns"]:
+        """Derivative of :meth:`residuals`; shape and pose are those of the phase's start."""
+        fitted = self.by_light[:, self.lights.fitted]
+        by_log = np.einsum("cj,jcp->cp", fitted, self.lights.jacobian(state.lights))
+        result = np.zeros((3, layout.size))
+        result[:, layout.slices["lights"]] = (
+            AXES @ (by_log / self._shown(state)[:, None]) / self.sigma[:, None]
+        )
+        return result
+
+    def _shown(self, state: State) -> Float[np.ndarray, " 3"]:
+        radiance = self.lights.radiance(state.lights)
+        return np.maximum(np.einsum("cj,jc->c", self.by_light, radiance), 1e-30)
+
+
+@dataclass(frozen=True, eq=False)
+class WhitesTerm(Term):
+    """The whites as the phase began."""
+
+    words: ClassVar = {"whites": "Whites of the eyes"}
+
+    whites: Whites
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self | None:
+        """Of phases that move the light, where open eyes are seen."""
+        if setup.photo is None or setup.stage is None or not setup.moves(("lights",)):
+            return None
+        whites = _whites(setup)
+        return None if whites is None else cls(whites)
+
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Whites:
+        """Everywhere the same pixels."""
+        return self.whites
+
+
+def _whites(setup: Setup) -> Whites | None:
+    """What the start of a phase shows of the whites; None where none are seen, or no light."""
+    assert setup.photo is not None and setup.stage is not None
+    forward, photo = setup.forward, setup.problem.photograph
+    # A phase's photo may be too small for eyes.
+    focal_px = setup.start.camera.focal_px / setup.factor
+    state = replace(setup.start, camera=replace(setup.problem.camera, focal_px=focal_px))
+    radiance = forward.lights.radiance(state.lights)
+    surface = _surface(forward, state)
+    x, y = surface.pixels.astype(int).T
+    low_y, low_x = ((setup.factor * at).astype(int) for at in (y, x))
+    height, width = setup.photo.usable.shape
+    clear = setup.photo.usable[np.minimum(low_y, height - 1), np.minimum(low_x, width - 1)]
+    clear &= photo.mask[y, x] & ~photo.clipped[y, x].any(axis=1)
+    if clear.sum() < PIXELS_MIN or not radiance.any():
+        return None
+    surface = surface.part(np.flatnonzero(clear)[:: 1 + int(clear.sum()) // PIXELS_MAX])
+    by_light = _by_light(setup, state, surface)
+    shown = np.einsum("cpj,jc->pc", by_light, radiance)
+    x, y = surface.pixels.astype(int).T
+    color = photo.color[y, x].astype(np.float64)
+    lightness = np.log(np.maximum(color, 1e-6) / np.maximum(shown, 1e-9)).mean(axis=1)
+    low, high = np.quantile(lightness, (BRIGHTER_THAN, DARKER_THAN))
+    chosen = (lightness >= low) & (lightness <= high)
+    seen = np.maximum(color[chosen].mean(axis=0), 1e-6)
+    if not _paler(seen, photo.color[photo.mask & (setup.problem.skin > SKIN_MIN)]):
+        return None
+    sigma = np.hypot(SIGMA, PIXEL_SIGMA / np.sqrt(chosen.sum()) * np.array([1.0, 0.3, 0.3]))
+    return Whites(
+        forward.lights,
+        by_light[:, chosen].mean(axis=1),
+        seen,
+        sigma,
+        setup.problem.job.weights.photo,
+    )
+
+
+def _surface(forward: ForwardModel, state: State) -> Surface:
+    """What the pixels see that should show the white of an eye."""
+    white = eye_white(forward.geometry)
+    at = state.camera.project(forward.pose(state)[1][white])
+    at = at[np.isfinite(at).all(axis=1)]
+    size = [state.camera.width, state.camera.height]
+    low, high = (
+        np.clip(end, 0, size).astype(int)
+        for end in ((at.min(axis=0), at.max(axis=0) + 1) if len(at) else (0, 0))
+    )
+    x, y = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1) + 0.5
+    surface = forward.surface(state, pixels)
+    return surface.part(white[surface.corners].all(axis=1))
+
+
+def _by_light(setup: Setup, state: State, surface: Surface) -> Float[np.ndarray, "3 pixels lights"]:
+    """Radiance of the ``surface`` under each light of radiance 1."""
+    assert setup.stage is not None
+    stage = turned(setup.stage, state.light_position, setup.pivot)
+    rough, count = np.full(len(surface.pixels), WET_ROUGHNESS), len(surface.pixels)
+    terms = setup.forward.light_terms(
+        state, surface, stage, SAMPLES, setup.problem.job.seed, PLAIN, roughness=rough
+    )
+    skin = Skin(setup.forward.albedo(state, surface), np.full(count, WET_SPECULAR))
+    return skin.by_lights(terms.diffuse, terms.specular)
+
+
+def _paler(white: Float[np.ndarray, " 3"], skin: Float[np.ndarray, "pixels 3"]) -> bool:
+    """Whether what should be the white of an eye is less red than the skin under the same light: a
+    lid is not.
+    """
+    if not len(skin):
+        return False
+    of_skin = np.log(np.maximum(np.median(skin, axis=0), 1e-6))
+    of_white = np.log(white)
+    return bool((of_skin[0] - of_skin[2]) - (of_white[0] - of_white[2]) > PALER_MIN)
