@@ -165,8 +165,8 @@ def fit_synthetic(out: Path, samples: int, budget: float) -> list[str]:
 
 
 def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) -> float:
-    """PSNR in dB between Cycles' picture of the written-back scene and the fit's own, direct light,
-    in the face.
+    """PSNR in dB between Cycles' picture of the written-back scene and the fit's own, in the face;
+    with light from skin to skin where the fit has about as much of it as there is.
     """
     from ..pictures.render import read_pixels, render_linear
 
@@ -175,7 +175,8 @@ def agreement(scene: bpy.types.Scene, result: Result, crop: Crop, samples: int) 
     theirs = read_pixels(result.folder / RENDER)[..., :3]
     left, top, right, bottom = crop.box
     theirs = theirs[top:bottom, left:right]
-    ours = render_linear(scene, max(samples, 64), direct_only=True, crop=replace(crop, scale=1))
+    direct = float(result.parameters.get("interreflection", 0.0)) < 0.5
+    ours = render_linear(scene, max(samples, 64), direct_only=direct, crop=replace(crop, scale=1))
     face = (ours[..., 3] > 0.999) & (theirs.max(axis=2) > 0)
     difference = np.clip(ours[..., :3], 0, 1)[face] - np.clip(theirs, 0, 1)[face]
     return float(-10 * np.log10(max(1e-12, float((difference**2).mean()))))

@@ -175,7 +175,9 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         phase = Phase("adam", BLOCKS, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
-        passage = Passage.prepared(run.view, phase, start.state)
+        # Mitsuba differentiates direct light.
+        direct = replace(start.state, interreflection=0.0)
+        passage = Passage.prepared(run.view, phase, direct)
         if passage is None:
             raise InputError("Everything is frozen; there is nothing to compare.")
         state, fit = passage.scaled, passage.descent
@@ -202,12 +204,10 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
             seconds = time.monotonic() - began
             if seconds > SNAPSHOT_STEP * snapshots[-1].seconds or number == settings.iterations - 1:
                 snapshots.append(
-                    Snapshot(
-                        seconds, f"Adam, {number + 1}", _full_size(state, start.state), lit=True
-                    )
+                    Snapshot(seconds, f"Adam, {number + 1}", _full_size(state, direct), lit=True)
                 )
         seconds = time.monotonic() - began
-    state = _full_size(state, start.state)
+    state = _full_size(state, direct)
     if seconds > snapshots[-1].seconds:
         snapshots.append(Snapshot(seconds, "Adam, end", state, lit=True))
     lit = start.stage.with_radiance(problem.lights.radiance(state.lights))

@@ -83,6 +83,7 @@ class HarmonicForward(ForwardModel):
         traced: np.ndarray | None = None,
         pairs: tuple[np.ndarray, np.ndarray] | None = None,
         roughness: np.ndarray | None = None,
+        bounced: bool = True,
     ) -> LightTerms:
         """Irradiance by each harmonic; where the lights are and what they hit plays no part."""
         values, gradients = harmonic_basis(surface.normals)

@@ -76,6 +76,9 @@ TABLE: Mapping[str, Parameter] = MappingProxyType(
         "relief": Parameter(
             "Keep to the shapes of the face model: no relief beyond them", shared=True
         ),
+        "interreflection": Parameter(
+            "Keep how much light goes from skin to skin", Values((), 0, 2), required=False
+        ),
     }
 )
 PARAMETERS = tuple(TABLE)

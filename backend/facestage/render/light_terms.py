@@ -78,6 +78,9 @@ class LightTerms:
     specular_by_depth: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels)
     specular_by_roughness: np.ndarray = field(default_factory=_not_asked)  # (P, 3 channels)
     pairs: int = 0  # of point and light that were worked on
+    # (3 channels, P, N) irradiance by light that other skin sends; empty: none. No derivative above
+    # knows of it.
+    indirect: np.ndarray = field(default_factory=_not_asked)
 
     @classmethod
     def dark(cls, points: int, lights: int, asked: Asked) -> LightTerms:

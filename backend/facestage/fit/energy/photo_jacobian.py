@@ -24,7 +24,7 @@ from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
-from facestage.fit.forward.reflectance import by_c_spec
+from facestage.fit.forward.reflectance import by_c_spec, uniform_lobe
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
@@ -163,6 +163,8 @@ class Jacobian:
         if active["roughness"]:
             by_roughness = image.skin.part(part).gloss(image.terms.specular_by_roughness[part])
             parts.append(by_roughness.T[..., None])
+        if active["interreflection"]:
+            parts.append(self._interreflection(part))
         dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
         if parts:
             np.concatenate(parts, axis=2, out=dense, casting="same_kind")
@@ -299,7 +301,10 @@ class Jacobian:
         # Row by row in memory: BLAS takes no other order.
         diffuse = np.ascontiguousarray(image.terms.diffuse[part][:, self.light_index])
         specular = np.ascontiguousarray(image.terms.specular[part][:, self.light_index])
-        return image.skin.part(part).by_lights(diffuse, specular, np.float32)
+        indirect = image.terms.indirect
+        if indirect.size:
+            indirect = indirect[:, part][..., self.light_index]
+        return image.skin.part(part).by_lights(diffuse, specular, np.float32, indirect=indirect)
 
     def _light_positions(
         self, part: slice, positions: PositionDerivatives
@@ -330,6 +335,15 @@ class Jacobian:
         return np.stack(
             [(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)]
         )
+
+    def _interreflection(self, part: slice) -> Float[np.ndarray, "3 pixels 1"]:
+        """By the strength of the light from other skin, which that light is proportional to."""
+        image, strength = self.image, self.state.interreflection
+        if not image.terms.indirect.size:
+            return np.zeros((CHANNELS, len(image.color[part]), 1))
+        sent = np.einsum("cpn,nc->pc", image.terms.indirect[:, part], image.radiance)
+        sent /= strength
+        return image.skin.part(part).radiance(sent, uniform_lobe(sent)).T[..., None]
 
     def _texels(self, part: slice) -> sp.csr_matrix:
         """(B, texels): bilinear weights."""

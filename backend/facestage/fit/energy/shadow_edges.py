@@ -192,7 +192,7 @@ def refined(
         if field.name in ("diffuse", "specular"):
             result[field.name] = values.copy()
             result[field.name][penumbra.pairs] = getattr(many, field.name)[:, 0]
-        elif isinstance(values, np.ndarray) and values.size:
+        elif isinstance(values, np.ndarray) and values.size and field.name != "indirect":
             # Sums over the lights: the same samples that are in them are taken out again.
             result[field.name] = values.copy()
             np.add.at(

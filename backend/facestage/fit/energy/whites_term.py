@@ -157,7 +157,7 @@ def _by_light(setup: Setup, state: State, surface: Surface) -> Float[np.ndarray,
         state, surface, stage, SAMPLES, setup.problem.job.seed, PLAIN, roughness=rough
     )
     skin = Skin(setup.forward.albedo(state, surface), np.full(count, WET_SPECULAR))
-    return skin.by_lights(terms.diffuse, terms.specular)
+    return skin.by_lights(terms.diffuse, terms.specular, indirect=terms.indirect)
 
 
 def _paler(white: Float[np.ndarray, " 3"], skin: Float[np.ndarray, "pixels 3"]) -> bool:

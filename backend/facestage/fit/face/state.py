@@ -29,6 +29,8 @@ class State:
     specular: Float[np.ndarray, "texels texels"]  # c_spec, row 0 at v = 1
     # of FaceGeometry.relief_basis; none: not fitted
     relief: Float[np.ndarray, " reliefs"] = field(default_factory=lambda: np.zeros(0))
+    # how much of the light that skin sends to skin there is: 0 none, 1 as the mesh has it
+    interreflection: float = 0.0
 
     @property
     def shape_weights(self) -> Float[np.ndarray, " modes"]:

@@ -37,6 +37,9 @@ LIGHT_POSITION_SHARE = 0.4
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
 SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels where the mean is the usual one
+# Light between skin and skin is there in every photo (1), in pictures of direct light alone not.
+INTERREFLECTION_MEAN, INTERREFLECTION_SIGMA = 1.0, 0.3
+INTERREFLECTION_MAX = 1.5
 
 
 @dataclass(frozen=True)
@@ -213,6 +216,14 @@ UNKNOWNS = (
         bounds=(0.0, brdf.SPECULAR_MAX),
         priors={"specular_level": _specular_level, "specular_smooth": _specular_smooth},
         mean=SPECULAR_MEAN,
+        counted=False,
+    ),
+    Unknown(
+        "interreflection",
+        "skin",
+        bounds=(0.0, INTERREFLECTION_MAX),
+        priors={"interreflection": normal(INTERREFLECTION_MEAN, INTERREFLECTION_SIGMA)},
+        mean=INTERREFLECTION_MEAN,
         counted=False,
     ),
 )

@@ -50,7 +50,9 @@ def position_derivatives(
             angles = state.light_position.copy()
             angles[number, axis] += sign * HALF_STEP
             placed = turned(stage, angles, pivot)
-            terms = forward.light_terms(state, surface, placed, samples, seed, traced=strong)
+            terms = forward.light_terms(
+                state, surface, placed, samples, seed, traced=strong, bounced=False
+            )
             diffuse[..., axis] += sign / (2 * HALF_STEP) * terms.diffuse[:, number]
             specular[..., axis] += sign / (2 * HALF_STEP) * terms.specular[:, number]
     return PositionDerivatives(number, diffuse, specular)

@@ -41,7 +41,9 @@ class OneLightImages:
     ) -> None:
         """Add ``share`` of what the pixels (``x``, ``y``) (p,) see."""
         place = (y - self._corner[1]) * self._box_width + x - self._corner[0]
-        images = skin.dimmed(share).by_light(terms.diffuse, terms.specular, np.float32)
+        images = skin.dimmed(share).by_light(
+            terms.diffuse, terms.specular, np.float32, indirect=terms.indirect
+        )
         for color, image in zip(self.colors, images, strict=True):
             color[place] += image
 

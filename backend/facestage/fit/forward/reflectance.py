@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -21,6 +22,9 @@ from facestage.fit.face.light_parameters import CHANNELS
 # Eyes and teeth are wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the
 # stage that stand for it are blurred into each other, and dimmed so that they do not veil the iris.
 WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
+# What the surface reflects of light that comes from everywhere alike, at c_spec = 1: what does not
+# enter the skin (contract/brdf.py).
+UNIFORM = 1.0 - brdf.K_DIFFUSE
 
 
 @dataclass(frozen=True)
@@ -59,38 +63,52 @@ class Skin:
         irradiance: Float[np.ndarray, "points ..."],
         lobe: Float[np.ndarray, "points ..."],
         dtype: DTypeLike = np.float64,
+        *,
+        indirect: Float[np.ndarray, ...] | None = None,
     ) -> Iterator[Float[np.ndarray, "points ..."]]:
         """For each color channel (P, ...) radiance under white light of radiance 1, in ``dtype``.
 
-        ``irradiance`` and ``lobe`` (P, ...), such as one column for each light. A channel at a
+        ``irradiance`` and ``lobe`` (P, ...), such as one column for each light; ``indirect``
+        (3, P, ...) is irradiance of each channel beside it, empty or None: none. A channel at a
         time: all at once are too many numbers for a photo.
         """
         glossy = self._glossy(lobe, dtype)
         for channel in range(CHANNELS):
-            yield self._image(channel, irradiance, glossy, np.empty(irradiance.shape, dtype))
+            out = np.empty(irradiance.shape, dtype)
+            yield self._image(channel, irradiance, glossy, indirect, out)
 
     def by_lights(
         self,
         irradiance: Float[np.ndarray, "points ..."],
         lobe: Float[np.ndarray, "points ..."],
         dtype: DTypeLike = np.float64,
+        *,
+        indirect: Float[np.ndarray, ...] | None = None,
     ) -> Float[np.ndarray, "3 points ..."]:
         """All that :meth:`by_light` gives, at once."""
         glossy, result = self._glossy(lobe, dtype), np.empty((CHANNELS, *irradiance.shape), dtype)
         for channel in range(CHANNELS):
-            self._image(channel, irradiance, glossy, result[channel])
+            self._image(channel, irradiance, glossy, indirect, result[channel])
         return result
 
     def _glossy(self, lobe: np.ndarray, dtype: DTypeLike) -> np.ndarray:
         return _beside(brdf.gloss(self.c_spec, 1.0).astype(dtype), lobe) * lobe
 
     def _image(
-        self, channel: int, irradiance: np.ndarray, glossy: np.ndarray, out: np.ndarray
+        self,
+        channel: int,
+        irradiance: np.ndarray,
+        glossy: np.ndarray,
+        indirect: np.ndarray | None,
+        out: np.ndarray,
     ) -> np.ndarray:
         """``out``, where one channel's radiance is put."""
         white = brdf.matte(self.albedo[:, channel], 1.0).astype(out.dtype)
         np.multiply(_beside(white, irradiance), irradiance, out=out)
         out += glossy
+        if indirect is not None and indirect.size:
+            white += brdf.gloss(self.c_spec, uniform_lobe(1.0)).astype(out.dtype)
+            out += _beside(white, irradiance) * indirect[channel]
         return out
 
     def by_log_albedo(
@@ -132,6 +150,11 @@ def by_log(
 ) -> Float[np.ndarray, " ..."]:
     """A derivative by ``albedo``, through :func:`albedo_of`."""
     return by_albedo * albedo * (albedo < brdf.ALBEDO_MAX)
+
+
+def uniform_lobe(irradiance: Any) -> Any:
+    """What the lobe integrates to of light that comes from everywhere alike, as from other skin."""
+    return UNIFORM / np.pi * irradiance
 
 
 def _beside(

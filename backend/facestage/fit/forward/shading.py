@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.contract.arrays import Bool, Float, Int, Shaped
+from facestage.contract.arrays import Bool, Float, Float32, Int, Shaped
 from facestage.contract.camera import Camera
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import Skin, albedo_of
+from facestage.fit.forward.bounces import Bounces
+from facestage.fit.forward.reflectance import Skin, albedo_of, uniform_lobe
 from facestage.render.light_terms import PLAIN, Asked, LightTerms, LitPoints
 from facestage.render.tracer import Hits, RayTracer
 
@@ -72,6 +73,7 @@ class ForwardModel:
         self.geometry = geometry
         self.lights = lights
         self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
+        self.bounces = Bounces(geometry)
 
     def pose(
         self, state: State
@@ -143,21 +145,48 @@ class ForwardModel:
         traced: Bool[np.ndarray, " lights"] | None = None,
         pairs: tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]] | None = None,
         roughness: Float[np.ndarray, " points"] | None = None,
+        bounced: bool = True,
     ) -> LightTerms:
         """Unit-radiance irradiance of the surface by each light of ``stage`` (camera frame).
 
         Derivatives, where ``asked``, are those of the state's own radiance. ``traced``
         leaves lights out; ``pairs`` of (K,) pixels and (K,) lights leave out all others, see
-        :meth:`RayTracer.light_terms`. ``roughness`` replaces the state's one value.
+        :meth:`RayTracer.light_terms`. ``roughness`` replaces the state's one value. Light from
+        other skin comes with it as the state says, unless not ``bounced`` or by ``pairs``.
         """
         lit = self.lit_points(state, surface, stage)
         if roughness is not None:
             lit = replace(lit, roughness=roughness)
         derived = asked.by_surface or asked.by_roughness
         radiance = self.lights.radiance(state.lights) if derived else None
-        return self.tracer.light_terms(
+        terms = self.tracer.light_terms(
             lit, samples, seed, asked, radiance=radiance, traced=traced, pairs=pairs
         )
+        if pairs is not None or not bounced or state.interreflection <= 0:
+            return terms
+        return replace(terms, indirect=self._indirect(state, surface, lit, seed, traced))
+
+    def _indirect(
+        self,
+        state: State,
+        surface: Surface,
+        lit: LitPoints,
+        seed: int,
+        traced: Bool[np.ndarray, " lights"] | None,
+    ) -> Float32[np.ndarray, "3 pixels lights"]:
+        """Irradiance from other skin by each light, at the state's strength."""
+        received = self.bounces.irradiance(
+            self.tracer,
+            surface.vertices - state.translation,
+            self.log_albedo(state),
+            lit.stage,
+            lit.numbers,
+            float(state.specular.mean()),
+            seed,
+            traced,
+        )
+        received *= np.float32(state.interreflection)
+        return self.bounces.at_pixels(received, surface.corners, surface.weights)
 
     def lit_points(self, state: State, surface: Surface, stage: LightStage) -> LitPoints:
         """The surface and its lights as the tracer takes them; ``stage`` is in the camera frame."""
@@ -194,6 +223,9 @@ class ForwardModel:
         if c_spec is None:
             c_spec = sample_bilinear(state.specular, self.uvs(surface))
         diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
+        if terms.indirect.size:
+            indirect = np.einsum("cpn,nc->pc", terms.indirect, radiance)
+            diffuse, specular = diffuse + indirect, specular + uniform_lobe(indirect)
         color = Skin(albedo, c_spec).radiance(diffuse, specular)
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
 

@@ -128,6 +128,12 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
         add("focal length", "the camera is known", "one column of the Jacobian")
     if not fitted.state.specular.any():
         add("highlights", "the specular map is zero", "the specular terms of every light sample")
+    if fitted.state.interreflection == 0 and "interreflection" not in problem.job.freeze:
+        add(
+            "light from skin to skin",
+            "the photo shows none of it",
+            "its rays, and one column of the Jacobian",
+        )
     if problem.lights.uniform:
         add(
             "two of three light channels",

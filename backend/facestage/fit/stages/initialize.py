@@ -103,7 +103,8 @@ def initial_lights(
         photo.photo.clipped[y, x],
     )
     result = lights.fixed_radiance.copy()
-    shown = image.skin.by_light(image.terms.diffuse, image.terms.specular)
+    terms = image.terms
+    shown = image.skin.by_light(terms.diffuse, terms.specular, indirect=terms.indirect)
     for channel, columns in enumerate(shown):
         wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
         result[lights.fitted, channel] = _robust_nnls(

@@ -70,7 +70,9 @@ def _gain(
     image = evaluation.image
     y, x = photo.index(image.surface)
     problem = _Channels(
-        image.skin.by_lights(image.terms.diffuse, image.terms.specular),
+        image.skin.by_lights(
+            image.terms.diffuse, image.terms.specular, indirect=image.terms.indirect
+        ),
         photo.photo.color[y, x],
         photo.photo.clipped[y, x],
     )

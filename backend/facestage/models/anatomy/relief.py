@@ -19,8 +19,8 @@ from facestage.models.mesh.surface import vertex_normals
 from facestage.models.mesh.surface_harmonics import surface_harmonics
 
 # Standard deviation in mm, half of what no coefficient of a model says of a person
-# (fit/trust/vertex_certainty.py): a scanned head gains as much from it as from all, and people of
-# the model itself lose a third of that.
+# (fit/trust/vertex_certainty.py): of one scanned head it was as good as all of that, and of two
+# photos of a person of the model's own it harmed the second one less (docs/several-photos.md).
 RELIEF_MM = 0.4
 # Distance in mm over which relief varies, and how many fields say it.
 LENGTH_MM, MODES = 12.0, 200

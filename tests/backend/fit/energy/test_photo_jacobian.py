@@ -149,12 +149,21 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
     assert worst < bound
 
 
-@pytest.mark.parametrize("block", BLOCKS)
+# The strength of light from skin to skin is zero in the scene, and no unknown then.
+@pytest.mark.parametrize("block", [name for name in BLOCKS if name != "interreflection"])
 def test_every_parameter(scene: Scene, unshadowed: None, block: str):
     # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves
     # both out. The derivative by a light's place is itself a difference, over a turn ten times as
     # large.
     check(scene, block, {"focal": 0.15, "light_position": 0.06}.get(block, BOUND))
+
+
+def test_light_from_skin_to_skin(scene: Scene, unshadowed: None):
+    """By its strength, and by the lights, both of which it is proportional to."""
+    state = replace(scene.state, interreflection=0.7)
+    assert picture(scene, state, interior(scene)).terms.indirect.max() > 1e-4
+    for block in ("interreflection", "lights"):
+        check(replace(scene, state=state), block)
 
 
 def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):

@@ -36,9 +36,9 @@ RULES = [rule.name for rule in fields(Rules)]
 LIGHTS = 12
 # Of a parameter's own standard deviation: what rounding in other orders may do over a few steps.
 TOLERANCE = 0.002
-# A matte face is traced by another program of the renderer, which rounds on its own at every pixel;
-# the photo, which has highlights, leaves large residuals that this goes through.
-TOLERANCE_MATTE = 0.02
+# Another program of the renderer rounds on its own at every pixel, which large residuals multiply,
+# and so do rays from skin to skin that hit the patch beside.
+TOLERANCE_ELSEWHERE = 0.02
 SHORT = Schedule().limited(2)
 
 
@@ -124,7 +124,9 @@ def assert_agree(found: Fitted, wanted: Fitted, tolerance: float = TOLERANCE) ->
     worst = largest_deviation(found, wanted)
     print(f"largest difference: {worst:.1e} standard deviations, allowed {tolerance:g}")
     assert worst < tolerance
-    np.testing.assert_allclose(found.state.model_to_camera, wanted.state.model_to_camera, atol=1e-5)
+    np.testing.assert_allclose(
+        found.state.model_to_camera, wanted.state.model_to_camera, atol=1e-5 * tolerance / TOLERANCE
+    )
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -136,7 +138,7 @@ def test_the_answer_is_the_same_without_a_rule(fit: Fits, rule: str):
 
 def test_the_answer_is_the_same_under_the_full_plan(fit: Fits, job: Job):
     full = fit(None, replace(job, plan=FULL))
-    assert_agree(full, fit())
+    assert_agree(full, fit(), TOLERANCE_ELSEWHERE)
     assert {rule for rule, _ in full.ledger.skipped} <= {"facing", "shadows"}, (
         "nothing is skipped but rays without light, and the motion of shadows, which is no "
         "question of the plan"
@@ -146,7 +148,7 @@ def test_the_answer_is_the_same_under_the_full_plan(fit: Fits, job: Job):
 def test_a_matte_face_needs_no_specular_terms(fit: Fits, job: Job):
     matte = replace(job, freeze=("roughness", "specular"), initial={"specular": np.zeros((6, 6))})
     lean, full = fit(None, matte), fit(None, replace(matte, plan=FULL))
-    assert_agree(lean, full, TOLERANCE_MATTE)
+    assert_agree(lean, full, TOLERANCE_ELSEWHERE)
 
 
 @pytest.mark.parametrize("rule", RULES)

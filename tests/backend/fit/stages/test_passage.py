@@ -70,6 +70,9 @@ class FakeView:
         self.done.append("lights")
         return state + 0.5
 
+    def without_next_to_nothing(self, state: float) -> float:
+        return state
+
     def scaled(self, phase: Phase, state: float) -> float:
         return state / 10
 

@@ -1,0 +1,202 @@
+"""Light that skin sends to skin: between chin and neck, nose and cheek, in the sockets of the eyes.
+
+Radiosity (Goral et al. 1984) on a few hundred patches of the mesh. Skin that receives irradiance E
+sends back B = a E, of each color channel the share a that a white sky would have; a point receives
+the mean of B over directions that are spread as the cosine to its normal, the direct light D beside
+it: E = D + F B, so B = a (1 - F a)^-1 D. As the direct light, this is linear in the lights, so each
+has a picture of its own that lights and relights. Highlights of highlights are not followed.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from facestage.contract import brdf
+from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.contract.light_stage import LightStage
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.light_parameters import CHANNELS
+from facestage.fit.forward.reflectance import UNIFORM, albedo_of
+from facestage.render.light_terms import Asked, LitPoints
+from facestage.render.tracer import RayTracer
+
+# Points of the mesh where light is gathered, and patches that send it back, the first of the
+# points; and rays of each point. More changed no pixel of a face by 0.2 % (docs/transport.md).
+POINTS, PATCHES, RAYS = 2000, 240, 24
+LIGHT_SAMPLES = 2  # per point and light
+GRID_ROUNDS = 12  # of halving the cell that gives so many points
+NEIGHBOURS = 4  # points that a vertex takes its light from
+# Metres that two opposite normals count as apart: lips and lids touch, and face different ways; and
+# points are dense where the surface bends, which is where it sees itself.
+NORMAL_REACH = 0.03
+# Metres between parts that touch: an eye's light is none of the lid's. And how much sparser points
+# are where no pixel is compared.
+PART_REACH, SPARSER = 1.0, 3.0
+RAY_OFFSET = 2e-4  # metres off the surface, as shadow rays begin
+ROUNDS = 8  # of light from patch to patch: what is left then is a share of 0.9^9 F^9
+
+
+class Bounces:
+    """The patches of one face; what hangs on its mean shape alone is found once."""
+
+    def __init__(self, geometry: FaceGeometry) -> None:
+        self.geometry = geometry
+
+    @cached_property
+    def points(self) -> Int[np.ndarray, " points"]:
+        """All vertices, or about POINTS, one for each cell of a grid over place and normal; the
+        first are the middles of the patches, far from each other.
+        """
+        candidates = np.unique(self.geometry.triangles)
+        dense = np.isin(candidates, self.geometry.fitted_vertices)
+        places = self._places[candidates] / np.where(dense, 1.0, SPARSER)[:, None]
+        first = np.arange(len(candidates))
+        high = float(np.ptp(places[:, :3], axis=0).max())
+        low = high / 1000
+        for _ in range(GRID_ROUNDS if len(candidates) > POINTS else 0):
+            cell = 0.5 * (low + high)
+            cells = np.round(places / cell).astype(np.int64)
+            cells -= cells.min(axis=0)
+            numbers = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+            first = np.unique(numbers, return_index=True)[1]
+            low, high = (cell, high) if len(first) > POINTS else (low, cell)
+        return candidates[first[_far_apart(places[first], PATCHES)]]
+
+    @cached_property
+    def _places(self) -> Float[np.ndarray, "vertices 7"]:
+        """Where the mean face's vertices are, where they look, and what part they are of."""
+        mean, part = self.geometry.mean, np.zeros(len(self.geometry.mean))
+        part[self.geometry.triangles] = self.geometry.triangle_part[:, None]
+        normals = self.geometry.vertex_normals(mean)[0]
+        return np.concatenate([mean, NORMAL_REACH / 2 * normals, PART_REACH * part[:, None]], 1)
+
+    @cached_property
+    def _patch_of_point(self) -> Int[np.ndarray, " points"]:
+        return self._nearest_patch(self._places[self.points])
+
+    @cached_property
+    def _patch_of_triangle(self) -> Int[np.ndarray, " triangles"]:
+        return self._nearest_patch(self._places[self.geometry.triangles].mean(axis=1))
+
+    def _nearest_patch(self, places: Float[np.ndarray, "places 7"]) -> Int[np.ndarray, " places"]:
+        return cKDTree(self._places[self.points[:PATCHES]]).query(places)[1]
+
+    @cached_property
+    def _members(self) -> sp.csr_matrix:
+        """(patches, points) the mean over the points of each patch."""
+        patch = self._patch_of_point
+        share = 1.0 / np.bincount(patch, minlength=int(patch.max()) + 1)[patch]
+        return sp.csr_matrix((share, (patch, np.arange(len(patch)))))
+
+    @cached_property
+    def _spread(self) -> sp.csr_matrix:
+        """(vertices, points) what each vertex takes of the points around it."""
+        count = min(NEIGHBOURS, len(self.points))
+        distance, index = cKDTree(self._places[self.points]).query(self._places, k=count)
+        distance, index = distance.reshape(-1, count), index.reshape(-1, count)
+        weight = 1.0 / (distance**2 + (0.25 * distance[:, -1:]) ** 2 + 1e-12)
+        weight /= weight.sum(axis=1, keepdims=True)
+        pointer = np.arange(0, weight.size + 1, count)
+        shape = (len(self._places), len(self.points))
+        return sp.csr_matrix((weight.astype(np.float32).ravel(), index.ravel(), pointer), shape)
+
+    def irradiance(
+        self,
+        tracer: RayTracer,
+        vertices: Float[np.ndarray, "vertices 3"],
+        log_albedo: Float[np.ndarray, "vertices 3"],
+        stage: LightStage,
+        numbers: Int[np.ndarray, " lights"],
+        c_spec: float,
+        seed: int,
+        traced: Bool[np.ndarray, " lights"] | None = None,
+    ) -> Float32[np.ndarray, "3 points lights"]:
+        """What the points receive from other skin under each light of radiance 1, by channel.
+
+        Its skin is of ``log_albedo`` and all of one ``c_spec``.
+
+        ``tracer`` holds the mesh at ``vertices``, in whose frame ``stage`` is; lights that are not
+        ``traced`` send nothing.
+        """
+        normals = self.geometry.vertex_normals(vertices)[0][self.points]
+        places = vertices[self.points]
+        lit = LitPoints(places, normals, normals, normals, stage, 0.5, self.points, numbers)
+        direct = tracer.light_terms(
+            lit, LIGHT_SAMPLES, seed, Asked(specular=False), traced=traced
+        ).diffuse
+        factors = self._form_factors(tracer, places, normals)
+        between, members = self._members @ factors, self._members
+        share = brdf.matte(np.pi, albedo_of(members @ log_albedo[self.points])) + UNIFORM * c_spec
+        result = np.empty((CHANNELS, *direct.shape), np.float32)
+        first = members @ direct
+        for channel in range(CHANNELS):
+            sent = share[:, channel, None] * first
+            total = sent
+            for _ in range(ROUNDS):
+                sent = share[:, channel, None] * (between @ sent)
+                total = total + sent
+            result[channel] = factors @ total
+        return result
+
+    def _form_factors(
+        self,
+        tracer: RayTracer,
+        places: Float[np.ndarray, "points 3"],
+        normals: Float[np.ndarray, "points 3"],
+    ) -> sp.csr_matrix:
+        """(points, patches): the share of a point's cosine-weighted view that each patch fills."""
+        local = _cosine_directions(RAYS)
+        helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
+        x = np.cross(helper, normals)
+        x /= np.linalg.norm(x, axis=1, keepdims=True)
+        frame = np.stack([x, np.cross(normals, x), normals], axis=1)  # rows
+        directions = (local @ frame).reshape(-1, 3)
+        origins = np.repeat(places + RAY_OFFSET * normals, RAYS, axis=0)
+        triangle = tracer.first_hits(origins, directions).triangle
+        hit = triangle >= 0
+        row = np.repeat(np.arange(len(places)), RAYS)[hit]
+        column = self._patch_of_triangle[triangle[hit]]
+        shape = (len(places), self._members.shape[0])
+        return sp.csr_matrix((np.full(len(row), 1.0 / RAYS, np.float32), (row, column)), shape)
+
+    def at_pixels(
+        self,
+        received: Float32[np.ndarray, "3 points lights"],
+        corners: Int[np.ndarray, "pixels 3"],
+        weights: Float[np.ndarray, "pixels 3"],
+    ) -> Float32[np.ndarray, "3 pixels lights"]:
+        """What pixels that see these ``corners``, mixed by ``weights``, receive."""
+        count = len(corners)
+        pick = sp.csr_matrix(
+            (weights.astype(np.float32).ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)),
+            shape=(count, self._spread.shape[0]),
+        )
+        channels, points, lights = received.shape
+        flat = received.transpose(1, 0, 2).reshape(points, channels * lights)
+        result = (pick @ self._spread @ flat).reshape(count, channels, lights)
+        return np.ascontiguousarray(result.transpose(1, 0, 2))
+
+
+def _cosine_directions(count: int) -> Float[np.ndarray, "_ 3"]:
+    """Unit directions around +Z, spread evenly as the cosine to it (a spiral on the disc)."""
+    index = np.arange(count) + 0.5
+    radius, angle = np.sqrt(index / count), index * np.pi * (3.0 - np.sqrt(5.0))
+    height = np.sqrt(1.0 - radius**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+
+
+def _far_apart(places: Float[np.ndarray, "places _"], count: int) -> Int[np.ndarray, " places"]:
+    """The order of all places in which each of the first ``count`` is the farthest from those
+    before it.
+    """
+    chosen = np.zeros(min(count, len(places)), np.int64)
+    distance = np.full(len(places), np.inf)
+    for index in range(1, len(chosen)):
+        nearer = ((places - places[chosen[index - 1]]) ** 2).sum(axis=1)
+        distance = np.minimum(distance, nearer)
+        chosen[index] = int(distance.argmax())
+    return np.concatenate([chosen, np.setdiff1d(np.arange(len(places)), chosen)])

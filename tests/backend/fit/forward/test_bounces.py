@@ -1,0 +1,134 @@
+"""Light from skin to skin: against what is known of an integrating sphere, and in pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.contract import brdf
+from facestage.contract.light_stage import ON, LightStage
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.forward.bounces import Bounces
+from facestage.fit.forward.one_light import OneLightImages
+from facestage.fit.forward.reflectance import UNIFORM
+from facestage.render.tracer import RayTracer
+from facestage.render.variant import start_renderer
+from reference.shadow_scene import card_and_wall
+from reference.synthetic_scene import Scene, synthetic_scene
+
+RADIUS, RADIANCE, SIDE = 0.1, 50.0, 0.01
+
+
+@pytest.fixture(scope="module", autouse=True)
+def renderer() -> None:
+    start_renderer("cpu")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return synthetic_scene()
+
+
+def inside_of_a_sphere(rows: int = 40) -> FaceGeometry:
+    """Latitudes and longitudes, the triangles turned inwards."""
+    model = card_and_wall()
+    polar, around = np.meshgrid(
+        np.linspace(1e-3, np.pi - 1e-3, rows),
+        np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False),
+        indexing="ij",
+    )
+    flat = np.sin(polar)
+    vertices = RADIUS * np.stack([flat * np.cos(around), np.cos(polar), flat * np.sin(around)], -1)
+    row, column = np.mgrid[: rows - 1, : 2 * rows]
+    a, b = row * 2 * rows + column, row * 2 * rows + (column + 1) % (2 * rows)
+    quads = np.stack([a, b, b + 2 * rows, a + 2 * rows], -1).reshape(-1, 4)
+    triangles = np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])
+    geometry = FaceGeometry(model)
+    geometry.triangles, geometry.mean = triangles, vertices.reshape(-1, 3)
+    geometry.triangle_part = np.zeros(len(triangles), geometry.triangle_part.dtype)
+    geometry.fitted = np.ones(len(triangles), bool)
+    if (geometry.vertex_normals(geometry.mean)[0] * geometry.mean).sum() > 0:
+        geometry.triangles = triangles[:, ::-1]
+    return geometry
+
+
+def lamp_in_the_middle() -> LightStage:
+    return LightStage(
+        np.zeros((1, 3)),
+        np.array([[0.0, 0.0, -1.0]]),
+        np.array([[1.0, 0.0, 0.0]]),
+        np.array([SIDE]),
+        np.full((1, 3), RADIANCE),
+        np.array([ON]),
+    )
+
+
+def test_an_integrating_sphere_is_lit_evenly():
+    """Every point sees all others alike: a D + a^2 D + ... of the mean direct light D (Jacquez &
+    Kuppenheim 1955), however unevenly the lamp lights it.
+    """
+    geometry = inside_of_a_sphere()
+    tracer = RayTracer(geometry.triangles, len(geometry.mean))
+    tracer.update(geometry.mean)
+    albedo, c_spec = np.array([0.6, 0.3, 0.1]), 0.5
+    logs = np.broadcast_to(np.log(albedo), geometry.mean.shape)
+    bounces, numbers = Bounces(geometry), np.arange(1)
+    found = bounces.irradiance(
+        tracer, geometry.mean, logs, lamp_in_the_middle(), numbers, c_spec, seed=0
+    )
+    share = brdf.K_DIFFUSE * albedo + UNIFORM * c_spec
+    flux, area = np.pi * SIDE**2, 4 * np.pi * RADIUS**2
+    expected = flux / area * share / (1 - share)
+    np.testing.assert_allclose(found.mean(axis=1)[:, 0], expected, rtol=0.05)
+    assert found[:, :, 0].std(axis=1).max() < 0.1 * expected.max()
+
+
+def test_a_light_that_is_not_traced_sends_nothing():
+    geometry = inside_of_a_sphere(16)
+    tracer = RayTracer(geometry.triangles, len(geometry.mean))
+    tracer.update(geometry.mean)
+    logs, one = np.full(geometry.mean.shape, -1.0), lamp_in_the_middle()
+    both = LightStage(
+        *(np.concatenate([value, value]) for value in vars(one).values())  # type: ignore[arg-type]
+    )
+    found = Bounces(geometry).irradiance(
+        tracer, geometry.mean, logs, both, np.arange(2), 0.0, 0, np.array([True, False])
+    )
+    assert found[:, :, 0].min() > 0 and not found[:, :, 1].any()
+
+
+def test_pixels_take_what_the_points_around_them_receive(scene: Scene):
+    """A smooth field over the face is found again."""
+    bounces, geometry = scene.forward.bounces, scene.geometry
+    field = 1 + 5 * geometry.mean[:, 0] + 3 * geometry.mean[:, 1]
+    received = np.broadcast_to(field[bounces.points], (3, len(bounces.points)))[..., None]
+    corners = geometry.triangles
+    found = bounces.at_pixels(
+        received.astype(np.float32), corners, np.full((len(corners), 3), 1 / 3)
+    )
+    assert np.abs(found[0, :, 0] - field[corners].mean(axis=1)).max() < 0.1 * np.ptp(field)
+
+
+def test_a_face_without_it_is_as_it_was_and_lights_add_up(scene: Scene):
+    pixels = np.stack(np.meshgrid(np.arange(96), np.arange(96)), -1).reshape(-1, 2) + 0.5
+    forward, none = scene.forward, scene.state
+    some = replace(none, interreflection=0.8)
+    surface = forward.surface(none, pixels)
+    direct, whole = (
+        forward.light_terms(state, surface, scene.stage, 4, 0) for state in (none, some)
+    )
+    assert not direct.indirect.size and whole.indirect.shape == (3, *whole.diffuse.shape)
+    np.testing.assert_array_equal(direct.diffuse, whole.diffuse)
+    image = forward.shade(some, surface, whole)
+    less = forward.shade(none, surface, direct)
+    assert (image.color >= less.color).all() and (image.color > 1.001 * less.color).any()
+    x, y = surface.pixels.astype(int).T
+    every = np.stack([y.repeat(1), x], 1)
+    images = OneLightImages(some.camera, pixels.astype(int), len(scene.stage))
+    images.add(x, y, 1.0, whole, image.skin)
+    place = every[:, 0] * 96 + every[:, 1]
+    for channel in range(3):
+        total = images.colors[channel][place] @ image.radiance[:, channel]
+        np.testing.assert_allclose(total, image.color[:, channel], rtol=1e-4, atol=1e-6)
