@@ -101,7 +101,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
         "Real photo",
         f"  Landmarks {origin}.",
         f"  {result.advice}",
-        f"  Cycles and the fit's own renderer agree to {match:.1f} dB in the face (direct light).",
+        f"  Cycles and the fit's own renderer agree to {match:.1f} dB in the face.",
         f"  pictures  {sheet}",
         f"  report    {out / 'astronaut' / RESULT_FOLDER / REPORT}",
         f"  scene     {out / 'astronaut' / pipeline.SCENE_FILE}",
