@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import RELIEF, SHAPE, SHARED, with_unknowns
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
@@ -268,7 +267,7 @@ class JointRun:
         if self._final is None:
             return
         joint, item, joined = self._final
-        free = joint.layout.all_true([~member.view.held(Layout(member.state)) for member in joined])
+        free = joint.layout.all_true([~member.view.held(member.state) for member in joined])
         for index, member in enumerate(joined):
             if member.joined:
                 member.last = item.marginal(index, joint.layout, free)

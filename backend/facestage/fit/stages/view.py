@@ -33,8 +33,9 @@ from facestage.fit.stages.visible import VisiblePhoto
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their
 # noise would otherwise be taken for shape.
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
-# Of all the light that skin sends to skin; less changes no pixel by a quarter of a percent.
-INTERREFLECTION_MIN = 0.1
+# Of all the light that skin sends to skin, which adds about 5 % to direct light (root mean square,
+# docs/transport.md): less than half a percent is left out.
+INTERREFLECTION, INTERREFLECTION_MIN = {"interreflection"}, 0.1
 
 
 @dataclass(frozen=True)
@@ -204,11 +205,12 @@ class View:
         """Blocks that the job, or a known camera, holds."""
         return set(self.problem.job.freeze) | (set() if self.problem.fit_focal else {"focal"})
 
-    def held(self, layout: Layout) -> np.ndarray:
-        """(size,) bool: parameters that the job, or a known camera, holds, and the places of weak
-        lights.
+    def held(self, state: State) -> np.ndarray:
+        """(size,) bool: parameters that the job, or a known camera, holds, the places of weak
+        lights, and light from skin to skin where ``state`` has none.
         """
-        held = layout.mask(self.frozen())
+        layout = Layout(state)
+        held = layout.mask(self.frozen() | (set() if state.interreflection else INTERREFLECTION))
         held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
         return held
 
@@ -250,12 +252,9 @@ class View:
 
     def without_next_to_nothing(self, state: State) -> State:
         """Before a phase: without light from skin to skin where the photo has shown hardly any."""
-        held = "interreflection" in self.frozen()
-        return (
-            replace(state, interreflection=0.0)
-            if state.interreflection < INTERREFLECTION_MIN and not held
-            else state
-        )
+        if state.interreflection >= INTERREFLECTION_MIN or INTERREFLECTION & self.frozen():
+            return state
+        return replace(state, interreflection=0.0)
 
     def placed_stage(self, state: State) -> LightStage:
         """The lit lights in the camera frame, where ``state`` turned them to and as bright as it
@@ -308,10 +307,7 @@ class View:
         """What the terms of a phase are made from, shadows held; None when all that it could move
         is frozen.
         """
-        layout = Layout(state)
-        freeze = self.held(layout)
-        if state.interreflection == 0:
-            freeze |= layout.mask(["interreflection"])
+        layout, freeze = Layout(state), self.held(state)
         if not (layout.mask(phase.blocks) & ~freeze).any():
             return None
         scaled = self.scaled(phase, state)

@@ -122,7 +122,7 @@ def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
     if last is None:
         return Certainty({}, {})
     layout, problem, names = Layout(state), view.problem, _names(view.problem)
-    free = ~view.held(layout)
+    free = ~view.held(state)
     found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
     vertices = _vertex_deviation(view, state, covariance(last.hessian, free))
     if free[layout.slices["identity"]].any():
@@ -152,7 +152,7 @@ def _support(view: View, start: State, state: State, last: Iteration | None) -> 
     shape is free.
     """
     layout = Layout(state)
-    free = ~view.held(layout)
+    free = ~view.held(state)
     if last is None or last.evaluation is None:
         return None
     if not (free & layout.mask(("identity", "expression"))).any():
@@ -180,7 +180,7 @@ def _shading_doubt(view: View, last: Iteration | None) -> np.ndarray | None:
     if last is None or last.evaluation is None:
         return None
     layout = Layout(last.state)
-    known = covariance(last.hessian, ~view.held(layout))
+    known = covariance(last.hessian, ~view.held(last.state))
     return shading_doubt(view.forward, last.evaluation, layout, known)
 
 

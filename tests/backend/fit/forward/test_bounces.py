@@ -125,10 +125,8 @@ def test_a_face_without_it_is_as_it_was_and_lights_add_up(scene: Scene):
     less = forward.shade(none, surface, direct)
     assert (image.color >= less.color).all() and (image.color > 1.001 * less.color).any()
     x, y = surface.pixels.astype(int).T
-    every = np.stack([y.repeat(1), x], 1)
     images = OneLightImages(some.camera, pixels.astype(int), len(scene.stage))
     images.add(x, y, 1.0, whole, image.skin)
-    place = every[:, 0] * 96 + every[:, 1]
     for channel in range(3):
-        total = images.colors[channel][place] @ image.radiance[:, channel]
+        total = images.colors[channel][96 * y + x] @ image.radiance[:, channel]
         np.testing.assert_allclose(total, image.color[:, channel], rtol=1e-4, atol=1e-6)
