@@ -111,6 +111,18 @@ def test_pixels_take_what_the_points_around_them_receive(scene: Scene):
     assert np.abs(found[0, :, 0] - field[corners].mean(axis=1)).max() < 0.1 * np.ptp(field)
 
 
+def test_a_pixel_on_a_point_takes_most_of_that_point(scene: Scene):
+    """Else creases would be smeared: the points around one may face elsewhere."""
+    bounces = scene.forward.bounces
+    some = bounces.points[::20]
+    received = np.zeros((3, len(bounces.points), len(some)), np.float32)
+    received[:, ::20] = np.eye(len(some))
+    found = bounces.at_pixels(
+        received, np.repeat(some[:, None], 3, axis=1), np.full((len(some), 3), 1 / 3)
+    )
+    assert np.diag(found[0]).min() > 0.5
+
+
 def test_a_face_without_it_is_as_it_was_and_lights_add_up(scene: Scene):
     pixels = np.stack(np.meshgrid(np.arange(96), np.arange(96)), -1).reshape(-1, 2) + 0.5
     forward, none = scene.forward, scene.state

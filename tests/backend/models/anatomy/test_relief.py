@@ -60,7 +60,9 @@ def test_neighbours_move_alike_and_distant_places_do_not(head: FaceModel, basis:
     correlation = covariance[centre] / np.sqrt(np.diag(covariance) * covariance[centre, centre])
     distance = np.linalg.norm(place - place[centre], axis=1)
     near, far = distance < 0.3 * LENGTH_MM, distance > 3 * LENGTH_MM
+    between = np.abs(distance / LENGTH_MM - 1) < 0.2
     assert near.sum() > 1 and correlation[near].min() > 0.85
+    assert correlation[between].mean() == pytest.approx(np.exp(-0.5), abs=0.1)
     assert np.abs(correlation[far]).max() < 0.35
 
 
