@@ -266,6 +266,20 @@ class SceneSettings(bpy.types.PropertyGroup):
         "the fit finds the one factor that their brightness lacks",
         default=True,
     )
+    white_balance_known: BoolProperty(
+        name="White Balance",
+        description="The color of the light is known from something grey in the photo; otherwise "
+        "it is a guess, and the skin's color with it",
+    )
+    white_balance: FloatVectorProperty(
+        name="Color of the light",
+        description="What something grey or white shows in the photo; how bright it is does not "
+        "matter",
+        subtype="COLOR",
+        default=(1.0, 1.0, 1.0),
+        min=1e-3,
+        soft_max=1.0,
+    )
     freeze: EnumProperty(
         name="Keep as is",
         description="What the fit must not change",

@@ -8,7 +8,18 @@ from . import preferences, properties
 from .landmarks import overlay as landmark_overlay
 from .preview import live as preview
 from .scene import keeping
-from .ui import backend_task, export, face, fit, landmarks, light_stage, own_mesh, photo, result
+from .ui import (
+    backend_task,
+    export,
+    face,
+    fit,
+    landmarks,
+    light_stage,
+    own_mesh,
+    photo,
+    result,
+    white_balance,
+)
 
 # Panels stand in the sidebar in the order in which they are registered.
 MODULES = (
@@ -17,6 +28,7 @@ MODULES = (
     backend_task,
     landmarks,
     photo,
+    white_balance,
     light_stage,
     face,
     own_mesh,

@@ -58,6 +58,9 @@ def test_a_minimal_job_keeps_its_defaults(tmp_path: Path, photo: Path):
     st.none() | st.floats(1e-3, 1e6),
     st.integers(0, 2**20),
     st.floats(0, 1e6),
+    st.none()
+    | st.tuples(st.floats(0, 1e4), st.floats(0, 1e4))
+    | st.tuples(*3 * [st.floats(1e-6, 1e6)]),
 )
 def test_options_round_trip(
     photo: Path,
@@ -67,6 +70,7 @@ def test_options_round_trip(
     budget: float | None,
     seed: int,
     weight: float,
+    white: tuple[float, ...] | None,
 ):
     original = Job(
         photo,
@@ -76,6 +80,7 @@ def test_options_round_trip(
         budget_seconds=budget,
         seed=seed,
         weights=Weights(photo=weight),
+        white_balance=white,
     )
     original.save(photo.parent / "job")
     assert_same(replace(Job.load(photo.parent / "job"), image=photo), original)
@@ -256,6 +261,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "face": None,
         "surround": "auto",
         "exposure": "known",
+        "white_balance": None,
     }
     (folder / "job.json").write_text(json.dumps({"schema": 1, "image": "photo.png"}))
     assert_same(replace(Job.load(folder), image=photo), Job(photo))

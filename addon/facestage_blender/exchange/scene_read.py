@@ -39,6 +39,7 @@ def read_job(scene: bpy.types.Scene) -> Job:
         light_color=settings.light_color,
         surround=settings.surround,
         exposure=KNOWN if settings.exposure_known else UNKNOWN,
+        white_balance=tuple(settings.white_balance) if settings.white_balance_known else None,
         freeze=frozen,
         weights=Weights(
             photo=settings.weight_photo,

@@ -10,6 +10,7 @@ from ..scene.stage import new_stage, require_stage, stage_lights
 from ..scene.surroundings import light_as_world
 from .action import Action
 from .sidebar import SidebarPanel
+from .white_balance import draw_white_balance
 
 LOOKED_AT = 500  # objects: more would make the panel slow to draw
 NAMED = 3
@@ -112,6 +113,7 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "light_radius")
         column.prop(settings, "light_side")
         layout.prop(settings, "light_color", text="Color")
+        draw_white_balance(layout, settings)
         layout.prop(settings, "surround", text="Behind")
         built = settings.stage is not None
         layout.operator(

@@ -51,7 +51,8 @@ def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
     path, settings = absolute(str(path)), scene.facestage
     show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
     if settings.photo and absolute(settings.photo) != path:
-        forget_landmarks(scene)  # they are of the photo before
+        forget_landmarks(scene)  # they are of the photo before, as is its light
+        settings.white_balance_known = False
     settings.photo = str(path)
 
 

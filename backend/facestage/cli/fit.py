@@ -98,6 +98,14 @@ def add_command(commands: Any) -> None:
         "(auto, default), always or never",
     )
     fit.add_argument(
+        "--white-balance",
+        action="append",
+        metavar="X,Y|R,G,B",
+        help="what is grey or white in the photo, in the light that falls on the face: its pixel, "
+        "from the upper left corner, or the linear color that it shows. Without it, the color of "
+        "the light, and with it the skin's, is a guess",
+    )
+    fit.add_argument(
         "--light-color",
         choices=("multi", "uniform"),
         help="a color for each light (default), or one for all",

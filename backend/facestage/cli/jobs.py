@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             "light_color",
             "surround",
             "environment",
+            "white_balance",
             "seed",
             "device",
             "face",
@@ -62,9 +64,16 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
         landmarks = _for_each(options.landmarks, count, "landmark files")
         cameras = _for_each(options.camera, count, "camera files", one_for_all=True)
         focals = _for_each(options.focal_px, count, "focal lengths", one_for_all=True)
+        balances = _for_each(
+            options.white_balance and [_white_balance(text) for text in options.white_balance],
+            count,
+            "white balances",
+        )
         jobs = [
-            _image_job(options, *own)
-            for own in zip(options.image, landmarks, cameras, focals, strict=True)
+            replace(_image_job(options, *own), white_balance=balance)
+            for *own, balance in zip(
+                options.image, landmarks, cameras, focals, balances, strict=True
+            )
         ]
     truths = _for_each(options.truth, count, "truth files")
     regions = _for_each(options.face_region, count, "face regions", one_for_all=True)
@@ -90,8 +99,6 @@ def _for_each(
 def _override(
     job: Job, truth: Path | None, region: Path | None, options: argparse.Namespace
 ) -> Job:
-    from dataclasses import replace
-
     if options.budget is not None:
         seconds, quality = parse_budget(options.budget)
         job = replace(job, budget_seconds=seconds, quality=quality)
@@ -141,6 +148,17 @@ def _image_job(
         device=options.device or "auto",
         face=options.face,
     )
+
+
+def _white_balance(text: str) -> tuple[float, ...]:
+    """Two numbers, a pixel, or three, a color."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"The white balance is '{text}'; expected X,Y, a pixel of something grey in the photo, "
+            "or R,G,B, the linear color that it shows."
+        ) from None
 
 
 def _surroundings(options: argparse.Namespace) -> LightStage:

@@ -17,8 +17,9 @@ from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.paths import is_folder, user_path
 from facestage.contract.files.reading import MIB
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.grey import check_white_balance
 from facestage.contract.landmarks import Landmarks
-from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
+from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, RADIANCE_MAX, LightStage, StageSchema
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import GOOD, QUALITIES
 from facestage.contract.schemas.array_field import Array, rigid
@@ -113,6 +114,8 @@ class Job:
     # whether lights behind the face join those of the stage: one of SURROUNDS
     surround: str = AUTO
     exposure: str = KNOWN  # of the lights that are held: one of EXPOSURES
+    # Something grey in the photo: its pixel (x, y), or what it shows, linear (red, green, blue)
+    white_balance: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -140,6 +143,8 @@ class Job:
             raise InputError(
                 f"Cannot freeze '{unknown[0]}'; expected one of {', '.join(PARAMETERS)}."
             )
+        if self.white_balance is not None:
+            check_white_balance(self.white_balance)
         if self.budget_seconds is not None and not (
             math.isfinite(self.budget_seconds) and self.budget_seconds > 0
         ):
@@ -187,6 +192,7 @@ class Job:
             "face": self.face,
             "surround": self.surround,
             "exposure": self.exposure,
+            "white_balance": None if self.white_balance is None else list(self.white_balance),
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -244,6 +250,7 @@ class Job:
             face=found["face"],
             surround=found["surround"],
             exposure=found["exposure"],
+            white_balance=found["white_balance"],
         )
 
 
@@ -277,6 +284,7 @@ class JobSchema(HandWritten):
     face = Whole(1, FACE_MAX, load_default=None)
     surround = Choice(SURROUNDS, load_default=AUTO)
     exposure = Choice(EXPOSURES, load_default=KNOWN)
+    white_balance = Items(Number(0, RADIANCE_MAX), 2, 3, load_default=None)
 
 
 class JobArrays(FileSchema):

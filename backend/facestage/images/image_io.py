@@ -18,6 +18,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.reading import MIB, open_regular
+from facestage.contract.grey import CLIP_LEVEL
 from facestage.contract.job import PHOTO_SUFFIXES
 from facestage.images.color_profile import (
     DEFAULT,
@@ -42,9 +43,6 @@ FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP")
 HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"avif", b"avis")
 RAW_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw")
 ORIENTATION = 0x0112
-# The brightest code value of a display image, less rounding: there the sensor, or the file, ran
-# out.
-CLIP_LEVEL = 0.996
 EXR_MAX = 1e9
 LINEAR_REC709 = "linear Rec. 709"
 

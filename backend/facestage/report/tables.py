@@ -38,6 +38,10 @@ ERRORS = {
     "landmark_statistic": ("Squared distance from the landmarks' shape", ""),
     "shape_deviation": ("Deviation of the shape, by the fit's own account, RMS", "mm"),
     "landmark_shape_deviation": ("The same by landmarks alone", "mm"),
+    "skin_color_deviation": (
+        "Deviation of the skin's red over blue, by the fit's own account",
+        "relative",
+    ),
     "landmark_px": ("Landmarks, median distance", "px"),
     "albedo": ("Albedo, RMS, best scale factored out", "linear"),
     "light": ("Irradiance, relative, best scale factored out", ""),

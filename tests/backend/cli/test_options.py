@@ -32,6 +32,8 @@ from reference.synthetic_case import Case
         (["--focal-px", "333"], lambda job: job.camera.focal_px, 333.0),
         (["--plan", "full"], lambda job: job.plan, "full"),
         (["--surround", "on"], lambda job: job.surround, "on"),
+        (["--white-balance", "12,40.5"], lambda job: job.white_balance, (12.0, 40.5)),
+        (["--white-balance", "1,.9,0.8"], lambda job: job.white_balance, (1.0, 0.9, 0.8)),
         (["--face", "2"], lambda job: job.face, 2),
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
         (
@@ -66,6 +68,13 @@ def test_a_map_of_the_surroundings_is_the_light(case: Case, tmp_path: Path):
     for wrong, words in ((f"{sky}@left", "turned by 'left'"), ("sky.png", "no .exr")):
         with pytest.raises(InputError, match=words):
             read_job(build_parser().parse_args([*fit, wrong]))
+
+
+@pytest.mark.parametrize("text", ["grey", "1", "1,2,3,4", "-1,2", "1,0,1", "nan,1,1", "1,,2"])
+def test_a_white_balance_is_a_pixel_or_a_color(case: Case, text: str):
+    fit = ["fit", str(case.photo), "--out", "o", f"--white-balance={text}"]
+    with pytest.raises(InputError, match=r"expected X,Y, a pixel .* or R,G,B"):
+        read_job(build_parser().parse_args(fit))
 
 
 @pytest.mark.parametrize("plan", ["lean", "full"])

@@ -10,18 +10,18 @@ across, and the brightness of a light is its share of the total.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from facestage.contract.arrays import Float
+from facestage.fit.face.light_axes import AXES
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
+from facestage.fit.face.white_balance import WhiteBalance
 
-# Of a color over the mean of its channels, in linear Rec. 709: from blue to red, and from magenta
-# to green. Black bodies from 2300 K and daylight to 20000 K, 6500 K being white, lie within 0.07 of
+# Black bodies from 2300 K and daylight to 20000 K, 6500 K being white, lie within 0.07 of
 # across = TILT along - BEND along^2; seen by a camera that is balanced to 3200, 4500 or 9500 K,
 # within 0.15.
-AXES = np.array([[1.0, 0.0, -1.0], [-1.0, 2.0, -1.0]]) / np.sqrt([[2.0], [6.0]])
 TILT, BEND = 0.06, 0.16
 # Along and across: of all light together, which the white balance missed; of each light beside it.
 COMMON_SIGMA, OWN_SIGMA = np.array([0.3, 0.05]), np.array([0.5, 0.1])
@@ -42,10 +42,12 @@ class LightPrior:
     lights: LightParameters
     scale: float  # the mean radiance of the first guess
     factor: float = 1.0  # on each residual
+    # In place of what is known of white balances that miss; None: nobody looked.
+    white: WhiteBalance | None = None
 
     def scaled(self, factor: float) -> LightPrior:
         """With ``factor`` times each residual."""
-        return LightPrior(self.lights, self.scale, self.factor * factor)
+        return replace(self, factor=self.factor * factor)
 
     def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
         """The residuals of the ``values``."""
@@ -65,10 +67,15 @@ class LightPrior:
         return jacobian.T @ jacobian, jacobian.T @ residuals
 
     def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        light = self.lights.radiance(values)[self.lights.fitted]
+        radiance, fitted = self.lights.radiance(values), self.lights.fitted
+        light = radiance[fitted]
         if not len(light):
             return np.zeros(0), np.zeros((0, len(values)))
-        residuals, by_light = _of_radiance(light, self.scale)
+        residuals, by_light = _of_radiance(light, self.scale, self.white is None)
+        if self.white is not None:
+            balance, by_radiance = _of_balance(radiance, self.white)
+            residuals = np.concatenate([residuals, balance])
+            by_light = np.concatenate([by_light, by_radiance[:, fitted]])
         jacobian = by_light.reshape(len(residuals), -1)  # one parameter per light and channel
         if self.lights.uniform:
             jacobian = np.einsum("rjc,jcp->rp", by_light, self.lights.jacobian(values))
@@ -79,8 +86,12 @@ class LightPrior:
         return self.factor * residuals, self.factor * jacobian
 
 
-def _of_radiance(light: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """The residuals (r,) of the ``light`` (j, 3), and their derivative (r, j, 3)."""
+def _of_radiance(
+    light: np.ndarray, scale: float, with_common: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """The residuals (r,) of the ``light`` (j, 3), and their derivative (r, j, 3); of the color of
+    all light together only ``with_common``.
+    """
     count, channels = light.shape
     level = light.mean(axis=1)
     # Harmonics, which the bench fits too, may be negative.
@@ -112,7 +123,11 @@ def _of_radiance(light: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarra
     share, by_share = _ratio(count * level, count * by_level, total, by_total)
     parts = [
         _robust(own / OWN_SIGMA, by_own / OWN_SIGMA[:, None, None]),
-        _robust(all_light / COMMON_SIGMA, by_all / COMMON_SIGMA[:, None, None]),
+        *(
+            [_robust(all_light / COMMON_SIGMA, by_all / COMMON_SIGMA[:, None, None])]
+            if with_common
+            else []
+        ),
         (share / SHARE_SIGMA, by_share / SHARE_SIGMA),
         (
             np.array([total / (count * scale) - 1.0]) / LEVEL_SIGMA,
@@ -123,6 +138,22 @@ def _of_radiance(light: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarra
         np.concatenate([one.ravel() for one, _ in parts]),
         np.concatenate([slope.reshape(-1, count, channels) for _, slope in parts]),
     )
+
+
+def _of_balance(radiance: np.ndarray, white: WhiteBalance) -> tuple[np.ndarray, np.ndarray]:
+    """The residuals (2,) of all lights (n, 3), those that are held too, against what something grey
+    shows, and their derivative (2, n, 3).
+    """
+    mix = white.shares @ radiance
+    level = max(float(mix.mean()), 1e-30)
+    color, by_color = _ratio(
+        mix @ AXES.T,
+        AXES[:, None, :] * white.shares[:, None],
+        level,
+        np.repeat(white.shares[:, None] / len(mix), len(mix), axis=1),
+    )
+    sigma = white.sigma
+    return _robust((color - white.color) / sigma, by_color / sigma[:, None, None])
 
 
 def _ratio(

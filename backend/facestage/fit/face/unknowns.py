@@ -26,6 +26,7 @@ from facestage.fit.face.lamps import spacing
 from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
+from facestage.fit.face.white_balance import WhiteBalance
 
 # Ten standard deviations is no face; the bound keeps a wild step from leaving float range.
 WEIGHT_RANGE = (-10.0, 10.0)
@@ -55,6 +56,7 @@ class Known:
     light_scale: float = 1.0
     # Lights of the stage's hemisphere, those that are off too; None: as many as ``lights`` has.
     stage_lights: int | None = None
+    white: WhiteBalance | None = None  # what something grey in the photo shows of the light
 
     @property
     def spacing(self) -> float:
@@ -138,7 +140,7 @@ def _expression_prior(known: Known, count: int) -> Gaussian:
 
 
 def _light_prior(known: Known, count: int) -> LightPrior:
-    return LightPrior(known.lights, known.light_scale)
+    return LightPrior(known.lights, known.light_scale, white=known.white)
 
 
 def _light_position_prior(known: Known, count: int) -> Gaussian:

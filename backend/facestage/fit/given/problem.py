@@ -16,6 +16,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.contract.files.storage import finite
+from facestage.contract.grey import color_of_grey
 from facestage.contract.job import AUTO, FULL, KNOWN, Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import (
@@ -28,7 +29,7 @@ from facestage.contract.light_stage import (
     joined,
 )
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.fineness import USUAL, Fineness
@@ -74,6 +75,8 @@ class Problem:
     fineness: Fineness = USUAL
     exposure: float = 1.0  # what the radiance of the lights that are held is times
     added: int = 0  # lights at the end of the stage that are the fit's own, not the job's
+    # (3,) linear, what something grey in the photo shows; None: nobody said
+    grey: np.ndarray | None = None
 
     def lit_from_behind(self, lights: LightStage) -> Problem:
         """With more ``lights`` (stage frame), to be fitted like those of the job."""
@@ -224,6 +227,8 @@ class Problem:
             settings["surround"] = self.job.surround
         if self.job.exposure != KNOWN:
             settings["exposure"] = self.job.exposure
+        if self.job.white_balance is not None:
+            settings["white_balance"] = self.job.white_balance
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 
@@ -334,6 +339,11 @@ def read_problem(
         raise InputError(
             "All lights of the stage are frozen at radiance 0; free one or give it a radiance."
         )
+    if job.white_balance is not None and ("lights" in job.freeze or (stage.state != ON).all()):
+        raise InputError(
+            "The job gives a white balance, but holds all lights, whose color is known; free the "
+            "lights, or leave out the white balance."
+        )
     model = load_model(job.model) if geometry is None else geometry.model
     landmarks = known_to(model, job.landmarks)
     model.landmark_vertices(landmarks.scheme)
@@ -355,4 +365,12 @@ def read_problem(
         focal_sigma,
         window,
         fineness,
+        grey=_grey(job, photograph),
     )
+
+
+def _grey(job: Job, photograph: Photograph) -> np.ndarray | None:
+    """(3,) what the job's grey shows; a pixel is looked up in the whole ``photograph``."""
+    if job.white_balance is None or len(job.white_balance) == CHANNELS:
+        return None if job.white_balance is None else np.array(job.white_balance)
+    return color_of_grey(photograph.color, photograph.mask, photograph.clipped, *job.white_balance)

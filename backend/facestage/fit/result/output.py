@@ -147,6 +147,8 @@ def _errors(
     if fitted.support is not None:
         errors["shape_deviation"] = fitted.support.photo_mm
         errors["landmark_shape_deviation"] = fitted.support.landmarks_mm
+    if fitted.color is not None and np.isfinite(fitted.color.skin):
+        errors["skin_color_deviation"] = fitted.color.skin
     errors["landmark_px"] = (
         float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     )
@@ -227,6 +229,9 @@ def write_result(
 def _found_of_light(problem: Problem, fitted: Fitted) -> dict[str, str]:
     """What the fit found of the lights before it fitted any, in words."""
     words, found = [], fitted.surround
+    if problem.grey is not None:
+        shares = ", ".join(f"{value:.2f}" for value in problem.grey / problem.grey.mean())
+        words.append(f"white balance as given: grey is {shares} (red, green, blue)")
     if problem.exposure != 1.0:
         words.append(f"held lights {problem.exposure:.3g} times as bright as given, by mean skin")
     if found is not None and found.joined:

@@ -21,6 +21,7 @@ from facestage.fit.face.lamps import strong_lights, turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known, kept_shapes, start_values
+from facestage.fit.face.white_balance import WhiteBalance
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
@@ -189,8 +190,8 @@ class View:
             **start_values(initial, shapes),
         )
 
-    def known(self, phase: Phase) -> Known:
-        """What bounds and priors depend on in ``phase``."""
+    def known(self, phase: Phase, state: State) -> Known:
+        """What bounds and priors depend on in ``phase`` that begins at ``state``."""
         problem = self.problem
         return Known(
             problem.lights,
@@ -199,6 +200,23 @@ class View:
             problem.geometry.model.expression_box,
             self.light_scale,
             int((problem.stage.position[:, 2] >= 0).sum()),
+            self._white_balance(state),
+        )
+
+    def _white_balance(self, state: State) -> WhiteBalance | None:
+        """What the photo's grey says of the light, where the job knows it."""
+        grey = self.problem.grey
+        if grey is None:
+            return None
+        stage = self.placed_stage(state)
+        towards = stage.position - state.translation
+        distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-3)
+        return WhiteBalance.of(
+            grey,
+            towards / distance[:, None],
+            (stage.side / distance) ** 2,
+            stage.radiance,
+            -state.translation / np.linalg.norm(state.translation),
         )
 
     def frozen(self) -> set[str]:
@@ -319,7 +337,7 @@ class View:
             factor=self.factor(phase),
             blocks=phase.blocks,
             freeze=freeze,
-            known=self.known(phase),
+            known=self.known(phase, state),
             plan=self.plan,
         )
         if phase.face_px is None:

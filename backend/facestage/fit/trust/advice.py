@@ -20,6 +20,8 @@ LANDMARK_SHARE_MAX = 0.05
 PSNR_MIN = 24.0
 # Shares of the face that may be hidden: worth a word, and too much to call the rest a face.
 HIDDEN_MENTIONED, HIDDEN_MAX = 0.02, 0.6
+# Of the skin's red over blue, from which on its deviation is worth a word.
+COLOR_MENTIONED = 0.15
 
 
 def verdict(
@@ -44,7 +46,22 @@ def verdict(
         else ""
     )
     explained = f"the render explains the skin with a PSNR of {value:.1f} dB"
-    return CONVERGED, f"Converged: {explained}{hidden_words}{_unsupported(fitted)}."
+    words = f"{explained}{hidden_words}{_unsupported(fitted)}{_uncolored(problem, fitted)}"
+    return CONVERGED, f"Converged: {words}."
+
+
+def _uncolored(problem: Problem, fitted: Fitted) -> str:
+    """What a fit says that does not know what is the light's color and what the skin's; else
+    empty.
+    """
+    doubt = fitted.color
+    if doubt is None or doubt.skin < COLOR_MENTIONED:
+        return ""
+    words = (
+        f"; the light's red over blue is known to {doubt.light:.0%} and the skin's to "
+        f"{doubt.skin:.0%}, so that the skin may be that much redder or bluer"
+    )
+    return words if problem.grey is not None else f"{words}: say what is grey (--white-balance)"
 
 
 def _unsupported(fitted: Fitted) -> str:

@@ -19,6 +19,7 @@ from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
 from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
 from facestage.fit.trust.certainty import Certainty, describe, deviations
+from facestage.fit.trust.color_doubt import ColorDoubt, color_doubt
 from facestage.fit.trust.directions import find_null_directions
 from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.guard import doubt, informative_share, landmark_statistic, statistic_limit
@@ -72,6 +73,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         view.penumbra,
         surround=view.surround,
         support=None if ending.doubt else _support(view, ending.start, state, last),
+        color=_color_doubt(view, state, last),
     )
 
 
@@ -174,6 +176,13 @@ def _support(view: View, start: State, state: State, last: Iteration | None) -> 
         for at, hessian, moved in ((start, before, alone.active), (state, last.hessian, free))
     ]
     return Support(*found)
+
+
+def _color_doubt(view: View, state: State, last: Iteration | None) -> ColorDoubt | None:
+    if last is None or last.evaluation is None:
+        return None
+    known = covariance(last.hessian, ~view.held(state))
+    return color_doubt(view.problem.geometry, view.problem.lights, state, known)
 
 
 def _shading_doubt(view: View, last: Iteration | None) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.stages.surround import Surround
 from facestage.fit.trust.certainty import Certainty
+from facestage.fit.trust.color_doubt import ColorDoubt
 from facestage.fit.trust.lens_check import LensCheck
 from facestage.fit.trust.support import Support
 
@@ -45,4 +46,5 @@ class Fitted:
     # None: the photo was not asked about the shape, or not believed
     support: Support | None = None
     surround: Surround | None = None  # what light from behind was found; None: was not looked for
+    color: ColorDoubt | None = None  # None: the photo was not asked, or light or skin are held
     company: str = ""  # what speaks against this photo beside others of the same person; or empty

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from facestage.contract.arrays import Float
+from facestage.fit.face.light_axes import AXES
 from facestage.fit.face.light_color import (
-    AXES,
     COMMON_SIGMA,
     LEVEL_SIGMA,
     OWN_SIGMA,
