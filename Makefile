@@ -11,10 +11,10 @@ VENV := .venv/bin/python
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test fuzz mutants lint format types rooms ci doctor extension clean
+.PHONY: help setup demo test test-window fuzz mutants lint format types rooms ci doctor extension clean
 
 help: ## List these commands
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Make .venv with everything needed (minutes the first time, then nothing)
 	@test -n "$(PYTHON)" || { echo "make setup: Python was not found; install Python 3.11 or 3.13 (Debian: apt-get install python3 python3-venv)." >&2; exit 1; }
@@ -29,6 +29,12 @@ PROCESSES ?= auto
 test: export PYTHONDONTWRITEBYTECODE :=
 test: setup ## Run all tests, in a process for each core
 	@$(VENV) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
+
+# Blender goes into WINDOW (1.7 GB, once), the pictures into out/window.
+WINDOW ?= $(HOME)/.cache/facestage-window/trixie
+test-window: extension ## Walk through the add-on in a real Blender's window, with pictures (root on Debian)
+	@$(VENV) tools/set_up_window.py "$(WINDOW)"
+	@FACESTAGE_WINDOW="$(WINDOW)" $(VENV) -m pytest --numprocesses 0 --exitfirst tests/window
 
 mutants: setup ## Say which small errors no test would see (an hour or more; docs/testing.md)
 	@$(VENV) tools/mutate.py

@@ -1,0 +1,84 @@
+"""A real Blender with its window, for `make test-window`: Debian trixie's in a folder of its own.
+
+Debian 12's Blender is too old, and Blender as a Python module has no window. Wants root, because
+it unpacks a whole Debian to change into.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from setup_error import SetupError
+from setup_native import apt, apt_install, can_apt_install
+
+SUITE, MIRROR = "trixie", "http://deb.debian.org/debian"
+# The screen, the hands, and the eyes that read buttons' labels.
+TOOLS = {
+    "debootstrap": "debootstrap",
+    "Xvfb": "xvfb",
+    "xdotool": "xdotool",
+    "import": "imagemagick",
+    "tesseract": "tesseract-ocr",
+}
+# Blender itself only recommends numpy.
+BLENDER = ("blender", "python3-numpy", "libgl1-mesa-dri", "libglx-mesa0")
+FINISHED = "facestage-window.stamp"
+
+
+def main() -> int:
+    """Set up into the folder given, or say why not; the tests skip then."""
+    try:
+        set_up(Path(sys.argv[1]).expanduser().resolve())
+    except (SetupError, OSError) as error:
+        print(f"make test-window: {error}", file=sys.stderr)
+    return 0
+
+
+def set_up(folder: Path) -> None:
+    """Install the tools, and Blender into ``folder``, where they are not there already."""
+    missing = [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
+    stamp = folder / FINISHED
+    if stamp.is_file() and not missing:
+        return
+    if not can_apt_install():
+        raise SetupError("only root on Debian or Ubuntu can set Blender's window up.")
+    if missing:
+        apt(["apt-get", "update"])
+        apt_install(missing)
+    if stamp.is_file():
+        return
+    print(f"Installing Blender into {folder} (1.7 GB; three minutes) ...", flush=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    run(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR])
+    # A namespace of its own, so that nothing stays mounted.
+    install = "mount -t proc proc {0}/proc && chroot {0} apt-get install --yes {1}".format(
+        '"$1"', " ".join(["--no-install-recommends", *BLENDER])
+    )
+    run(["unshare", "--mount", "sh", "-c", install, "sh", str(folder)])
+    stamp.write_text(f"{SUITE}\n", encoding="utf-8")
+
+
+def run(command: list[str]) -> None:
+    """Run a command; raise SetupError with its last words when it fails."""
+    done = subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "DEBIAN_FRONTEND": "noninteractive"},
+    )
+    if done.returncode:
+        last = "\n".join(done.stdout.splitlines()[-5:])
+        raise SetupError(f"this command failed: {' '.join(command)}\n{last}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
