@@ -25,6 +25,9 @@ from ..scene.camera import read_camera
 from ..scene.paths import absolute
 from ..scene.stage import relative_matrix
 
+# Where the fitted face is darker than this share of its median, the photo divided by it is noise.
+FLOOR = 0.05
+BRIGHTEST = 8.0  # times the photo: more would show its noise alone
 TOLERANCE = 1e-4  # metres and unit vectors; Blender keeps single floats
 
 
@@ -40,7 +43,11 @@ class RelitPhoto:
     # (h w, 4) float32 linear RGBA, of the cache's size; black where there is no photo
     photo: np.ndarray
     places: np.ndarray  # (P,) int, the cache's pixels in it
-    behind: np.ndarray  # (P, 3) the photo's share of those pixels
+    behind: np.ndarray  # (P, 3) what those pixels show beside the head
+    # (P, 3) what they show of the head in the photo; None where there is no photo
+    front: np.ndarray | None
+    fitted: np.ndarray  # (P, 3) the head under the fitted lights
+    floor: np.ndarray  # (3,) of the fitted radiance
 
     @classmethod
     def load(cls, folder: Path, photo: str) -> RelitPhoto:
@@ -49,9 +56,21 @@ class RelitPhoto:
         cache = RelightCache.load(result)
         row, column = np.divmod(cache.pixels, cache.width)
         places = (cache.height - 1 - row) * cache.width + column
-        pixels = _photo_pixels(photo, cache.width, cache.height)
-        behind = (1 - cache.coverage[:, None]) * pixels[places, :3]
-        return cls(result, cache, changed_at(folder), pixels, places, behind)
+        shown = _photo_pixels(photo, cache.width, cache.height)
+        pixels = np.zeros((cache.height * cache.width, 4), np.float32) if shown is None else shown
+        pixels[:, 3] = 1
+        coverage, fitted = cache.coverage[:, None], cache.colors(result.stage.radiance)
+        return cls(
+            result,
+            cache,
+            changed_at(folder),
+            photo=pixels,
+            places=places,
+            behind=(1 - coverage) * pixels[places, :3],
+            front=None if shown is None else coverage * pixels[places, :3],
+            fitted=fitted,
+            floor=FLOOR * np.median(fitted, axis=0) + np.finfo(np.float32).tiny,
+        )
 
     @property
     def size(self) -> tuple[int, int]:
@@ -61,9 +80,16 @@ class RelitPhoto:
     def pixels(self, radiance: np.ndarray) -> np.ndarray:
         """(h w, 4) float32 linear RGBA: the face under ``radiance`` (N, 3), around it the photo as
         it is.
+
+        The photo times relit over fitted (a ratio image; Liu, Shan and Zhang 2001): hair, beard and
+        pores that no fit has stay, and the fitted light gives back the photo itself.
         """
-        pixels = self.photo.copy()
-        pixels[self.places, :3] = self.behind + self.cache.colors(radiance)
+        relit, pixels = self.cache.colors(radiance), self.photo.copy()
+        if self.front is not None:
+            level = relit.sum(axis=0) / np.maximum(self.fitted.sum(axis=0), self.floor)
+            ratio = (relit + level * self.floor) / (self.fitted + self.floor)
+            relit = self.front * np.minimum(ratio, BRIGHTEST)
+        pixels[self.places, :3] = self.behind + relit
         return pixels
 
     def difference(self, scene: bpy.types.Scene, stage: LightStage) -> str:
@@ -130,20 +156,20 @@ def changed_at(folder: Path) -> int:
         return 0
 
 
-def _photo_pixels(path: str, width: int, height: int) -> np.ndarray:
-    """(h w, 4) linear RGBA of the photo at another size, its nearest pixels; black without a
-    readable photo.
+def _photo_pixels(path: str, width: int, height: int) -> np.ndarray | None:
+    """(h w, 4) linear RGBA of the photo at another size, its nearest pixels; None without a
+    readable photo: the face itself needs none.
     """
-    pixels = np.zeros((height, width, 4), np.float32)
-    pixels[..., 3] = 1
-    if path:
-        try:
-            image = load_image(absolute(path))
-        except InputError:
-            return pixels.reshape(-1, 4)  # the face itself needs no photo
-        photo = image_pixels(image)[::-1, :, :3]
-        y = ((np.arange(height) + 0.5) * len(photo) / height).astype(int)
-        x = ((np.arange(width) + 0.5) * photo.shape[1] / width).astype(int)
-        photo = photo[y[:, None], x]
-        pixels[..., :3] = photo if image.is_float else srgb_to_linear(photo)
+    try:
+        image = load_image(absolute(path)) if path else None
+    except InputError:
+        image = None
+    if image is None:
+        return None
+    photo = image_pixels(image)[::-1, :, :3]
+    y = ((np.arange(height) + 0.5) * len(photo) / height).astype(int)
+    x = ((np.arange(width) + 0.5) * photo.shape[1] / width).astype(int)
+    photo = photo[y[:, None], x]
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = photo if image.is_float else srgb_to_linear(photo)
     return pixels.reshape(-1, 4)

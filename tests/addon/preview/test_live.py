@@ -50,15 +50,25 @@ def shown() -> np.ndarray:
 
 
 def expected(scene) -> np.ndarray:
-    """(h, w, 3) the cache's own picture of the scene's lights over the photo."""
+    """(h, w, 3) the photo times what the scene's lights make of the head over what the fitted ones
+    make of it.
+    """
+    from facestage_blender.preview.relit_photo import BRIGHTEST, FLOOR
     from facestage_blender.scene.paths import absolute
     from facestage_blender.scene.stage import read_stage
 
-    cache = RelightCache.load(Result.load(absolute(scene.facestage.result)))
-    behind = np.ones(cache.height * cache.width)
-    behind[cache.pixels] = 1 - cache.coverage
-    picture = cache.relight(read_stage(scene.facestage.stage).radiance)
-    return picture + GREY * behind.reshape(cache.height, cache.width, 1)
+    result = Result.load(absolute(scene.facestage.result))
+    cache = RelightCache.load(result)
+    relit = cache.colors(read_stage(scene.facestage.stage).radiance).astype(float)
+    fitted = cache.colors(result.stage.radiance).astype(float)
+    picture = np.full((cache.height * cache.width, 3), GREY)
+    for channel in range(3):
+        now, then = relit[:, channel], fitted[:, channel]
+        floor = FLOOR * np.median(then)
+        ratio = (now + now.sum() / then.sum() * floor) / (then + floor)
+        ratio = np.where(ratio < BRIGHTEST, ratio, BRIGHTEST)
+        picture[cache.pixels, channel] = GREY * (1 - cache.coverage + cache.coverage * ratio)
+    return picture.reshape(cache.height, cache.width, 3)
 
 
 def status() -> str:
@@ -101,7 +111,7 @@ def test_backend_prepares_the_preview(applied) -> None:
     assert (Path(applied.facestage.result) / RELIGHT_CACHE).is_file()
     assert bpy.context.window_manager.facestage_preview.active and not status()
     np.testing.assert_allclose(shown(), expected(applied), rtol=1e-4, atol=1e-5)
-    assert shown().std() > 0.01
+    np.testing.assert_allclose(shown(), GREY, rtol=1e-4)  # under the fitted lights, the photo
 
 
 def test_refused_preparation_is_reported(applied, stand_in) -> None:
@@ -284,3 +294,16 @@ def test_a_deleted_scene_ends_the_preview(live) -> None:
     bpy.data.scenes.remove(live)
     preview.refresh()
     assert preview.Preview.photo is None and preview.find_image() is None
+
+
+def test_without_its_photo_the_face_alone_is_shown(live) -> None:
+    import bpy
+
+    from facestage_blender.scene.stage import read_stage
+
+    assert bpy.ops.facestage.relight_preview() == {"FINISHED"}
+    live.facestage.photo = ""
+    assert bpy.ops.facestage.relight_preview() == {"FINISHED"}
+    cache = RelightCache.load(Result.load(Path(live.facestage.result)))
+    wanted = cache.relight(read_stage(live.facestage.stage).radiance)
+    np.testing.assert_allclose(shown(), wanted, rtol=1e-4, atol=1e-5)
