@@ -1,5 +1,6 @@
 """Where the backend is, whether it works, and whether it may go online."""
 
+import blf
 import bpy
 from bpy.props import StringProperty
 
@@ -8,6 +9,8 @@ from facestage.contract.errors import BackendUnavailableError
 from .backend.commands import find_backend
 
 REPORT_LINES = 14
+FONT = 0  # the interface's own
+EDGES = 150.0  # pixels of the preferences, at a scale of 1, beside what a box in them says
 OFFLINE = (
     "Online access is off (System > Network), so the backend downloads nothing: to find faces it "
     "needs the landmark model on this machine, and Check Backend says where."
@@ -32,14 +35,15 @@ class FacestagePreferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         """Show the backend's path, the check, and what it said."""
         layout = self.layout
+        width = context.region.width - EDGES * context.preferences.system.ui_scale
         layout.prop(self, "backend")
         try:
             found = " ".join(find_backend(self.backend))
             layout.label(text=f"Using: {found}", icon="CHECKMARK")
         except BackendUnavailableError as error:
-            draw_wrapped(layout, str(error), "ERROR", 90)
+            draw_wrapped(layout, str(error), "ERROR", width)
         if not online_access():
-            draw_wrapped(layout, OFFLINE, "INFO", 90)
+            draw_wrapped(layout, OFFLINE, "INFO", width)
         running = context.window_manager.facestage.task
         layout.operator(
             "facestage.check_backend",
@@ -67,19 +71,30 @@ def addon_preferences(context: bpy.types.Context) -> FacestagePreferences | None
     return addon.preferences if addon else None
 
 
-def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
-    """Draw a sentence over several lines of about ``width`` characters: Blender's labels do not
-    wrap.
+def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: float) -> None:
+    """Draw a sentence over several lines, each of at most ``width`` pixels: Blender's labels do not
+    wrap, and end in dots where they are too long.
     """
-    words, line, lines = text.split(), "", []
-    for word in words:
-        if line and len(line) + 1 + len(word) > width:
-            lines.append(line)
-            line = ""
-        line = f"{line} {word}".strip()
     column = layout.column(align=True)
-    for index, content in enumerate([*lines, line]):
-        column.label(text=content, icon=icon if index == 0 else "BLANK1")
+    for index, line in enumerate(wrapped(text, width)):
+        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+
+
+def wrapped(text: str, width: float) -> list[str]:
+    """The lines that a sentence fills in the interface's font, each of at most ``width`` pixels or
+    one word.
+    """
+    preferences = bpy.context.preferences
+    # Blender as a module has no interface, hence no scale.
+    blf.size(FONT, preferences.ui_styles[0].widget.points * (preferences.system.ui_scale or 1.0))
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and blf.dimensions(FONT, longer)[0] > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 CLASSES = (FacestagePreferences,)

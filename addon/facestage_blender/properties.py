@@ -247,8 +247,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Light color",
         description="Whether the lights may differ in color",
         items=[
-            (LIGHT_COLORS[0], "Each its own", "Every light has a color of its own"),
-            (LIGHT_COLORS[1], "One for all", "All lights share one color and differ in power only"),
+            (LIGHT_COLORS[0], "Each Its Own", "Every light has a color of its own"),
+            (LIGHT_COLORS[1], "One for All", "All lights share one color and differ in power only"),
         ],
     )
     surround: EnumProperty(
@@ -353,6 +353,7 @@ class RunState(bpy.types.PropertyGroup):
     doubtful: BoolProperty(
         name="Doubtful", description="The last fit did not simply converge: its message says why"
     )
+    began: StringProperty(name="Began", description="What runs, or was the last to run")
     failure: StringProperty(name="Error", description="Why the last run ended without a result")
     notice: StringProperty(
         name="Notice", description="Why the last run ended without a result, where nothing is wrong"

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
@@ -212,7 +213,7 @@ class Blender:
             words = self.read(box or self.sidebar(), layout)
             for start in range(len(words) - len(wanted) + 1):
                 run = words[start : start + len(wanted)]
-                if [_letters(word) for word, _, _ in run] == wanted and _in_line(run):
+                if _alike([_letters(word) for word, _, _ in run], wanted) and _in_line(run):
                     return sum(x for _, x, _ in run) // len(run), run[0][2]
         self.shot("not-found")
         seen = " ".join(word for word, _, _ in words)
@@ -303,6 +304,12 @@ def screen() -> Iterator[str]:
 
 def _letters(word: str) -> str:
     return re.sub(r"[^a-z0-9]", "", word.lower())
+
+
+def _alike(seen: list[str], wanted: list[str]) -> bool:
+    """Whether words were meant, some letters misread; the last one, which is cut off first, too."""
+    whole = SequenceMatcher(None, "".join(seen), "".join(wanted)).ratio()
+    return whole > 0.85 and SequenceMatcher(None, seen[-1], wanted[-1]).ratio() > 0.7
 
 
 def _in_line(run: list[Word]) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import shutil
 import struct
+import time
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,7 @@ from window.blender import Blender
 PHOTO = "a portrait.png"  # a name as people have them
 SETTINGS = "bpy.context.scene.facestage"
 STATE = "bpy.context.window_manager.facestage"
+SPACE = "bpy.context.area.spaces.active"
 BROWSER = (250, 190, 1100, 625)  # where Blender opens its file browser on this screen
 PATH_FIELD, ACCEPT = (825, 208), (1280, 790)
 
@@ -57,6 +59,7 @@ def test_a_photo_is_chosen_and_seen(blender: Blender, photo: Path):
     blender.until(f"{SETTINGS}.photo == {str(photo)!r}")
     blender.shot("photo")
     assert blender.ask("bpy.context.scene.render.resolution_x") == 512
+    assert blender.ask(f"{SPACE}.region_3d.view_perspective") == "CAMERA"
     blender.find(photo.name)
 
 
@@ -74,7 +77,8 @@ def test_the_stage_names_what_is_in_the_way_and_hides_it(blender: Blender):
     blender.click("Build Light Stage")
     blender.until(f"{SETTINGS}.stage")
     blender.shot("stage")
-    blender.find("In the way:")
+    blender.find("In the way: Cube, Light, the")
+    blender.find("world's light")
     blender.click("Hide What Is in the Way")
     blender.until("bpy.data.objects['Cube'].hide_render")
     blender.shot("stage-cleared")
@@ -99,6 +103,7 @@ def test_the_fit_shows_its_progress_and_its_result(blender: Blender):
     assert blender.ask(f"{STATE}.failure") == ""
     blender.until(f"{SETTINGS}.result")
     blender.shot("fit-done")
+    blender.find("Converged: the render explains")
 
 
 def test_the_lights_are_previewed_and_the_face_is_relit(blender: Blender):
@@ -107,6 +112,7 @@ def test_the_lights_are_previewed_and_the_face_is_relit(blender: Blender):
     blender.until("bpy.context.window_manager.facestage_preview.active")
     blender.shot("relight-preview")
     blender.do("bpy.ops.facestage.relight(direction='left')")
+    time.sleep(1.0)  # the preview follows in a moment
     blender.shot("relit-from-the-left")
     blender.do("bpy.ops.facestage.relight(direction='fitted')")
     blender.do("bpy.ops.facestage.relight_preview()")
@@ -184,6 +190,64 @@ def test_light_as_world_takes_the_lights_of_a_picture(blender: Blender):
     blender.click("Light as World")
     blender.until(f"{SETTINGS}.exposure_known == False")
     blender.shot("light-as-world")
+
+
+def test_esc_does_not_end_a_fit_and_cancel_is_no_error(blender: Blender):
+    blender.do("bpy.ops.facestage.build_stage()")
+    blender.click("Fit to Photo")
+    blender.until(f"{STATE}.task == 'Fitting'")
+    blender.move(500, 600)
+    blender.key("Escape")
+    assert blender.ask(f"{STATE}.task") == "Fitting"
+    _, row = blender.find("Fitting:")
+    left, _, width, _ = blender.sidebar()
+    blender.press(left + width - 20, row)
+    blender.idle()
+    blender.shot("fit-cancelled")
+    assert blender.ask(f"{STATE}.failure") == ""
+    blender.find("Cancelled")
+    assert blender.ask(f"{STATE}.message") == ""
+
+
+def test_closing_the_preferences_ends_their_check(blender: Blender):
+    blender.do(
+        "bpy.ops.screen.userpref_show()\n"
+        "window = bpy.context.window_manager.windows[-1]\n"
+        "window.screen.areas[0].ui_type = 'PREFERENCES'\n"
+        "bpy.context.preferences.active_section = 'ADDONS'\n"
+        "bpy.context.window_manager.addon_search = 'Facestage'\n"
+        "bpy.ops.preferences.addon_expand(module='bl_ext.user_default.facestage_blender')\n"
+        "with bpy.context.temp_override(window=window):\n"
+        "    bpy.ops.facestage.check_backend('INVOKE_DEFAULT')\n"
+    )
+    blender.shot("preferences")
+    blender.do(
+        "with bpy.context.temp_override(window=bpy.context.window_manager.windows[-1]):\n"
+        "    bpy.ops.wm.window_close()\n"
+    )
+    blender.idle(60)
+    assert len(blender.ask("list(bpy.context.window_manager.windows)")) == 1
+
+
+def test_a_new_file_ends_the_fit(blender: Blender):
+    blender.do("bpy.ops.facestage.fit('INVOKE_DEFAULT')")
+    process = blender.do(
+        "from bl_ext.user_default.facestage_blender.ui.backend_task import Running\n"
+        "answer = Running.process.pid\n"
+    )
+    assert Path(f"/proc/{process}").exists()
+    blender.do("bpy.ops.wm.read_homefile(app_template='')")
+    assert blender.ask(f"{STATE}.task") == ""
+    blender.wait(lambda: not _runs(process), 60, "the end of the backend")
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is more than an entry that nobody has collected."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
 
 
 def _cheeks(picture: Path, landmarks: dict[str, list[list[float]]]) -> float:

@@ -17,16 +17,28 @@ FACE_SHARE = 0.62  # of the view that the face fills
 ZOOM_LIMIT = 600.0  # Blender's own
 
 
+def look_through_camera(context: bpy.types.Context) -> list[bpy.types.Area]:
+    """Show the whole photo in the 3D View in use, else in all of the window's; returns these.
+
+    They lose the dashed lines from each light to the stage's empty, which would cross the face.
+    """
+    areas = context.window.screen.areas if context.window is not None else []
+    views = [area for area in areas if area.type == "VIEW_3D"]
+    views = [context.area] if context.area in views else views
+    for area in views:
+        space = area.spaces.active
+        space.overlay.show_relationship_lines = False
+        space.region_3d.view_perspective = "CAMERA"
+        space.region_3d.view_camera_zoom, space.region_3d.view_camera_offset = 0.0, (0.0, 0.0)
+    return views
+
+
 def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks: Landmarks) -> None:
     """Show the photo in the 3D View in use, else in all of the window's, the landmarks' face large
     in its middle.
     """
-    areas = context.window.screen.areas if context.window is not None else []
-    views = [area for area in areas if area.type == "VIEW_3D"]
-    for area in [context.area] if context.area in views else views:
+    for area in look_through_camera(context):
         rv3d = area.spaces.active.region_3d
-        rv3d.view_perspective = "CAMERA"
-        rv3d.view_camera_zoom, rv3d.view_camera_offset = 0.0, (0.0, 0.0)
         region = next((item for item in area.regions if item.type == "WINDOW"), None)
         if bpy.app.background or region is None:
             continue

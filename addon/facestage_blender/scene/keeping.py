@@ -104,6 +104,7 @@ def _keep_temporary(scene: bpy.types.Scene, blend: Path) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(path, target)
         except OSError as error:
+            bpy.context.window_manager.facestage.began = ""
             bpy.context.window_manager.facestage.failure = (
                 f"'{path.name}' could not be kept beside the .blend ({error.strerror or error}) "
                 "and will be gone when Blender is left; make room, and save again."

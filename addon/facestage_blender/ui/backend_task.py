@@ -123,6 +123,7 @@ class BackendTask:
     def _start(self, context: bpy.types.Context) -> bool:
         state = context.window_manager.facestage
         state.failure = state.notice = ""
+        state.began = self.task
         try:
             Running.process = BackendProcess(self.command(context), online_access())
         except FacestageError as error:
@@ -137,7 +138,8 @@ class BackendTask:
         self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
     ) -> set[str]:
         Running.process = None
-        context.window_manager.facestage.task = ""
+        # The last message was of the work: finish says what came of it.
+        context.window_manager.facestage.task = context.window_manager.facestage.message = ""
         if outcome.code == CANCELLED:  # as the user asked: no error
             notice = outcome.message if self.resumable else "Cancelled."
             context.window_manager.facestage.notice = notice

@@ -13,7 +13,7 @@ from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
 from ..scene.stage import ensure_stage
 from .action import Action
 from .backend_task import ModelTask
-from .sidebar import SidebarPanel, line_length
+from .sidebar import SidebarPanel, draw_task, line_width
 
 
 class FACESTAGE_OT_build_rig(ModelTask, bpy.types.Operator):
@@ -103,8 +103,10 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.facestage
         layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
         draw_wrapped(
-            layout, f"License: {model_license(context.scene)}", "NONE", line_length(context)
+            layout, f"License: {model_license(context.scene)}", "NONE", line_width(context)
         )
+        if draw_task(layout, context, FACESTAGE_OT_build_rig.task):
+            return
         built = settings.rig is not None
         layout.operator(
             "facestage.build_rig",

@@ -15,7 +15,7 @@ from ..landmarks.editing import remember_landmarks
 from ..preferences import backend_command, draw_wrapped
 from ..scene.paths import JOB_FOLDER, RESULT_FOLDER, work_folder
 from .backend_task import BackendTask
-from .sidebar import SidebarPanel, draw_progress, existing, line_length
+from .sidebar import SidebarPanel, draw_task, existing, line_width
 
 
 class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
@@ -76,12 +76,10 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
             context.scene.facestage,
             context.window_manager.facestage,
         )
-        if state.task:
-            draw_progress(layout, state)
-        else:
+        if not draw_task(layout, context, FACESTAGE_OT_fit.task, ""):
             ready = bool(settings.photo and settings.stage and settings.rig)
             row = layout.row(align=True)
-            row.enabled, row.scale_y = ready, 1.5
+            row.enabled, row.scale_y = ready and not state.task, 1.5
             row.operator("facestage.fit", icon="PLAY")
             folder = existing(work_folder, context.scene)
             if ready and folder is not None and is_folder(partial_folder(folder / RESULT_FOLDER)):
@@ -97,10 +95,9 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                     if not value
                 ]
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
-        if state.failure:
-            draw_wrapped(layout.box(), state.failure, "ERROR", line_length(context))
-        elif state.notice:
-            draw_wrapped(layout.box(), state.notice, "INFO", line_length(context))
+        if state.message and not state.task:
+            icon = "ERROR" if state.doubtful else "INFO"
+            draw_wrapped(layout.box(), state.message, icon, line_width(context))
 
 
 class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):

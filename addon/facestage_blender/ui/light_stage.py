@@ -5,11 +5,12 @@ from bpy.props import EnumProperty
 
 from facestage.contract.errors import InputError
 
+from ..preferences import draw_wrapped
 from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
 from ..scene.surroundings import light_as_world
 from .action import Action
-from .sidebar import SidebarPanel
+from .sidebar import SidebarPanel, line_width
 from .white_balance import draw_white_balance
 
 LOOKED_AT = 500  # objects: more would make the panel slow to draw
@@ -43,8 +44,15 @@ class FACESTAGE_OT_light_as_world(Action, bpy.types.Operator):
     )
 
     def act(self, context: bpy.types.Context) -> None:
-        """Put the lights there."""
+        """Put the lights there, and say what is to be done about the world's own."""
         light_as_world(context.scene)
+        count = len(stage_lights(require_stage(context.scene)))
+        twice = (
+            "; the world lights the face as well until you press Hide What Is in the Way"
+            if world_shines(context.scene)
+            else ""
+        )
+        self.report({"INFO"}, f"{count} lights stand for the world's picture{twice}.")
 
 
 class FACESTAGE_OT_light_states(Action, bpy.types.Operator):
@@ -106,15 +114,8 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
         self.layout.label(icon="LIGHT_AREA")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the stage's sizes and its builder."""
+        """Draw the stage's builder, and what else lights or hides the face."""
         layout, settings = self.layout, context.scene.facestage
-        column = layout.column(align=True)
-        column.prop(settings, "light_count")
-        column.prop(settings, "light_radius")
-        column.prop(settings, "light_side")
-        layout.prop(settings, "light_color", text="Color")
-        draw_white_balance(layout, settings)
-        layout.prop(settings, "surround", text="Behind")
         built = settings.stage is not None
         layout.operator(
             "facestage.build_stage",
@@ -123,12 +124,12 @@ class FACESTAGE_PT_stage(SidebarPanel, bpy.types.Panel):
         )
         if built:
             layout.operator("facestage.light_as_world", icon="WORLD")
-            _draw_obstacles(layout, context.scene)
+            _draw_obstacles(layout, context)
 
 
-def _draw_obstacles(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+def _draw_obstacles(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Name what hides or lights the face beside the stage, and the button against it."""
-    names = []
+    names, scene = [], context.scene
     if len(scene.objects) <= LOOKED_AT:
         try:
             names = [item.name for item in obstacles(scene)]
@@ -136,14 +137,37 @@ def _draw_obstacles(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             return
     if world_shines(scene):
         names.append("the world's light")
-    row = layout.row(align=True)
-    if names or len(scene.objects) > LOOKED_AT:
+    if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        if names:
-            layout.label(text=f"In the way: {', '.join(names[:NAMED])}{more}", icon="ERROR")
-        row.operator("facestage.clear_stage", icon="HIDE_ON")
+        sentence = f"In the way: {', '.join(names[:NAMED])}{more}"
+        draw_wrapped(layout, sentence, "ERROR", line_width(context))
+    column = layout.column(align=True)
+    if names or len(scene.objects) > LOOKED_AT:
+        column.operator("facestage.clear_stage", icon="HIDE_ON")
     if cleared(scene):
-        row.operator("facestage.give_back", icon="LOOP_BACK")
+        column.operator("facestage.give_back", icon="LOOP_BACK")
+
+
+class FACESTAGE_PT_stage_options(SidebarPanel, bpy.types.Panel):
+    """How the stage is built, and what the fit may do with its light."""
+
+    bl_label = "Options"
+    bl_parent_id = "FACESTAGE_PT_stage"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the stage's sizes, and the light's colors and directions."""
+        layout, settings = self.layout, context.scene.facestage
+        layout.use_property_split, layout.use_property_decorate = True, False
+        column = layout.column(align=True)
+        column.prop(settings, "light_count")
+        column.prop(settings, "light_radius")
+        column.prop(settings, "light_side")
+        column = layout.column(align=True)
+        column.prop(settings, "light_color")
+        column.prop(settings, "surround")
+        layout.use_property_split = False
+        draw_white_balance(layout, settings)
 
 
 class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
@@ -182,5 +206,6 @@ CLASSES = (
     FACESTAGE_OT_clear_stage,
     FACESTAGE_OT_give_back,
     FACESTAGE_PT_stage,
+    FACESTAGE_PT_stage_options,
     FACESTAGE_PT_lights,
 )

@@ -18,7 +18,7 @@ from ..scene.stage import ensure_stage
 from ..scene.user_state import preserved
 from .action import Action
 from .backend_task import ModelTask
-from .sidebar import SidebarPanel
+from .sidebar import SidebarPanel, draw_task
 
 MARK_ITEMS = [
     (name, words, f"{words}; left and right are the face's own")
@@ -142,7 +142,8 @@ class FACESTAGE_PT_own_mesh(SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             for material in materials:
                 column.prop(material, "facestage_part", text=material.name)
-        layout.operator("facestage.use_my_mesh", icon="FILE_REFRESH" if used else "ADD")
+        if not draw_task(layout, context, FACESTAGE_OT_use_my_mesh.task):
+            layout.operator("facestage.use_my_mesh", icon="FILE_REFRESH" if used else "ADD")
 
 
 class FACESTAGE_PT_mesh_landmarks(_OnMesh, SidebarPanel, bpy.types.Panel):

@@ -13,12 +13,13 @@ from facestage.contract.landmarks import Landmarks
 
 from ..landmarks.editing import forget_landmarks
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
+from ..landmarks.photo_view import look_through_camera
 from ..scene.camera import ensure_camera, show_photo
 from ..scene.paths import absolute
 from ..scene.stage import facestage_collection
 from .action import Action
 from .landmarks import FACESTAGE_OT_detect_landmarks
-from .sidebar import SidebarPanel, draw_progress
+from .sidebar import SidebarPanel, draw_task
 
 FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
 MARKS = ((VISIBLE, "HIDE_OFF"), (HIDDEN, "HIDE_ON"), (IGNORED, "X"))
@@ -41,6 +42,7 @@ class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
     def act(self, context: bpy.types.Context) -> None:
         """Remember the photo and show it."""
         choose_photo(context.scene, Path(self.filepath))
+        look_through_camera(context)
 
 
 def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
@@ -74,9 +76,7 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
         )
         photo = bpy.path.basename(settings.photo)
         layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=photo or "Choose Photo")
-        if state.task == FACESTAGE_OT_detect_landmarks.task:
-            draw_progress(layout, state)
-        else:
+        if not draw_task(layout, context, FACESTAGE_OT_detect_landmarks.task):
             row = layout.row(align=True)
             row.enabled = bool(settings.photo) and not state.task
             row.operator("facestage.detect_landmarks", icon="VIEWZOOM")
@@ -98,9 +98,6 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             for line in landmark_lines(settings):
                 column.label(text=line)
-        column = layout.column(align=True)
-        column.prop(settings, "known_lens")
-        column.prop(settings, "keep_camera")
 
 
 def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -147,4 +144,18 @@ def _count(path: Path, _changed: int) -> tuple[int, int]:
     return len(landmarks.points), len(landmarks.points) - int(landmarks.counted.sum())
 
 
-CLASSES = (FACESTAGE_OT_choose_photo, FACESTAGE_PT_photo)
+class FACESTAGE_PT_camera(SidebarPanel, bpy.types.Panel):
+    """What is known of the photo's camera."""
+
+    bl_label = "Camera"
+    bl_parent_id = "FACESTAGE_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what the fit may take from the scene's camera."""
+        column = self.layout.column(align=True)
+        column.prop(context.scene.facestage, "known_lens")
+        column.prop(context.scene.facestage, "keep_camera")
+
+
+CLASSES = (FACESTAGE_OT_choose_photo, FACESTAGE_PT_photo, FACESTAGE_PT_camera)

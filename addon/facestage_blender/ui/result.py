@@ -22,7 +22,7 @@ from ..scene.paths import result_folder
 from ..scene.relight import relight, restore_lights
 from .action import Action
 from .backend_task import BackendTask
-from .sidebar import SidebarPanel, existing, line_length
+from .sidebar import SidebarPanel, draw_task, existing, line_width
 
 
 class FACESTAGE_OT_apply_result(Action, bpy.types.Operator):
@@ -150,15 +150,14 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
             layout.operator("facestage.export", icon="EXPORT")
-        if state.message and not state.task:
-            icon = "ERROR" if state.doubtful else "INFO"
-            draw_wrapped(layout.box(), state.message, icon, line_length(context))
 
 
 def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
     """The live preview's switch, or what makes it possible, and why it does not follow the
     lights.
     """
+    if draw_task(layout, context, FACESTAGE_OT_prepare_relight.task):
+        return
     preview = context.window_manager.facestage_preview
     ready = preview.active or is_file(folder / RELIGHT_CACHE)
     row = layout.row(align=True)
@@ -171,7 +170,7 @@ def _draw_preview(layout: bpy.types.UILayout, context: bpy.types.Context, folder
         )
     row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
     if preview.status:
-        draw_wrapped(layout.box(), preview.status, "ERROR", line_length(context))
+        draw_wrapped(layout.box(), preview.status, "ERROR", line_width(context))
 
 
 CLASSES = (

@@ -7,7 +7,9 @@ import bpy
 
 from facestage.contract.errors import InputError
 
-CHARACTERS_PER_PIXEL = 1 / 8.0
+from ..preferences import draw_wrapped
+
+EDGES = 98.0  # pixels of the sidebar, at a scale of 1, beside what a box in it says after its icon
 
 
 class SidebarPanel:
@@ -26,6 +28,20 @@ def existing(folder: Callable[[bpy.types.Scene], Path], scene: bpy.types.Scene) 
         return folder(scene)
     except InputError:
         return None
+
+
+def draw_task(layout: bpy.types.UILayout, context: bpy.types.Context, *tasks: str) -> bool:
+    """What a step shows of its tasks: the progress of the one that runs (then True), else why the
+    last one ended without a result.
+    """
+    state = context.window_manager.facestage
+    if state.task and state.task in tasks:
+        draw_progress(layout, state)
+        return True
+    if not state.task and state.began in tasks and (state.failure or state.notice):
+        text, icon = (state.failure, "ERROR") if state.failure else (state.notice, "INFO")
+        draw_wrapped(layout.box(), text, icon, line_width(context))
+    return False
 
 
 def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) -> None:
@@ -48,7 +64,6 @@ def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup) ->
         layout.label(text=", ".join(details), icon="TIME")
 
 
-def line_length(context: bpy.types.Context) -> int:
-    """About how many characters go into a line of the sidebar."""
-    scale = context.preferences.system.ui_scale
-    return max(20, int((context.region.width / scale - 40) * CHARACTERS_PER_PIXEL))
+def line_width(context: bpy.types.Context) -> float:
+    """How many pixels a line of the sidebar has for words."""
+    return float(context.region.width - EDGES * context.preferences.system.ui_scale)

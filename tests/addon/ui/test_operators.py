@@ -288,6 +288,7 @@ def test_cancelling_is_no_error(ready, stand_in) -> None:
     state = bpy.context.window_manager.facestage
     assert not state.failure and not state.task
     assert state.notice.startswith("Cancelled")
+    assert not state.message  # what the work was at is no result
 
 
 def test_check_backend_shows_the_report(scene, stand_in) -> None:

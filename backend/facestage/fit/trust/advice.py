@@ -71,7 +71,7 @@ def _unsupported(fitted: Fitted) -> str:
     support = fitted.support
     if support is None or not support.weak:
         return ""
-    remedy = "light the face from one side, or give more photos with --same-person"
+    remedy = "light the face from one side, or fit several photos of the person together"
     if support.little:
         return (
             "; but the photo hardly adds to what the landmarks tell of the shape, which is known "

@@ -61,7 +61,7 @@ def test_a_photo_that_tells_nothing_of_the_shape_is_said_to(job: Job, tmp_path: 
         silent.errors["landmark_shape_deviation"], rel=0.2
     )
     assert "the photo hardly adds to what the landmarks tell" in silent.advice
-    assert silent.advice.count("\n") == 0 and silent.advice.endswith("--same-person.")
+    assert silent.advice.count("\n") == 0 and silent.advice.endswith("of the person together.")
 
 
 @pytest.mark.usefixtures("renderer")
