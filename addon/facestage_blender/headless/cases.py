@@ -14,6 +14,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
+from ..synthetic.cases.recipe import BELOW as BELOW_RECIPES
 from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
 from ..synthetic.cases.skies import skies
@@ -23,7 +24,7 @@ from .scan_options import SCAN_SIZE, add_options, check_alone
 
 SAMPLES, SIZE = 96, 256
 SIZE_MIN, SIZE_MAX = 16, 4096
-TONES, SKIES = "tones", "skies"
+TONES, SKIES, BELOW = "tones", "skies", "below"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -62,9 +63,10 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument(
         "--people",
-        choices=(TONES, SKIES),
+        choices=(TONES, SKIES, BELOW),
         help="instead: tones, twelve people of six skin types, each under three lights; skies, "
-        "eight people, each in one of the surroundings that Blender ships",
+        "eight people, each in one of the surroundings that Blender ships; below, four in whose "
+        "skin light wanders",
     )
     result.add_argument(
         "--photos",
@@ -117,6 +119,8 @@ def _chosen(options: argparse.Namespace) -> dict[str, tuple[Recipe, int | None]]
         people: dict[str, tuple[Recipe, int | None]]
         if options.people == SKIES:
             people = {name: (recipe, None) for name, recipe in skies().items()}
+        elif options.people == BELOW:
+            people = {recipe.name: (recipe, None) for recipe in BELOW_RECIPES}
         else:
             people = dict(tones())
         return {name: people[name] for name in named(people, options.only)}

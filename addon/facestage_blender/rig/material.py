@@ -11,19 +11,22 @@ import bpy
 import numpy as np
 
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
-from facestage.contract.face_model import OTHER, PARTS, FaceModel
+from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
+from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX
 from facestage.contract.texture_maps import PLAIN, TEXTURE_MAPS
 
 from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
 
 GROUP = "Facestage Skin"
+SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
+SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 TEXTURE_SIZE, GLOSS_SIZE = 512, 32  # of a rig without a result
 
 
 def skin_group() -> bpy.types.NodeTree:
-    """The shared node group: diffuse K_DIFFUSE * albedo, plus c_spec times a GGX lobe with
-    Schlick's F0.
+    """The shared node group: diffuse K_DIFFUSE * albedo, which comes out of the skin elsewhere
+    where subsurface scattering is switched on, plus c_spec times a GGX lobe with Schlick's F0.
 
     A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its
     base color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
@@ -38,6 +41,9 @@ def skin_group() -> bpy.types.NodeTree:
         socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
         if not each.colored:
             socket.min_value, socket.max_value = 0.0, each.most
+    for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
+        socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
+        socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, most
     group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
     _wire_group(group)
     return group
@@ -65,7 +71,17 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     lobe.inputs["Specular Tint"].default_value = (1.0, 1.0, 1.0, 1.0)
     links.new(inputs.outputs["Roughness"], lobe.inputs["Roughness"])
 
-    total = diffuse.outputs["BSDF"]
+    below = _node(nodes, "ShaderNodeSubsurfaceScattering", -350, 550)
+    below.falloff = "RANDOM_WALK_SKIN"
+    below.inputs["Radius"].default_value = [METRES * each for each in RADIUS_MM]
+    links.new(scale.outputs["Vector"], below.inputs["Color"])
+    links.new(inputs.outputs[SCATTERING], below.inputs["Scale"])
+    body = _node(nodes, "ShaderNodeMixShader", -100, 350)
+    links.new(inputs.outputs[SUBSURFACE], body.inputs[0])
+    links.new(diffuse.outputs["BSDF"], body.inputs[1])
+    links.new(below.outputs["BSSRDF"], body.inputs[2])
+
+    total = body.outputs[0]
     for step in range(int(SPECULAR_MAX)):
         share = _node(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
         share.operation, share.use_clamp = "SUBTRACT", True
@@ -90,7 +106,7 @@ def part_materials(parts: np.ndarray, uv_map: str = "") -> list[bpy.types.Materi
     return [
         _see_through()
         if part == OTHER
-        else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map)
+        else _part_material(f"Facestage {PARTS[part].capitalize()}", uv_map, part == SKIN)
         for part in parts
     ]
 
@@ -129,10 +145,11 @@ def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
     return material, material.node_tree.nodes, material.node_tree.links
 
 
-def _part_material(name: str, uv_map: str) -> bpy.types.Material:
+def _part_material(name: str, uv_map: str, scatters: bool) -> bpy.types.Material:
     material, nodes, links = _empty_material(name)
     skin = _node(nodes, "ShaderNodeGroup", 0, 0)
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
+    skin[SCATTERS] = bool(scatters)
     output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(skin.outputs["BSDF"], output.inputs["Surface"])
     for row, each in enumerate(TEXTURE_MAPS):
@@ -183,6 +200,22 @@ def set_textures(
     for image in retired:
         if not image.users:
             bpy.data.images.remove(image)
+
+
+def set_scattering(rig: bpy.types.Object, strength: float) -> None:
+    """Let light wander below the skin of a rig ``strength`` times as far as published; 0: switch
+    it off.
+    """
+    for slot in rig.material_slots:
+        nodes = (
+            []
+            if slot.material is None or slot.material.node_tree is None
+            else [node for node in slot.material.node_tree.nodes if node.get(SCATTERS)]
+        )
+        for node in nodes:
+            node.inputs[SUBSURFACE].default_value = float(strength > 0)
+            if strength > 0:
+                node.inputs[SCATTERING].default_value = strength
 
 
 def show_model(rig: bpy.types.Object, model: FaceModel) -> None:

@@ -32,7 +32,7 @@ from facestage.contract.light_stage import LightStage
 from ..pictures.images import texture_image
 from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
 from ..rig.face_rig import build_rig, set_weights
-from ..rig.material import plain_material, set_textures
+from ..rig.material import plain_material, set_scattering, set_textures
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place
@@ -67,7 +67,13 @@ def render_person(
     camera_to_stage[:3, 3] = -person.model_to_camera[:3, 3]
     _build(scene, model, person, camera, camera_to_stage)
 
-    pixels = render_linear(scene, samples, direct_only=not person.interreflection, seed=seed)
+    pixels = render_linear(
+        scene,
+        samples,
+        direct_only=not person.interreflection,
+        seed=seed,
+        denoise=person.scattering > 0,
+    )
     vertices = _moved(model.shape(person.identity, person.expression), person.model_to_camera)
     worn = [(_moved(item.vertices, person.model_to_camera), item.triangles) for item in person.worn]
     sightlines = Sightlines(model, vertices, worn)
@@ -175,6 +181,7 @@ def _build(
         for name in ("albedo", "specular")
     }
     set_textures(rig, images, {"roughness": person.roughness})
+    set_scattering(rig, person.scattering)
     view = ensure_camera(scene, facestage_collection(scene))
     write_camera(scene, view.data, camera)
     pose = camera_to_stage @ person.model_to_camera

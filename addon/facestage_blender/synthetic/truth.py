@@ -64,6 +64,7 @@ class Person:
     around: tuple[Worn, ...] = ()  # walls and the like, in the stage frame
     optics: Optics = PERFECT
     sky: Sky | None = None  # what lights the scene beside the stage
+    scattering: float = 0.0  # how far light wanders below the skin (contract/scattering.py)
 
 
 def landmark_points(model: FaceModel, vertices: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import BLOCKS
+from facestage.fit.face.unknowns import BELOW, BLOCKS
 from facestage.fit.forward.reflectance import albedo_of, by_log
 from facestage.fit.forward.shading import ForwardModel, bilinear_weights
 from facestage.fit.given.problem import FINE_FACE_PX, Problem
@@ -174,7 +174,8 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         run = FitRun(problem, forward, Path(folder), schedule=Schedule(Schedule().landmark_phases))
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
-        phase = Phase("adam", BLOCKS, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
+        blocks = tuple(name for name in BLOCKS if name not in BELOW)
+        phase = Phase("adam", blocks, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
         # Mitsuba differentiates direct light.
         direct = replace(start.state, interreflection=0.0)
         passage = Passage.prepared(run.view, phase, direct)

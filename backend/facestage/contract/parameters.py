@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
+from facestage.contract.scattering import STRENGTH_MAX
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Checked, Number
 
@@ -78,6 +79,9 @@ TABLE: Mapping[str, Parameter] = MappingProxyType(
         ),
         "interreflection": Parameter(
             "Keep how much light goes from skin to skin", Values((), 0, 2), required=False
+        ),
+        "scattering": Parameter(
+            "Keep how far light wanders below the skin", Values((), 0, STRENGTH_MAX), required=False
         ),
     }
 )

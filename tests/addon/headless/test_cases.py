@@ -57,7 +57,11 @@ def test_list_says_what_is_hard(capsys: pytest.CaptureFixture[str]) -> None:
 def test_families_of_people_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     from facestage_blender.headless.cases import main
 
-    for family, count, name in (("tones", 36, "dark_a_lamp"), ("skies", 8, "studio")):
+    for family, count, name in (
+        ("tones", 36, "dark_a_lamp"),
+        ("skies", 8, "studio"),
+        ("below", 4, "hard_side_below"),
+    ):
         assert main(["--list", "--people", family]) == 0
         names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
         assert len(names) == count and name in names

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR
-from facestage.contract.face_model import OTHER
+from facestage.contract.face_model import EYES, OTHER
 from facestage.contract.light_stage import ON, LightStage
 
 RADIUS, DISTANCE, SIDE, PIXELS = 0.05, 0.8, 0.02, 48
@@ -187,6 +187,36 @@ def test_the_node_group_is_shared(scene) -> None:
         len({material.node_tree.nodes[skin_group().name].node_tree for material in materials}) == 1
     )
     assert len(bpy.data.node_groups) == 1
+
+
+def test_light_wanders_below_the_skin_alone(scene) -> None:
+    """A half-lit ball: with the switch on, red light passes the terminator, and as much comes back;
+    eyes keep theirs.
+    """
+    import bpy
+
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.rig.material import part_materials, set_scattering
+
+    towards = np.array([1.0, 0.0, 0.2]) / np.linalg.norm([1.0, 0.0, 0.2])
+    plain = render_ball(scene, (0.5, 0.5, 0.5), 0.0, 0.5, towards)
+    ball = bpy.context.object
+    ball.data.materials.append(part_materials(np.array([EYES]))[0])
+    set_scattering(ball, 3.0)
+    skin, eye = (
+        slot.material.node_tree.nodes["Facestage Skin"].inputs for slot in ball.material_slots
+    )
+    assert (skin["Subsurface"].default_value, skin["Scattering"].default_value) == (1.0, 3.0)
+    assert eye["Subsurface"].default_value == 0.0
+    spread = render_linear(scene, 512, direct_only=True)[..., :3]
+    dark = plain[..., 0] < 1e-4
+    beyond = spread[dark].mean(axis=0)
+    print(f"beyond the terminator {beyond}, in all {spread.mean():.4f} of {plain.mean():.4f}")
+    assert beyond[0] > 1.5 * beyond[2] > 0
+    assert spread.mean() == pytest.approx(plain.mean(), rel=0.12)
+    set_scattering(ball, 0.0)
+    assert skin["Subsurface"].default_value == 0.0
+    np.testing.assert_allclose(render_linear(scene, 512, direct_only=True)[..., :3], plain)
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:

@@ -102,6 +102,7 @@ def person_of(
         () if recipe.walls is None else walls(recipe.walls, recipe.lamps),
         recipe.optics,
         recipe.sky,
+        recipe.scattering,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..truth import PERFECT, Optics, Sky
 from .lamps import Lamp
@@ -43,6 +43,7 @@ class Recipe:
     walls: tuple[float, float, float] | None = None
     optics: Optics = PERFECT
     sky: Sky | None = None
+    scattering: float = 0.0  # how far light wanders below the skin, of what is published
 
 
 RECIPES = (
@@ -196,4 +197,16 @@ RECIPES = (
         {"jawOpen": 0.95, "mouthLowerDownLeft": 0.2, "mouthLowerDownRight": 0.2},
         pose=(40, 2, 2),
     ),
+)
+# Skin that light wanders in, and lights itself: by the random walk of Cycles.
+BELOW = tuple(
+    replace(
+        recipe,
+        name=f"{recipe.name}_below",
+        hard=f"{recipe.hard}; light below the skin",
+        interreflection=True,
+        scattering=1.0,
+    )
+    for recipe in RECIPES
+    if recipe.name in ("soft_many", "hard_side", "point_lamp", "window")
 )

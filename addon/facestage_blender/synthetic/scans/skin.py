@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from facestage.contract.errors import InputError
+from facestage.contract.scattering import METRES, RADIUS_MM
 
 from ...pictures.images import load_image
 
@@ -15,10 +16,6 @@ from ...pictures.images import load_image
 PLAIN_SKIN = (0.46, 0.30, 0.23)
 ROUGHNESS = 0.45
 NORMAL_STRENGTH = 0.8
-# How far light wanders in skin by channel in mm: Jensen et al. 2001, A Practical Model for
-# Subsurface Light Transport, "skin 1".
-RADIUS_MM = (3.67, 1.37, 0.68)
-METRES = 1e-3
 
 
 @dataclass(frozen=True)

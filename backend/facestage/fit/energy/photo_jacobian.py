@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,6 +26,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
 from facestage.fit.forward.reflectance import by_c_spec, uniform_lobe
+from facestage.fit.forward.scattering import Scattering
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
@@ -165,6 +167,8 @@ class Jacobian:
             parts.append(by_roughness.T[..., None])
         if active["interreflection"]:
             parts.append(self._interreflection(part))
+        if active["scattering"]:
+            parts.append(self._scattering(part))
         dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
         if parts:
             np.concatenate(parts, axis=2, out=dense, casting="same_kind")
@@ -304,7 +308,20 @@ class Jacobian:
         indirect = image.terms.indirect
         if indirect.size:
             indirect = indirect[:, part][..., self.light_index]
-        return image.skin.part(part).by_lights(diffuse, specular, np.float32, indirect=indirect)
+        scattered = self._scattered
+        if scattered is not None:
+            scattered = scattered[:, part]
+        return image.skin.part(part).by_lights(
+            diffuse, specular, np.float32, indirect=indirect, scattered=scattered
+        )
+
+    @cached_property
+    def _scattered(self) -> Float32[np.ndarray, "3 pixels lights"] | None:
+        """As it comes out of the skin."""
+        image = self.image
+        if image.spread is None or not len(self.light_index):
+            return None
+        return image.spread.by_light(np.ascontiguousarray(image.terms.diffuse[:, self.light_index]))
 
     def _light_positions(
         self, part: slice, positions: PositionDerivatives
@@ -312,12 +329,25 @@ class Jacobian:
         """By the angles of the lights: each one's own terms change, times its radiance."""
         image = self.image
         skin = image.skin.part(part)
-        by_angle = skin.by_lights(positions.diffuse[part], positions.specular[part])
+        scattered = self._scattered_turns
+        if scattered is not None:
+            scattered = scattered[:, part]
+        by_angle = skin.by_lights(
+            positions.diffuse[part], positions.specular[part], scattered=scattered
+        )
         by_angle *= image.radiance[positions.lights].T[:, None, :, None]
         first = self.layout.slices["light_position"].start + AXES * positions.lights
         return by_angle.reshape(CHANNELS, -1, AXES * len(positions.lights))[
             ..., np.isin((first[:, None] + np.arange(AXES)).ravel(), self.dense_columns)
         ]
+
+    @cached_property
+    def _scattered_turns(self) -> Float32[np.ndarray, "3 pixels strong 2"] | None:
+        """What comes out of the skin of the change by the lights' angles."""
+        spread = self.image.spread
+        if spread is None or self.positions is None:
+            return None
+        return spread.by_light(self.positions.diffuse)
 
     def _albedo(self, part: slice) -> Float[np.ndarray, "3 pixels albedos"]:
         """By albedo: d color = diffuse part * d log albedo."""
@@ -344,6 +374,21 @@ class Jacobian:
         sent = np.einsum("cpn,nc->pc", image.terms.indirect[:, part], image.radiance)
         sent /= strength
         return image.skin.part(part).radiance(sent, uniform_lobe(sent)).T[..., None]
+
+    def _scattering(self, part: slice) -> Float[np.ndarray, "3 pixels 1"]:
+        """By how far light wanders below the skin."""
+        by_strength = self._by_scattering
+        if by_strength is None:
+            return np.zeros((CHANNELS, len(self.image.color[part]), 1))
+        return self.image.skin.part(part).matte(by_strength[part]).T[..., None]
+
+    @cached_property
+    def _by_scattering(self) -> Float[np.ndarray, "pixels 3"] | None:
+        """The irradiance's derivative by the strength."""
+        image = self.image
+        if not isinstance(image.spread, Scattering):
+            return None
+        return image.spread.by_strength(image.terms.diffuse @ image.radiance)
 
     def _texels(self, part: slice) -> sp.csr_matrix:
         """(B, texels): bilinear weights."""

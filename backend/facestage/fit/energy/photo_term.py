@@ -30,7 +30,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
-from facestage.fit.forward.shading import ForwardModel, Surface
+from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.photo import Photo
 from facestage.render.light_terms import Asked, LightTerms
 
@@ -110,7 +110,6 @@ class PhotoTerm(Term):
         """
         rules, ledger = self.plan.rules, self.plan.ledger
         surface = self.forward.surface(state, self.pixels(state), only_fitted=True)
-        shape = self.photo.usable.shape
         weight = self._base_weight(surface)
         if rules.pixels:
             counted = weight[self.index(surface)] > 0
@@ -121,6 +120,28 @@ class PhotoTerm(Term):
         y, x = self.index(surface)
         terms, penumbra = self._with_penumbra(state, surface, placed, terms, weight[y, x], seed)
         image = self.forward.shade(state, surface, terms)
+        return self._compared(state, image, weight, seed, penumbra)
+
+    def with_skin(self, evaluation: Evaluation, state: State) -> Evaluation:
+        """``evaluation`` for a ``state`` that differs from its own in the skin alone: what light
+        reaches it is the same.
+        """
+        surface, terms = evaluation.image.surface, evaluation.image.terms
+        image = self.forward.shade(state, surface, terms)
+        return self._compared(
+            state, image, evaluation.base_weight, evaluation.seed, evaluation.penumbra
+        )
+
+    def _compared(
+        self,
+        state: State,
+        image: Image,
+        weight: Float[np.ndarray, "height width"],
+        seed: int,
+        penumbra: Penumbra | None,
+    ) -> Evaluation:
+        shape = self.photo.usable.shape
+        y, x = self.index(image.surface)
         residual, highlight = np.zeros((*shape, 3)), np.zeros((*shape, 1))
         difference = image.color - self.photo.color[y, x]
         # A clipped pixel only says "at least this bright".

@@ -31,6 +31,8 @@ class State:
     relief: Float[np.ndarray, " reliefs"] = field(default_factory=lambda: np.zeros(0))
     # how much of the light that skin sends to skin there is: 0 none, 1 as the mesh has it
     interreflection: float = 0.0
+    # how far light wanders below the skin: 0 not at all, 1 as published (contract/scattering.py)
+    scattering: float = 0.0
 
     @property
     def shape_weights(self) -> Float[np.ndarray, " modes"]:

@@ -41,6 +41,9 @@ SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels where the mean i
 # Light between skin and skin is there in every photo (1), in pictures of direct light alone not.
 INTERREFLECTION_MEAN, INTERREFLECTION_SIGMA = 1.0, 0.3
 INTERREFLECTION_MAX = 1.5
+# How far light wanders below the skin: about as far as published (1), not at all where the photo
+# does not say.
+SCATTERING_SIGMA, SCATTERING_MAX = 1.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Unknown:
     """A row. By default an unknown is the state's field of its name, a number or an array."""
 
     name: str
-    group: str  # what it moves with: see SHAPE, RELIEF, SKIN, LAMPS and GLOSS
+    group: str  # what it moves with: see SHAPE, RELIEF, SKIN, LAMPS, GLOSS and BELOW
     bounds: Range | Callable[[Known], Range] = (-np.inf, np.inf)
     priors: Mapping[str, Prior] = field(default_factory=dict)  # by their energy's name
     weight: str = "prior"  # which of the job's weights its priors have
@@ -228,6 +231,13 @@ UNKNOWNS = (
         mean=INTERREFLECTION_MEAN,
         counted=False,
     ),
+    Unknown(
+        "scattering",
+        "below",
+        bounds=(0.0, SCATTERING_MAX),
+        priors={"scattering": normal(0.0, SCATTERING_SIGMA)},
+        counted=False,
+    ),
 )
 BLOCKS = tuple(unknown.name for unknown in UNKNOWNS)
 # One person has one shape and one skin; pose, expression, lens and light are the photo's.
@@ -240,8 +250,9 @@ def _group(name: str) -> tuple[str, ...]:
 
 # What moves together. Shape: points and normals; skin: light and albedo, of which each explains
 # what the other does not; relief: what no coefficient of the face model says of the shape.
-SHAPE, RELIEF, SKIN, LAMPS, GLOSS = (
-    _group(name) for name in ("shape", "relief", "skin", "lamps", "gloss")
+# Below: how far light wanders below the skin, which pixels of a millimetre or two show.
+SHAPE, RELIEF, SKIN, LAMPS, GLOSS, BELOW = (
+    _group(name) for name in ("shape", "relief", "skin", "lamps", "gloss", "below")
 )
 
 # What moves points and normals.

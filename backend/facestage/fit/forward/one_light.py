@@ -10,6 +10,7 @@ from facestage.contract.arrays import Float, Int
 from facestage.contract.camera import Camera
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.forward.reflectance import Skin
+from facestage.fit.forward.scattering import Spread
 from facestage.render.light_terms import LightTerms
 
 # Numbers that the images may hold (pixels of the head's bounding box x lights x 3 channels): 80 MB
@@ -38,11 +39,16 @@ class OneLightImages:
         share: float,
         terms: LightTerms,
         skin: Skin,
+        spread: Spread | None = None,
     ) -> None:
-        """Add ``share`` of what the pixels (``x``, ``y``) (p,) see."""
+        """Add ``share`` of what the pixels (``x``, ``y``) (p,) see; ``spread``: below the skin."""
         place = (y - self._corner[1]) * self._box_width + x - self._corner[0]
         images = skin.dimmed(share).by_light(
-            terms.diffuse, terms.specular, np.float32, indirect=terms.indirect
+            terms.diffuse,
+            terms.specular,
+            np.float32,
+            indirect=terms.indirect,
+            scattered=None if spread is None else spread.by_light(terms.diffuse),
         )
         for color, image in zip(self.colors, images, strict=True):
             color[place] += image

@@ -65,17 +65,20 @@ class Skin:
         dtype: DTypeLike = np.float64,
         *,
         indirect: Float[np.ndarray, ...] | None = None,
+        scattered: Float[np.ndarray, ...] | None = None,
     ) -> Iterator[Float[np.ndarray, "points ..."]]:
         """For each color channel (P, ...) radiance under white light of radiance 1, in ``dtype``.
 
         ``irradiance`` and ``lobe`` (P, ...), such as one column for each light; ``indirect``
-        (3, P, ...) is irradiance of each channel beside it, empty or None: none. A channel at a
-        time: all at once are too many numbers for a photo.
+        (3, P, ...) is irradiance of each channel beside it, empty or None: none; ``scattered``
+        (3, P, ...) what of ``irradiance`` comes out of the skin where, None: where it fell on it. A
+        channel at a time: all at once are too many numbers for a photo.
         """
         glossy = self._glossy(lobe, dtype)
         for channel in range(CHANNELS):
             out = np.empty(irradiance.shape, dtype)
-            yield self._image(channel, irradiance, glossy, indirect, out)
+            below = irradiance if scattered is None else scattered[channel]
+            yield self._image(channel, below, glossy, indirect, out)
 
     def by_lights(
         self,
@@ -84,11 +87,13 @@ class Skin:
         dtype: DTypeLike = np.float64,
         *,
         indirect: Float[np.ndarray, ...] | None = None,
+        scattered: Float[np.ndarray, ...] | None = None,
     ) -> Float[np.ndarray, "3 points ..."]:
         """All that :meth:`by_light` gives, at once."""
         glossy, result = self._glossy(lobe, dtype), np.empty((CHANNELS, *irradiance.shape), dtype)
         for channel in range(CHANNELS):
-            self._image(channel, irradiance, glossy, indirect, result[channel])
+            below = irradiance if scattered is None else scattered[channel]
+            self._image(channel, below, glossy, indirect, result[channel])
         return result
 
     def _glossy(self, lobe: np.ndarray, dtype: DTypeLike) -> np.ndarray:

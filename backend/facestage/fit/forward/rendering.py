@@ -15,6 +15,7 @@ from facestage.contract.relight_cache import RelightCache
 from facestage.fit.face.state import State
 from facestage.fit.forward.one_light import OneLightImages
 from facestage.fit.forward.reflectance import Skin
+from facestage.fit.forward.scattered_picture import LatticeLight
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
@@ -99,6 +100,9 @@ def render_picture(
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
         grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
         each = samples or int(np.clip(per_light / grid**2, 1, 16))
+        below = None
+        if state.scattering > 0:
+            below = LatticeLight.under(forward, state, stage, pixels, seed)
         for sub in range(grid * grid):
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
             surface = forward.surface(state, pixels + offset)
@@ -114,12 +118,12 @@ def render_picture(
                     sample_bilinear(textures.albedo, uvs),
                     sample_bilinear(textures.specular, uvs),
                 )
+                spread = None if below is None else below.at(block)
                 if images is not None:
-                    images.add(x, y, 1.0 / grid**2, terms, Skin(albedo, c_spec))
+                    images.add(x, y, 1.0 / grid**2, terms, Skin(albedo, c_spec), spread)
                 for name, radiance in radiances.items():
-                    colors[name][y, x] += (
-                        forward.shade(state, block, terms, albedo, radiance, c_spec).color / grid**2
-                    )
+                    image = forward.shade(state, block, terms, albedo, radiance, c_spec, spread)
+                    colors[name][y, x] += image.color / grid**2
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)

@@ -8,12 +8,14 @@ import numpy as np
 
 from facestage.contract.arrays import Bool, Float, Float32, Int, Shaped
 from facestage.contract.camera import Camera
+from facestage.contract.face_model import SKIN
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.bounces import Bounces
 from facestage.fit.forward.reflectance import Skin, albedo_of, uniform_lobe
+from facestage.fit.forward.scattering import Scattering, Spread
 from facestage.render.light_terms import PLAIN, Asked, LightTerms, LitPoints
 from facestage.render.tracer import Hits, RayTracer
 
@@ -59,11 +61,17 @@ class Image:
     diffuse: Float[np.ndarray, "pixels 3"]  # irradiance
     specular: Float[np.ndarray, "pixels 3"]
     color: Float[np.ndarray, "pixels 3"]
+    spread: Spread | None = None  # of the irradiance below the skin; None: it stays where it is
 
     @property
     def skin(self) -> Skin:
         """What the pixels see is made of."""
         return Skin(self.albedo, self.c_spec)
+
+    @property
+    def scattered(self) -> Float32[np.ndarray, "3 pixels lights"] | None:
+        """Irradiance by each light as it comes out of the skin; None: as it falls on it."""
+        return None if self.spread is None else self.spread.by_light(self.terms.diffuse)
 
 
 class ForwardModel:
@@ -212,9 +220,13 @@ class ForwardModel:
         albedo: Float[np.ndarray, "pixels 3"] | None = None,
         radiance: Float[np.ndarray, "lights 3"] | None = None,
         c_spec: Float[np.ndarray, " pixels"] | None = None,
+        spread: Spread | None = None,
     ) -> Image:
         """Radiance towards the camera; ``albedo``, ``radiance``, ``c_spec``
         replace the state's.
+
+        ``spread``: how light goes on below the skin of more than these pixels; by default, as the
+        state says, of them alone.
         """
         if radiance is None:
             radiance = self.lights.radiance(state.lights)
@@ -222,12 +234,24 @@ class ForwardModel:
             albedo = self.albedo(state, surface)
         if c_spec is None:
             c_spec = sample_bilinear(state.specular, self.uvs(surface))
-        diffuse, specular = terms.diffuse @ radiance, terms.specular @ radiance
+        if spread is None and state.scattering > 0:
+            spread = self.scattering(surface, state.scattering)
+        diffuse = (
+            terms.diffuse @ radiance if spread is None else spread.lit(terms.diffuse, radiance)
+        )
+        specular = terms.specular @ radiance
         if terms.indirect.size:
             indirect = np.einsum("cpn,nc->pc", terms.indirect, radiance)
             diffuse, specular = diffuse + indirect, specular + uniform_lobe(indirect)
         color = Skin(albedo, c_spec).radiance(diffuse, specular)
-        return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color)
+        return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color, spread)
+
+    def scattering(self, surface: Surface, strength: float) -> Scattering:
+        """How light spreads below the skin that the surface's pixels see."""
+        skin = self.geometry.triangle_part[surface.triangle] == SKIN
+        return Scattering.over(
+            surface.pixels, surface.points, surface.rays, surface.normals, skin, strength
+        )
 
     def log_albedo(self, state: State) -> Float[np.ndarray, "vertices 3"]:
         """Log of the vertex albedo, not yet clipped."""

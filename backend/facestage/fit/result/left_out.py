@@ -134,6 +134,8 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
             "the photo shows none of it",
             "its rays, and one column of the Jacobian",
         )
+    if fitted.below is not None and not fitted.below.joined:
+        add("light below the skin", fitted.below.words, "its sums, and a column of the Jacobian")
     if problem.lights.uniform:
         add(
             "two of three light channels",

@@ -104,7 +104,9 @@ def initial_lights(
     )
     result = lights.fixed_radiance.copy()
     terms = image.terms
-    shown = image.skin.by_light(terms.diffuse, terms.specular, indirect=terms.indirect)
+    shown = image.skin.by_light(
+        terms.diffuse, terms.specular, indirect=terms.indirect, scattered=image.scattered
+    )
     for channel, columns in enumerate(shown):
         wanted = target[:, channel] - columns @ lights.fixed_radiance[:, channel]
         result[lights.fitted, channel] = _robust_nnls(

@@ -67,6 +67,7 @@ class Passage:
         if phase.with_photo and not keep_light:
             view.choose_lamps(state)
             state = view.with_initial_lights(phase, view.without_next_to_nothing(state))
+            state = view.with_scattering(phase, state)
         descent = view.descent(phase, state)
         return None if descent is None else cls(view, phase, descent, state)
 

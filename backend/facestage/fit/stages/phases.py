@@ -14,7 +14,7 @@ from typing import Any
 from facestage.contract.job import Job
 from facestage.contract.quality import BEST, DRAFT
 from facestage.fit.energy.shadow_edges import lamps_known
-from facestage.fit.face.unknowns import GLOSS, LAMPS, SHAPE, SKIN
+from facestage.fit.face.unknowns import BELOW, GLOSS, LAMPS, SHAPE, SKIN
 from facestage.fit.given.problem import COARSE_FACE_PX, FINE_FACE_PX
 
 
@@ -72,7 +72,7 @@ PHASES = (
     Phase(PhaseName.SPECULAR, SKIN + GLOSS, COARSE_FACE_PX, 3, share=0.11, seed=4),
     Phase(
         PhaseName.JOINT,
-        SHAPE + SKIN + LAMPS + GLOSS,
+        SHAPE + SKIN + LAMPS + GLOSS + BELOW,
         FINE_FACE_PX,
         8,
         samples=4,

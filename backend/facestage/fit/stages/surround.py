@@ -71,7 +71,10 @@ def _gain(
     y, x = photo.index(image.surface)
     problem = _Channels(
         image.skin.by_lights(
-            image.terms.diffuse, image.terms.specular, indirect=image.terms.indirect
+            image.terms.diffuse,
+            image.terms.specular,
+            indirect=image.terms.indirect,
+            scattered=image.scattered,
         ),
         photo.photo.color[y, x],
         photo.photo.clipped[y, x],

@@ -20,11 +20,12 @@ from facestage.fit.energy.term import Setup
 from facestage.fit.face.lamps import strong_lights, turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, Known, kept_shapes, start_values
+from facestage.fit.face.unknowns import BELOW, SHAPE, Known, kept_shapes, start_values
 from facestage.fit.face.white_balance import WhiteBalance
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
+from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.photo_descent import PhotoDescent
@@ -74,6 +75,7 @@ class View:
         # (N,) bool, the lights whose position is fitted.
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.surround: Surround | None = None
+        self.below: Below | None = None  # None before it was looked for, and where it is not wanted
         self.samples_factor = self._samples_factor()
         self.plan = Plan(Rules.of(problem.job.plan))
 
@@ -225,10 +227,14 @@ class View:
 
     def held(self, state: State) -> np.ndarray:
         """(size,) bool: parameters that the job, or a known camera, holds, the places of weak
-        lights, and light from skin to skin where ``state`` has none.
+        lights, and light from skin to skin and below the skin where ``state`` has none.
         """
         layout = Layout(state)
-        held = layout.mask(self.frozen() | (set() if state.interreflection else INTERREFLECTION))
+        held = layout.mask(self.frozen())
+        if not state.interreflection:
+            held |= layout.mask(INTERREFLECTION)
+        if not state.scattering:
+            held |= layout.mask(BELOW)
         held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
         return held
 
@@ -273,6 +279,19 @@ class View:
         if state.interreflection >= INTERREFLECTION_MIN or INTERREFLECTION & self.frozen():
             return state
         return replace(state, interreflection=0.0)
+
+    def with_scattering(self, phase: Phase, state: State) -> State:
+        """Before a phase that says how far light wanders below the skin: with some of it, where the
+        photo shows it.
+        """
+        looked_for = set(BELOW) & set(phase.blocks) - self.frozen()
+        if state.scattering or not looked_for:
+            return state
+        photo = self.photo_term(phase, state)
+        if photo is None:
+            return state
+        self.below = look_below(photo, self.scaled(phase, state), self.problem.job.seed)
+        return replace(state, scattering=FIRST_STRENGTH) if self.below.joined else state
 
     def placed_stage(self, state: State) -> LightStage:
         """The lit lights in the camera frame, where ``state`` turned them to and as bright as it

@@ -72,6 +72,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         view.plan.ledger,
         view.penumbra,
         surround=view.surround,
+        below=view.below,
         support=None if ending.doubt else _support(view, ending.start, state, last),
         color=_color_doubt(view, state, last),
     )

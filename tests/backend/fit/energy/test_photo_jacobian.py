@@ -149,8 +149,10 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
     assert worst < bound
 
 
-# The strength of light from skin to skin is zero in the scene, and no unknown then.
-@pytest.mark.parametrize("block", [name for name in BLOCKS if name != "interreflection"])
+# Light from skin to skin and below the skin is zero in the scene, and no unknown then.
+@pytest.mark.parametrize(
+    "block", [name for name in BLOCKS if name not in ("interreflection", "scattering")]
+)
 def test_every_parameter(scene: Scene, unshadowed: None, block: str):
     # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves
     # both out. The derivative by a light's place is itself a difference, over a turn ten times as
@@ -164,6 +166,26 @@ def test_light_from_skin_to_skin(scene: Scene, unshadowed: None):
     assert picture(scene, state, interior(scene)).terms.indirect.max() > 1e-4
     for block in ("interreflection", "lights"):
         check(replace(scene, state=state), block)
+
+
+BELOW_THE_SKIN = ("scattering", "lights", "light_position", "albedo", "roughness", "specular")
+
+
+@pytest.mark.parametrize("block", BELOW_THE_SKIN)
+def test_light_below_the_skin(scene: Scene, unshadowed: None, block: str):
+    """By how far it wanders, and by all that does not move the surface."""
+    state = replace(scene.state, scattering=4.0)
+    below = replace(scene, state=state)
+    pixels = interior(scene)
+    change = picture(below, state, pixels).color - picture(scene, scene.state, pixels).color
+    assert np.abs(change).max() > 5e-3
+    check(below, block, {"light_position": 0.06}.get(block, BOUND))
+
+
+@pytest.mark.parametrize("block", ["pose", "identity", "expression"])
+def test_light_below_moving_skin(scene: Scene, unshadowed: None, block: str):
+    """What the surface's motion changes is not spread: off by little of it where light is soft."""
+    check(replace(scene, state=replace(scene.state, scattering=1.0)), block, 0.12)
 
 
 def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):

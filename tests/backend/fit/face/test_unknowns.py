@@ -13,6 +13,7 @@ from facestage.contract.parameters import KEPT, PARAMETERS
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import (
+    BELOW,
     BLOCKS,
     GLOSS,
     LAMPS,
@@ -63,7 +64,7 @@ def test_the_rows_own_the_state_s_fields_once_each():
 
 
 def test_every_unknown_moves_in_some_phase():
-    assert sorted(SHAPE + RELIEF + SKIN + LAMPS + GLOSS) == sorted(BLOCKS)
+    assert sorted(SHAPE + RELIEF + SKIN + LAMPS + GLOSS + BELOW) == sorted(BLOCKS)
     assert SHAPE == ("pose", "focal", "identity", "expression")
     assert SHARED == ("identity", "relief", "albedo", "roughness", "specular")
 

@@ -73,6 +73,9 @@ class FakeView:
     def without_next_to_nothing(self, state: float) -> float:
         return state
 
+    def with_scattering(self, phase: Phase, state: float) -> float:
+        return state
+
     def scaled(self, phase: Phase, state: float) -> float:
         return state / 10
 
