@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +18,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+from backend_lock import locked, write_backend_locks
 from setup_error import SetupError
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -54,6 +54,7 @@ def build_extension(target: Path) -> Path:
         manifest = stage / "blender_manifest.toml"
         build_wheel(Path(folder, "package"), stage / "wheels")
         fetch_wheels(Path(folder, "libraries.txt"), stage / "wheels")
+        write_backend_locks(stage / "requirements")
         names = sorted(path.name for path in (stage / "wheels").glob("*.whl"))
         manifest.write_text(
             with_wheels(manifest.read_text(encoding="utf-8"), names), encoding="utf-8"
@@ -125,19 +126,10 @@ def fetch_wheels(listing: Path, target: Path) -> None:
     names.
     """
     lock = LOCK.read_text(encoding="utf-8")
-    listing.write_text("".join(locked(lock, name) for name in LIBRARIES), encoding="utf-8")
+    pinned = "".join(locked(lock, name, LOCK.name) for name in LIBRARIES)
+    listing.write_text(pinned, encoding="utf-8")
     only = ["--no-deps", "--require-hashes", "--only-binary", ":all:"]
     run([*PIP, "download", *only, "--dest", str(target), "--requirement", str(listing)])
-
-
-def locked(lock: str, name: str) -> str:
-    """The lines of a requirements file that pin ``name``, with its digests."""
-    found = re.search(rf"^{re.escape(name)}==(?:.*\\\n)*.*$", lock, re.MULTILINE)
-    if found is None or "--hash=sha256:" not in found[0]:
-        raise SetupError(
-            f"{LOCK.name} does not pin {name} with its digests; requirements/README.md says how to."
-        )
-    return f"{found[0]}\n"
 
 
 def with_wheels(manifest: str, wheels: Sequence[str]) -> str:

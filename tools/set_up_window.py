@@ -25,8 +25,8 @@ TOOLS = {
     "import": "imagemagick",
     "tesseract": "tesseract-ocr",
 }
-# Blender itself only recommends numpy.
-BLENDER = ("blender", "python3-numpy", "libgl1-mesa-dri", "libglx-mesa0")
+# Blender's own download has numpy and venv in it; Debian's does without.
+BLENDER = ("blender", "python3-numpy", "python3-venv", "libgl1-mesa-dri", "libglx-mesa0")
 FINISHED = "facestage-window.stamp"
 
 
@@ -43,25 +43,28 @@ def set_up(folder: Path) -> None:
     """Install the tools, and Blender into ``folder``, where they are not there already."""
     missing = [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
     stamp = folder / FINISHED
-    if stamp.is_file() and not missing:
+    made_of = " ".join([SUITE, *BLENDER])
+    whole = stamp.is_file() and stamp.read_text(encoding="utf-8") == made_of
+    if whole and not missing:
         return
     if not can_apt_install():
         raise SetupError("only root on Debian or Ubuntu can set Blender's window up.")
     if missing:
         apt(["apt-get", "update"])
         apt_install(missing)
-    if stamp.is_file():
+    if whole:
         return
     print(f"Installing Blender into {folder} (1.7 GB; three minutes) ...", flush=True)
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    run(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR])
+    if not stamp.is_file():
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        run(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR])
     # A namespace of its own, so that nothing stays mounted.
     install = "mount -t proc proc {0}/proc && chroot {0} apt-get install --yes {1}".format(
         '"$1"', " ".join(["--no-install-recommends", *BLENDER])
     )
     run(["unshare", "--mount", "sh", "-c", install, "sh", str(folder)])
-    stamp.write_text(f"{SUITE}\n", encoding="utf-8")
+    stamp.write_text(made_of, encoding="utf-8")
 
 
 def run(command: list[str]) -> None:

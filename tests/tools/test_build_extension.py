@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -166,24 +167,30 @@ def test_a_library_is_fetched_with_its_digests_or_not_at_all(
 ) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tools"))
     import build_extension
+    from backend_lock import locked
     from setup_error import SetupError
 
     lock = (
         "a==1 \\\n    --hash=sha256:1\nb==2 \\\n    --hash=sha256:2 \\\n    "
         "--hash=sha256:3\nbc==4\n"
     )
-    assert (
-        build_extension.locked(lock, "b")
-        == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
-    )
+    assert locked(lock, "b", "lock") == "b==2 \\\n    --hash=sha256:2 \\\n    --hash=sha256:3\n"
     for name in ("bc", "c"):
         with pytest.raises(SetupError, match=f"does not pin {name} with its digests"):
-            build_extension.locked(lock, name)
+            locked(lock, name, "lock")
     for name in build_extension.LIBRARIES:
         other = (REPOSITORY / "requirements" / "python3.13.txt").read_text(encoding="utf-8")
-        assert build_extension.locked(other, name) == build_extension.locked(
-            build_extension.LOCK.read_text(), name
-        )
+        assert locked(other, name, "lock") == locked(build_extension.LOCK.read_text(), name, "lock")
+
+
+def test_it_carries_what_the_backend_is_installed_from(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as extension:
+        for python in ("3.11", "3.13"):
+            lock = extension.read(f"requirements/python{python}.txt").decode()
+            pinned = set(re.findall(r"^(\S+)==", lock, re.MULTILINE))
+            assert {"mitsuba", "drjit", "numpy", "scipy", "marshmallow", "pillow"} <= pinned
+            assert not pinned & {"bpy", "pytest", "ruff", "hypothesis"}
+            assert lock.count("==") == len(pinned) and lock.count("--hash=") > len(pinned)
 
 
 def _sources() -> list[Path]:

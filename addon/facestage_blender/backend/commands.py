@@ -13,9 +13,9 @@ from facestage.contract.errors import BackendUnavailableError
 VARIABLE = "FACESTAGE_BACKEND"
 
 
-def find_backend(preferred: str = "") -> list[str]:
-    """The backend's command: the user's, else $FACESTAGE_BACKEND, else beside this Python, else on
-    the PATH.
+def find_backend(preferred: str = "", installed: list[str] | None = None) -> list[str]:
+    """The backend's command: the user's, else $FACESTAGE_BACKEND, else the ``installed`` one, else
+    beside this Python, else on the PATH.
 
     Raises BackendUnavailableError when there is none.
     """
@@ -25,6 +25,8 @@ def find_backend(preferred: str = "") -> list[str]:
     ):
         if given.strip():
             return _resolved(given.strip(), origin)
+    if installed:
+        return installed
     beside = Path(sys.executable).parent / ("facestage.exe" if os.name == "nt" else "facestage")
     if beside.is_file():
         return [str(beside)]
@@ -32,8 +34,8 @@ def find_backend(preferred: str = "") -> list[str]:
     if found:
         return [found]
     raise BackendUnavailableError(
-        "The Facestage backend was not found; install it (README: make setup) and set its path, "
-        f".venv/bin/facestage, in the add-on's preferences or in ${VARIABLE}."
+        "The Facestage backend is not installed; press Install Backend in the add-on's "
+        f"preferences, or set its path there or in ${VARIABLE}."
     )
 
 

@@ -12,7 +12,7 @@ from facestage.contract.face_model import FaceModel
 
 from ..backend.commands import doctor_command, model_command
 from ..backend.process import CANCELLED, BackendProcess, Outcome
-from ..preferences import addon_preferences, backend_command, online_access
+from ..preferences import CHECKING, addon_preferences, backend_command, online_access
 from ..scene.user_state import preserved
 
 POLL_SECONDS = 0.1
@@ -218,7 +218,7 @@ class FACESTAGE_OT_check_backend(BackendTask, bpy.types.Operator):
     bl_idname = "facestage.check_backend"
     bl_label = "Check Backend"
 
-    task = "Checking the backend"
+    task = CHECKING
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """Run the backend's own check."""

@@ -7,7 +7,7 @@ from bpy_extras.io_utils import ImportHelper
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
-from ..preferences import draw_wrapped
+from ..drawing import draw_wrapped
 from ..rig.face_rig import build_rig
 from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
 from ..scene.stage import ensure_stage

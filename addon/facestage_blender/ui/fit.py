@@ -9,10 +9,11 @@ from facestage.contract.result import CONVERGED, Result
 
 from ..backend.commands import fit_command
 from ..backend.process import BackendProcess
+from ..drawing import draw_wrapped
 from ..exchange.scene_read import read_job
 from ..exchange.write_back import apply_result
 from ..landmarks.editing import remember_landmarks
-from ..preferences import backend_command, draw_wrapped
+from ..preferences import backend_command
 from ..scene.paths import JOB_FOLDER, RESULT_FOLDER, work_folder
 from .backend_task import BackendTask
 from .sidebar import SidebarPanel, draw_task, existing, line_width

@@ -5,7 +5,7 @@ from bpy.props import EnumProperty
 
 from facestage.contract.errors import InputError
 
-from ..preferences import draw_wrapped
+from ..drawing import draw_wrapped
 from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
 from ..scene.surroundings import light_as_world

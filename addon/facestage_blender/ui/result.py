@@ -14,8 +14,9 @@ from facestage.contract.result_files import REPORT, RESULT
 
 from ..backend.commands import render_command
 from ..backend.process import BackendProcess
+from ..drawing import draw_wrapped
 from ..exchange.write_back import apply_result
-from ..preferences import backend_command, draw_wrapped
+from ..preferences import backend_command
 from ..preview import live
 from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.paths import result_folder

@@ -99,6 +99,17 @@ def test_a_fit_is_judged_below_its_button(drawn) -> None:
     assert "Converged." not in drawn("result")
 
 
+def test_a_long_stage_stands_alone_in_the_bar(drawn) -> None:
+    import bpy
+
+    state = bpy.context.window_manager.facestage
+    state.task = state.began = "Fitting"
+    state.stage = "pose"
+    assert "0%  Fitting: pose" in drawn("fit")
+    state.stage = "what is to be read in full, step 12"
+    assert f"0%  {state.stage}" in drawn("fit")
+
+
 def test_what_is_in_the_way_is_named_in_full(drawn, scene) -> None:
     import bpy
 
@@ -117,7 +128,7 @@ def test_no_line_is_wider_than_it_may_be() -> None:
     import blf
     import bpy  # noqa: F401
 
-    from facestage_blender.preferences import FONT, wrapped
+    from facestage_blender.drawing import FONT, wrapped
 
     text = (
         "The photo shows no face that can be found; choose another, or a landmark file of it. " * 2
