@@ -11,6 +11,7 @@ from .scene import keeping
 from .ui import (
     backend_task,
     export,
+    expressions,
     face,
     fit,
     install,
@@ -37,6 +38,7 @@ MODULES = (
     fit,
     export,
     result,
+    expressions,
 )
 
 
