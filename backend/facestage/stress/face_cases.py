@@ -38,6 +38,17 @@ def chalk_skin(folder: Path) -> Job:
 
 
 @suite.add(
+    "waxen-skin",
+    "light wanders below the skin farther than the nose is long, the fit's bound is a fifth",
+    worst_mm=2.0,
+)
+def waxen_skin(folder: Path) -> Job:
+    """Shading as of a candle: red light has hardly any."""
+    scene = replace(plain_scene(), scattering=15.0)
+    return write_job(folder, scene, render(scene))
+
+
+@suite.add(
     "albedo-near-zero",
     "a model whose skin reflects a thousandth: only highlights are seen",
     worst_mm=1.2,

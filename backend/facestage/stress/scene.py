@@ -56,6 +56,7 @@ class Scene:
     c_spec: float = 0.8
     # (4, 4); None: centred on the face, axes parallel to the camera's
     camera_to_stage: np.ndarray | None = None
+    scattering: float = 0.0  # how far light wanders below the skin
 
     @property
     def stage_in_camera(self) -> LightStage:
@@ -80,6 +81,7 @@ class Scene:
             self.albedo,
             self.roughness,
             np.full((4, 4), self.c_spec),
+            scattering=self.scattering,
         )
 
 

@@ -72,6 +72,40 @@ def test_fit_is_written_back_as_the_fit_saw_it(
     assert result.errors["similarity_mm"] < 4.0
 
 
+def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
+    case: Path, backend: list[str], tmp_path: Path
+) -> None:
+    """By a random walk in Cycles, by the fit's own profile in its render."""
+    import bpy
+
+    from facestage_blender.backend.process import BackendProcess
+    from facestage_blender.exchange.scene_read import read_job
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.headless import demo, pipeline
+    from facestage_blender.pictures import render
+
+    order = pipeline.Order(
+        image=case / "photo.png",
+        out=tmp_path / "out",
+        landmarks=case / "landmarks.json",
+        camera=case / "camera.json",
+    )
+    scene = pipeline.empty_scene()
+    pipeline.prepare_scene(scene, order, backend, lambda _event: None)
+    job, out = tmp_path / "job", tmp_path / "result"
+    given = read_job(scene)
+    initial = {**given.initial, "scattering": np.array(1.0)}
+    replace(given, freeze=("scattering", "specular"), initial=initial, quality="draft").save(job)
+    assert BackendProcess(fit_command(backend, job, out)).wait().ok
+    result = Result.load(out)
+    apply_result(scene, result)
+    group = bpy.data.materials["Facestage Skin"].node_tree.nodes["Facestage Skin"]
+    assert group.inputs["Subsurface"].default_value == 1.0
+    match = demo.agreement(scene, result, render.Crop((0, 0, SIZE, SIZE)), samples=512)
+    print(f"Cycles' random walk against the fit's renderer: {match:.1f} dB, at least 32")
+    assert match >= 32.0
+
+
 def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -> None:
     from facestage_blender.backend.process import BackendProcess
     from facestage_blender.exchange.scene_read import read_job
