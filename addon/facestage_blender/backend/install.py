@@ -140,10 +140,10 @@ def explain(lines: list[str], wheels: Path | None) -> str:
     missing = re.search(r"No matching distribution found for (\S+?)==", text)
     if missing and wheels is not None:
         return f"the folder '{wheels}' has no wheel of {missing[1]} for this Python and system."
+    if "Could not fetch URL" in text or "Retrying (" in text:
+        return "PyPI cannot be reached; check the network and press Install Backend to try again."
     if missing:
-        return (
-            f"PyPI has no wheel of {missing[1]} for this Python and system, or cannot be reached."
-        )
+        return f"PyPI has no wheel of {missing[1]} for this Python and system."
     if "DO NOT MATCH THE HASHES" in text:
         return (
             "a package is not the one that was tested (its digest differs); nothing is used of it."

@@ -19,6 +19,7 @@ from facestage_blender.backend.environment import (
     installed_command,
     remove_environment,
 )
+from facestage_blender.backend.install import explain
 from facestage_blender.backend.process import BAD_INPUT, CANCELLED, BackendProcess, Outcome
 
 
@@ -109,6 +110,31 @@ def test_a_package_that_the_folder_lacks_is_named(packages: Packages, tmp_path: 
 def test_a_folder_that_is_not_there_is_named(packages: Packages, tmp_path: Path):
     sentence = refused(packages, tmp_path / "environment", tmp_path / "nowhere")
     assert "nowhere' does not exist" in sentence
+
+
+@pytest.mark.parametrize(
+    ("said", "sentence"),
+    [
+        (
+            [
+                "WARNING: Retrying (Retry(total=0)) after connection broken by 'SSLError(...)'",
+                "ERROR: No matching distribution found for numpy==1.26.4",
+            ],
+            "PyPI cannot be reached",
+        ),
+        (
+            ["ERROR: No matching distribution found for drjit==1.5.0"],
+            "PyPI has no wheel of drjit for this Python and system.",
+        ),
+        (
+            ["ERROR: Could not install packages due to an OSError: No space left on device."],
+            "(Could not install packages due to an OSError: No space left on device)",
+        ),
+    ],
+)
+def test_pips_words_become_one_sentence(said: list[str], sentence: str):
+    explained = explain(said, None)
+    assert sentence in explained and "\n" not in explained and explained.endswith(".")
 
 
 def test_cancelled_leaves_nothing(packages: Packages, wheels: Path, tmp_path: Path):
