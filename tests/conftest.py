@@ -22,6 +22,7 @@ import pytest
 # The first import, so that it checks the calls of what the others import.
 from reference.checked import CHECKED as CHECKED
 from reference.made_once import made_once
+from reference.numpy_2 import hold_to_numpy_2
 
 if TYPE_CHECKING:
     from facestage.contract.face_model import FaceModel
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 # The same examples on every run, and no failure because a machine is slow.
 hypothesis.settings.register_profile("facestage", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("facestage")
+
+hold_to_numpy_2()
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 

@@ -53,7 +53,7 @@ def picture(
     )
     shade = _shaded(points, triangles, albedo)
     corner, color = screen[triangles], shade[triangles]
-    winding = np.cross(corner[:, 1, :2] - corner[:, 0, :2], corner[:, 2, :2] - corner[:, 0, :2])
+    winding = np.linalg.det(corner[:, 1:, :2] - corner[:, :1, :2])
     # counterclockwise from outside is clockwise on a screen whose y points down
     facing = winding < 0
     if not facing.any():

@@ -293,7 +293,7 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
     a, b, c = np.moveaxis(
         geometry.model.uvs[geometry.triangle_uvs[geometry.fitted]].astype(float), 1, 0
     )
-    if np.abs(np.cross(b - a, c - a)).sum() < UV_AREA_MIN:
+    if np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum() < UV_AREA_MIN:
         raise InputError(
             f"The face model '{name}' has no usable texture coordinates: its skin covers no area "
             "of the UV square; unwrap it."
