@@ -30,6 +30,10 @@ FAINT = 0.1
 # How many times the mean light one is, about; and the mean light over that of the first guess,
 # which the skin's tone knows better.
 SHARE_SIGMA, LEVEL_SIGMA = 3.0, 3.0
+# What each light costs that shines, hardly more where it has more than this share: few lamps
+# explain most photos, and many weak lights beside them are a veil of gloss, which makes skin dark.
+# The least share bounds the slope at darkness.
+LIGHT_COST, SHINING, LEAST = 2.0, 0.02, 1e-4
 UNIFORM_SIGMA = 0.06  # of the mean of the one color of all lights, whose scale is the intensities'
 # What is further than so many standard deviations costs little more: neon is on no locus.
 CAUCHY_SCALE = 3.0
@@ -129,6 +133,7 @@ def _of_radiance(
             else []
         ),
         (share / SHARE_SIGMA, by_share / SHARE_SIGMA),
+        _cost(share / count, by_share / count),
         (
             np.array([total / (count * scale) - 1.0]) / LEVEL_SIGMA,
             by_total[None] / (count * scale * LEVEL_SIGMA),
@@ -174,6 +179,15 @@ def _bent(color: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     result[..., 1] += BEND * along**2 - TILT * along
     by_color[..., 1, :, :] += (2 * BEND * along - TILT)[..., None, None] * slope[..., 0, :, :]
     return result, by_color
+
+
+def _cost(share: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals of which half the squares are what each light of this ``share`` costs, with
+    derivative.
+    """
+    above = share + LEAST
+    root = np.sqrt(2 * LIGHT_COST * np.log1p(above / SHINING))
+    return root, (LIGHT_COST / (root * (SHINING + above)))[:, None, None] * slope
 
 
 def _robust(residuals: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

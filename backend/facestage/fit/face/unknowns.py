@@ -37,7 +37,9 @@ EXPRESSION_SIGMA = 0.35
 LIGHT_POSITION_SHARE = 0.4
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
 SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
-SPECULAR_SMOOTHNESS = 0.25  # difference of neighbouring texels where the mean is the usual one
+# Difference of neighbouring texels where the mean is the usual one. Of 0.25, the map takes up what
+# lamps and shape leave over, and gloss that is none makes skin dark (docs/skin-tone.md).
+SPECULAR_SMOOTHNESS = 0.15
 # Light between skin and skin is there in every photo (1), in pictures of direct light alone not.
 INTERREFLECTION_MEAN, INTERREFLECTION_SIGMA = 1.0, 0.3
 INTERREFLECTION_MAX = 1.5

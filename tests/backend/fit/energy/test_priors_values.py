@@ -40,13 +40,13 @@ def test_roughness_lens_and_expression(given: Scene):
     assert found["expression"] == pytest.approx(0.5 * PRIOR * (1 + 4))
 
 
-def test_the_specular_map_s_level_counts_once_and_each_step_of_a_quarter_by_itself(given: Scene):
+def test_the_specular_map_s_level_counts_once_and_each_step_by_itself(given: Scene):
     found = energies(given, specular=np.full((6, 6), 1.4))
     assert found["specular_level"] == pytest.approx(0.5 * PRIOR * 1.5**2)
     assert found["specular_smooth"] == pytest.approx(0)
     # Relative to the mean: 0.8, about.
-    stepped = np.full((6, 6), 0.675)
-    stepped[:, 3:] += 0.25
+    stepped = np.full((6, 6), 0.725)
+    stepped[:, 3:] += 0.15
     assert energies(given, specular=stepped)["specular_smooth"] == pytest.approx(0.5 * PRIOR * 6)
     assert energies(given, specular=stepped.T)["specular_smooth"] == pytest.approx(0.5 * PRIOR * 6)
     brighter = energies(given, specular=2 * stepped)["specular_smooth"]

@@ -9,9 +9,12 @@ from facestage.contract.arrays import Float
 from facestage.fit.face.light_axes import AXES
 from facestage.fit.face.light_color import (
     COMMON_SIGMA,
+    LEAST,
     LEVEL_SIGMA,
+    LIGHT_COST,
     OWN_SIGMA,
     SHARE_SIGMA,
+    SHINING,
     LightPrior,
 )
 from facestage.fit.face.light_parameters import LightParameters
@@ -62,7 +65,10 @@ def test_the_slope_is_that_of_the_residuals(uniform: bool):
 def test_white_light_as_bright_as_guessed_costs_its_evenness_alone():
     found = prior_of(4, 2.0).residuals(np.full(12, 2.0))
     np.testing.assert_allclose(found[:10], 0, atol=1e-12)
-    np.testing.assert_allclose(found[10:], [1 / SHARE_SIGMA] * 4 + [0])
+    np.testing.assert_allclose(found[10:14], 1 / SHARE_SIGMA)
+    shining = 2 * LIGHT_COST * np.log1p((0.25 + LEAST) / SHINING)
+    np.testing.assert_allclose(found[14:18] ** 2, shining)
+    np.testing.assert_allclose(found[18:], 0)
 
 
 def test_exposure_is_nobody_s_prior():
@@ -71,6 +77,22 @@ def test_exposure_is_nobody_s_prior():
     once, twice = (prior_of(6, float(light.mean())).residuals(k * light.ravel()) for k in (1, 2))
     np.testing.assert_allclose(once[:-1], twice[:-1], atol=1e-12)
     assert once[-1] == pytest.approx(0) and twice[-1] == pytest.approx(1 / LEVEL_SIGMA)
+
+
+def test_few_lamps_cost_less_than_a_veil_of_many():
+    """Per lamp, hardly by its share: a tenth of the light is nearly as dear as a half."""
+
+    def shining(shares: list[float]) -> float:
+        light = np.array(shares)[:, None] * np.ones(3)
+        residuals = prior_of(len(shares)).residuals(light.ravel())
+        return 0.5 * float((residuals[-1 - len(shares) : -1] ** 2).sum())
+
+    lamp, veil = shining([1.0] + [0.0] * 9), shining([0.73] + [0.03] * 9)
+    assert 9 * 0.8 < (veil - lamp) / LIGHT_COST < 9
+    assert shining([0.5, 0.5] + [0.0] * 8) - lamp > 2 * LIGHT_COST
+    assert shining([0.9, 0.1] + [0.0] * 8) == pytest.approx(
+        shining([0.5, 0.5] + [0.0] * 8), abs=1.5 * LIGHT_COST
+    )
 
 
 @pytest.mark.parametrize("color", ILLUMINANTS)
