@@ -45,8 +45,18 @@ class Case:
         return replace(job, **changes)
 
 
-def write_case(folder: Path, scene: Scene, noise_px: float = 0.4) -> Case:
-    """Photo as 8-bit PNG, noisy landmarks, camera, model and truth."""
+def upper_third(seen: np.ndarray) -> np.ndarray:
+    """Of a face that is ``seen`` (h, w) bool, the pixels of its upper third."""
+    rows = np.flatnonzero(seen.any(axis=1))
+    below = np.arange(len(seen)) > rows[0] + (rows[-1] - rows[0]) / 3
+    return seen & ~below[:, None]
+
+
+def write_case(folder: Path, scene: Scene, noise_px: float = 0.4, shadow: float = 1.0) -> Case:
+    """Photo as 8-bit PNG, noisy landmarks, camera, model and truth.
+
+    ``shadow``: how bright something leaves the upper third of the face.
+    """
     from PIL import Image
 
     case = Case(
@@ -55,8 +65,9 @@ def write_case(folder: Path, scene: Scene, noise_px: float = 0.4) -> Case:
             for name in ("photo.png", "landmarks.json", "camera.json", "model.npz", "truth.npz")
         )
     )
-    color, _ = scene.render(samples=64)
+    color, seen = scene.render(samples=64)
     color = 0.75 * color / color.max()
+    color = np.where(upper_third(seen)[..., None], shadow * color, color)
     Image.fromarray(np.round(255 * linear_to_srgb(color)).astype(np.uint8)).save(case.photo)
     case.landmarks.write_text(json.dumps(scene.landmarks(noise_px=noise_px, seed=1).to_json()))
     case.camera.write_text(json.dumps(scene.state.camera.to_json()))

@@ -67,7 +67,8 @@ def _state() -> State:
 def checkpoint(step: int | None = 3) -> Checkpoint:
     """In the middle of a phase, or (None) before its first step."""
     strong, surround = np.array([True, False, True]), Surround((0,), 50.0, 0.1, joined=False)
-    memory = Memory(1.5, 0.1, rigid(3), strong, np.zeros((4, 5), bool), surround)
+    hidden, dark = np.zeros((4, 5), bool), np.ones((4, 5), bool)
+    memory = Memory(1.5, 0.1, rigid(3), strong, hidden, dark, surround)
     ledger = Ledger({"rays": Work(1.5, 20.0)}, {("resting lights", "rays"): 5.0})
     within = (
         None

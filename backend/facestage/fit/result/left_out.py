@@ -48,6 +48,12 @@ def left_out(problem: Problem, fitted: Fitted) -> list[dict[str, Any]]:
             "nothing: every rule was off",
         )
     _behind(problem, fitted, add)
+    if fitted.dark.any():
+        add(
+            f"{amount(int(fitted.dark.sum()))} dark pixels of the face",
+            "the light on the rest cannot leave them so dark: a shadow of something, hair, a beard",
+            "no time: they would have bent light and shape",
+        )
     if ("shadows", "lines") in fitted.ledger.skipped:
         what, why = omission(fitted.penumbra)
         add(what, why, *saved_sentence(fitted.ledger, "shadows", "lines"))

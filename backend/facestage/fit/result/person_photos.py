@@ -97,8 +97,11 @@ def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
         return problem, fitted
     focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
     state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
-    hidden = resize(fitted.hidden.astype(np.float32), *problem.photograph.size) > 0
-    return problem, replace(fitted, state=state, hidden=hidden)
+    hidden, dark = (
+        resize(mask.astype(np.float32), *problem.photograph.size) > 0
+        for mask in (fitted.hidden, fitted.dark)
+    )
+    return problem, replace(fitted, state=state, hidden=hidden, dark=dark)
 
 
 def face_px(member: Member) -> float:

@@ -149,6 +149,7 @@ class Checkpoint:
         optional = {
             "camera_to_stage": self.memory.camera_to_stage,
             "hidden": self.memory.hidden,
+            "dark": self.memory.dark,
             "resting": None if within is None else within.resting,
         }
         return arrays | {name: array for name, array in optional.items() if array is not None}
@@ -171,6 +172,7 @@ class Checkpoint:
                 given.get("camera_to_stage"),
                 given["strong"],
                 given.get("hidden"),
+                given.get("dark"),
                 None if meta.get("surround") is None else _surround(meta["surround"]),
                 finite(meta.get("exposure", 1.0)),
             )

@@ -65,6 +65,7 @@ class CheckpointArrays(FileSchema):
     within = Part(StateArrays, required=False)
     camera_to_stage = Array((4, 4), validate=rigid, required=False)
     hidden = Array(("rows", "columns"), FLAGS, required=False)
+    dark = Array(("rows", "columns"), FLAGS, required=False)
     resting = Array(("resting",), FLAGS, required=False)
 
 

@@ -134,6 +134,21 @@ def exposure(
     return found if found > 0 else 1.0
 
 
+def ridged_nnls(
+    columns: Float[np.ndarray, "pixels lights"],
+    target: Float[np.ndarray, " pixels"],
+    weights: Float[np.ndarray, " pixels"],
+    ridge: float = LIGHT_RIDGE,
+) -> Float[np.ndarray, " lights"]:
+    """The non-negative radiance of least squared ``weights`` * residuals, with a ``ridge``, which
+    is the share of the largest eigenvalue that all get more.
+    """
+    weighted = columns * weights[:, None]
+    factor = np.linalg.cholesky(with_ridge(weighted.T @ columns, ridge))
+    found, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
+    return np.asarray(found)
+
+
 def _robust_nnls(
     columns: np.ndarray, target: np.ndarray, weights: np.ndarray, clipped: np.ndarray, ridge: float
 ) -> np.ndarray:
@@ -143,10 +158,7 @@ def _robust_nnls(
         usable = weights * (~clipped | (columns @ radiance < target))
         if not usable.any():
             break
-        weighted = columns * (usable * robust)[:, None]
-        normal = weighted.T @ columns
-        factor = np.linalg.cholesky(with_ridge(normal, ridge))
-        radiance, _ = nnls(factor.T, np.linalg.solve(factor, weighted.T @ target))
+        radiance = ridged_nnls(columns, target, usable * robust, ridge)
         residual = np.abs(columns @ radiance - target)
         scale = 1.5 * max(float(residual[usable > 0].mean()) if (usable > 0).any() else 1.0, 1e-9)
         robust = np.minimum(1.0, scale / np.maximum(residual, 1e-12))

@@ -66,6 +66,7 @@ class Passage:
         """
         if phase.with_photo and not keep_light:
             view.choose_lamps(state)
+            view.look_again(phase, state)
             state = view.with_initial_lights(phase, view.without_next_to_nothing(state))
             state = view.with_scattering(phase, state)
         descent = view.descent(phase, state)

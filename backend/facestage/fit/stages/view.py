@@ -13,6 +13,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.job import AUTO, KNOWN, WITHOUT
 from facestage.contract.light_stage import ON, LightStage, lights_behind, selected
 from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.plan import Plan, Rules
 from facestage.fit.energy.shadow_edges import PENUMBRA_MIN, lamps_known
@@ -26,11 +27,12 @@ from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
+from facestage.fit.stages.dark_regions import dark_regions, still_dark
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.fit.stages.surround import Surround, look_behind
-from facestage.fit.stages.visible import VisiblePhoto
+from facestage.fit.stages.visible import VisiblePhoto, resized_mask
 
 # Side over distance beyond which a light needs more samples in proportion, up to a limit: their
 # noise would otherwise be taken for shape.
@@ -50,6 +52,8 @@ class Memory:
     strong: np.ndarray  # (N,) bool, the lights whose position is fitted
     # (h, w) bool at the size of the first photo phase; None before it was looked for
     hidden: np.ndarray | None
+    # likewise
+    dark: np.ndarray | None = None
     surround: Surround | None = None  # None before it was looked for, and where it is not wanted
     exposure: float = 1.0
 
@@ -88,6 +92,7 @@ class View:
             self.camera_to_stage,
             self.strong,
             self.visible.hidden,
+            self.visible.dark,
             self.surround,
             self.problem.exposure,
         )
@@ -99,8 +104,8 @@ class View:
             known.penumbra,
             known.strong,
         )
-        self.camera_to_stage, self.visible.hidden = known.camera_to_stage, known.hidden
-        self.surround = known.surround
+        self.camera_to_stage, self.surround = known.camera_to_stage, known.surround
+        self.visible.hidden, self.visible.dark = known.hidden, known.dark
 
     def lit_from_behind(self, numbers: Sequence[int] | None = None) -> View:
         """The same photo with lights behind the face; ``numbers``: these of them, None: all."""
@@ -312,11 +317,12 @@ class View:
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
-        and what hides the face.
+        what hides the face, and what is darker than light explains.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
             return state
+        self.visible.hidden = self.visible.dark = None
         photo, scaled = self.photo_term(phase, state), self.scaled(phase, state)
         if photo is None:
             return state
@@ -329,11 +335,37 @@ class View:
         radiance = initial_lights(evaluation, photo, problem.lights)
         hidden = self.visible.look_for_occluders(photo, evaluation, radiance)
         if hidden.any() and not hidden.all():
-            seen = replace(photo, photo=self.visible.at(self.factor(phase)))
-            evaluation = seen.evaluate(scaled, problem.job.seed)
-            radiance = initial_lights(evaluation, seen, problem.lights)
+            photo, evaluation, radiance = self._lit_again(phase, photo, scaled)
+        if not hidden.all():
+            self.visible.dark = dark_regions(photo, evaluation, problem.lights)
+            if self.visible.dark.any():
+                radiance = self._lit_again(phase, photo, scaled)[2]
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def look_again(self, phase: Phase, state: State) -> None:
+        """Before a later phase: which dark regions are explained by now, and count."""
+        dark = self.visible.dark
+        if dark is None or not dark.any():
+            return
+        self.visible.dark = None
+        photo = self.photo_term(phase, state)
+        self.visible.dark = dark
+        if photo is None:
+            return
+        evaluation = photo.evaluate(self.scaled(phase, state), self.problem.job.seed)
+        there = resized_mask(dark, *photo.photo.usable.shape)
+        self.visible.dark = still_dark(there, photo, evaluation)
+
+    def _lit_again(
+        self, phase: Phase, photo: PhotoTerm, scaled: State
+    ) -> tuple[PhotoTerm, Evaluation, np.ndarray]:
+        """``photo`` without what is known by now to be hidden or dark, what it shows at ``scaled``,
+        and the light by least squares.
+        """
+        seen = replace(photo, photo=self.visible.at(self.factor(phase)))
+        evaluation = seen.evaluate(scaled, self.problem.job.seed)
+        return seen, evaluation, initial_lights(evaluation, seen, self.problem.lights)
 
     def photo_term(self, phase: Phase, state: State) -> PhotoTerm | None:
         """What compares the photo in ``phase``; None where it moves nothing by the photo."""

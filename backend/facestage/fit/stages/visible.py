@@ -1,11 +1,15 @@
-"""The photo at the sizes that the phases work at, without what something flat hides."""
+"""The photo at the sizes that the phases work at, without what something flat hides and what is
+darker than light explains.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import center_of_mass, label
 
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.face.state import State
 from facestage.fit.given.occlusion import flat_occluders, without
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
@@ -23,19 +27,23 @@ class VisiblePhoto:
         # (h, w) bool at the size of the first photo phase, what something flat hides; None before
         # it was looked for.
         self.hidden: np.ndarray | None = None
+        # Likewise, the regions that are darker than the light on the rest explains.
+        self.dark: np.ndarray | None = None
 
     def at(self, factor: float) -> Photo:
-        """The photo resized by ``factor``, without what is hidden."""
+        """The photo resized by ``factor``, without what is hidden or dark."""
         photo = self.problem.photo_at(factor)
-        if self.hidden is None or not self.hidden.any():
-            return photo
-        return without(photo, self.hidden_at(*photo.usable.shape))
+        size = photo.usable.shape
+        away = self.hidden_at(*size) | self.dark_at(*size)
+        return without(photo, away) if away.any() else photo
 
     def hidden_at(self, height: int, width: int) -> np.ndarray:
         """(height, width) bool, the pixels that something flat hides."""
-        if self.hidden is None or not self.hidden.any():
-            return np.zeros((height, width), bool)
-        return resize(self.hidden.astype(np.float32), width, height) > 0
+        return resized_mask(self.hidden, height, width)
+
+    def dark_at(self, height: int, width: int) -> np.ndarray:
+        """(height, width) bool, the pixels that are darker than light explains."""
+        return resized_mask(self.dark, height, width)
 
     def look_for_occluders(
         self, photo: PhotoTerm, evaluation: Evaluation, radiance: np.ndarray
@@ -56,3 +64,26 @@ class VisiblePhoto:
             # together, and the few pixels that are left would bend the shape until they did.
             self.hidden = np.ones_like(self.hidden)
         return self.hidden
+
+    def unpainted_at(self, height: int, width: int, state: State) -> np.ndarray:
+        """(height, width) bool, the pixels that show no skin of the face of ``state``: what is
+        hidden, and what is dark above the middle of its landmarks; dark skin below is a beard.
+        """
+        hidden, dark = self.hidden_at(height, width), self.dark_at(height, width)
+        labels, count = label(dark)
+        if not count:
+            return hidden
+        up = state.rotation[:, 1] * [1.0, -1.0, 0.0]  # of the head, in the picture
+        middle = (
+            np.nanmean(self.problem.landmarks.points, axis=0) * width / self.problem.camera.width
+        )
+        centres = np.array(center_of_mass(dark, labels, np.arange(1, count + 1)))[:, ::-1] + 0.5
+        above = (centres - middle) @ up[:2] > 0
+        return np.asarray(hidden | np.isin(labels, 1 + np.flatnonzero(above)))
+
+
+def resized_mask(mask: np.ndarray | None, height: int, width: int) -> np.ndarray:
+    """(height, width) bool, the pixels that one of ``mask`` touches; None: nothing."""
+    if mask is None or not mask.any():
+        return np.zeros((height, width), bool)
+    return np.asarray(resize(mask.astype(np.float32), width, height) > 0)

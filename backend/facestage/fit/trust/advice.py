@@ -41,7 +41,7 @@ def verdict(
     if against:
         return STOPPED, against
     hidden_words = (
-        f"; {hidden:.0%} of the face is behind something flat and was left out"
+        f"; {hidden:.0%} of the face is behind something or in its shadow, and was left out"
         if hidden > HIDDEN_MENTIONED
         else ""
     )

@@ -50,6 +50,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
     """
     began, state, last = time.monotonic(), ending.state, ending.last
     certainty, shading = _certainty(view, state, last), _shading_doubt(view, last)
+    size = view.problem.camera.height, view.problem.camera.width
     lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
     return Fitted(
         state,
@@ -64,7 +65,8 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         in_time,
         certainty,
         shading,
-        view.visible.hidden_at(view.problem.camera.height, view.problem.camera.width),
+        view.visible.unpainted_at(*size, state),
+        view.visible.dark_at(*size),
         ending.doubt,
         settled,
         lens,

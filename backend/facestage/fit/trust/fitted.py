@@ -34,7 +34,8 @@ class Fitted:
     in_time: bool
     certainty: Certainty
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
-    hidden: np.ndarray  # (h, w) bool at the photo's size, what something flat hides
+    hidden: np.ndarray  # (h, w) bool at the photo's size, what shows no skin of the face
+    dark: np.ndarray  # likewise, what is darker than the light on the rest explains
     # why the photo was not believed about the shape, which is then the landmarks' own; or empty
     doubt: str
     settled: bool  # the last phase ended by itself, not at a limit or a wall

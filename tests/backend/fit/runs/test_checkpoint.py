@@ -28,7 +28,7 @@ from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory
 from facestage.fit.trust.fitted import Fitted
 from reference.small_fit import SMALL, StopError
-from reference.synthetic_case import Case
+from reference.synthetic_case import Case, write_case
 from reference.synthetic_scene import Scene
 
 FOREVER = float("inf")
@@ -101,6 +101,22 @@ def test_stopped_anywhere_it_ends_at_the_same_place(
     assert_same(run_of(case.job(truth=None), tmp_path).run(FOREVER, checkpoint), whole)
 
 
+@pytest.mark.parametrize("share", [0.45, 0.95])
+def test_a_shadow_that_was_found_stays_so(scene: Scene, tmp_path: Path, share: float):
+    shadowed = write_case(tmp_path, scene, shadow=0.5)
+    wanted = run_of(shadowed.job(lights=6, truth=None), tmp_path / "whole").run(FOREVER)
+    assert wanted.dark.any()
+    interrupted(
+        shadowed.job(lights=6, truth=None), tmp_path / "stopped", int(share * len(wanted.trace))
+    )
+    checkpoint = Checkpoint.load(tmp_path / "stopped")
+    found = run_of(shadowed.job(lights=6, truth=None), tmp_path / "stopped").run(
+        FOREVER, checkpoint
+    )
+    assert_same(found, wanted)
+    np.testing.assert_array_equal(found.dark, wanted.dark)
+
+
 def test_stopped_twice(case: Case, whole: Fitted, tmp_path: Path):
     interrupted(case.job(truth=None), tmp_path, 6)
     second = run_of(case.job(truth=None), tmp_path)
@@ -167,7 +183,8 @@ def test_the_step_that_was_taken_last_is_taken_again_whatever_the_time(
 def a_checkpoint(scene: Scene) -> Checkpoint:
     """With something in every field."""
     surround = Surround((0, 4), 70.5, 0.25, joined=True)
-    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), np.ones((3, 4), bool), surround, 2.5)
+    hidden, dark = np.ones((3, 4), bool), np.eye(3, 4) > 0
+    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), hidden, dark, surround, 2.5)
     ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
     row = {"stage": "pose", "seconds": 0.1}
     within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))

@@ -62,6 +62,9 @@ class FakeView:
     def choose_lamps(self, state: float) -> None:
         self.done.append("lamps")
 
+    def look_again(self, phase: Phase, state: float) -> None:
+        self.done.append("dark")
+
     def descent(self, phase: Phase, state: float) -> Any:
         self.done.append(phase.name)
         return None if phase.name in self.held else FakeDescent()
@@ -97,7 +100,7 @@ def test_light_is_found_before_the_photo_is_looked_at():
     assert prepared(PhaseName.POSE, view).state == 0.0 and view.done == ["pose"]
     view = FakeView()
     assert prepared(PhaseName.LIGHT, view).state == 0.5
-    assert view.done == ["lamps", "lights", "light and albedo"]
+    assert view.done == ["lamps", "dark", "lights", "light and albedo"]
     view = FakeView()
     assert prepared(PhaseName.LIGHT, view, keep_light=True).state == 0.0
     assert view.done == ["light and albedo"]

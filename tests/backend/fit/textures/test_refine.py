@@ -50,6 +50,7 @@ def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
         certainty=Certainty({}, {}),
         shading_doubt=None,
         hidden=np.zeros(problem.photograph.mask.shape, bool),
+        dark=np.zeros(problem.photograph.mask.shape, bool),
         doubt="",
         settled=True,
         lens=None,

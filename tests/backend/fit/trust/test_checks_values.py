@@ -50,8 +50,12 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         asked.append(factor)
         return photo
 
-    def hidden_at(height: int, width: int) -> np.ndarray:
+    def dark_at(height: int, width: int) -> np.ndarray:
         assert (height, width) == HIDDEN.shape
+        return ~HIDDEN
+
+    def unpainted_at(height: int, width: int, state: Any) -> np.ndarray:
+        asked.append((height, width, state))
         return HIDDEN
 
     problem = SimpleNamespace(
@@ -74,10 +78,11 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         held=lambda _: layout.mask(held),
         anchor=lambda state: ("anchored", state),
         placed_stage=lambda state: ("placed", state),
-        visible=SimpleNamespace(at=at, hidden_at=hidden_at),
+        visible=SimpleNamespace(at=at, dark_at=dark_at, unpainted_at=unpainted_at),
         plan=SimpleNamespace(ledger=Ledger()),
         penumbra=0.25,
         surround=None,
+        below=None,
     )
 
 
@@ -204,6 +209,7 @@ def test_a_fit_ends_with_what_its_last_step_said(scene: Scene):
     ending = Ending(JOINT, scene.state, end, step_of(scene, None), trace, "a doubt", 6.5)
     found = conclude(view, ending, 12.5, in_time=True)
     assert found.state is end and found.trace is trace and found.hidden is HIDDEN
+    assert (found.dark == ~HIDDEN).all() and (*HIDDEN.shape, end) in view.asked
     anchored: Any = ("anchored", end)
     placed: Any = ("placed", end)
     assert (found.camera_to_stage, found.stage) == (anchored, placed)

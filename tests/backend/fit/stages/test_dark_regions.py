@@ -1,0 +1,176 @@
+"""Regions that are darker than light can leave them: found where there are some, and only there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.result.run import fit_job
+from facestage.fit.stages.dark_regions import dark_regions, still_dark
+from facestage.fit.stages.visible import VisiblePhoto
+from reference.small_fit import QUICK
+from reference.synthetic_case import Case, upper_third, write_case
+from reference.synthetic_scene import Scene, moved
+
+
+@pytest.fixture(scope="module")
+def picture(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """What the scene shows, and where its face is."""
+    return scene.render(samples=16)
+
+
+def found_in(scene: Scene, photo: np.ndarray, **changes: Any) -> np.ndarray:
+    """The dark regions of ``photo`` at the true face of mean skin, as a fit first looks at it."""
+    state = moved(scene.state, albedo=-scene.state.albedo)
+    term = scene.photo_term(photo, 4, **changes)
+    return dark_regions(term, term.evaluate(state, 0), scene.lights)
+
+
+def test_a_face_in_its_own_shadows_has_none(scene: Scene, picture: tuple[np.ndarray, np.ndarray]):
+    photo, _ = picture
+    assert not found_in(scene, photo).any()
+    from_the_side = np.zeros((6, 3))
+    from_the_side[3] = 9.0
+    lit = replace(
+        scene, state=replace(scene.state, lights=scene.lights.from_radiance(from_the_side))
+    )
+    assert not found_in(scene, lit.render(samples=16)[0]).any()
+
+
+@pytest.mark.parametrize("level", [0.25, 0.4])
+def test_the_shadow_of_something_is_found(
+    scene: Scene, picture: tuple[np.ndarray, np.ndarray], level: float
+):
+    photo, seen = picture
+    shadow = upper_third(seen)
+    found = found_in(scene, np.where(shadow[..., None], level * photo, photo))
+    share = {"found": found[shadow].mean(), "beside": found[seen & ~shadow].mean()}
+    print(share)
+    assert share["found"] > 0.7 and share["beside"] < 0.1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        pytest.param(lambda photo, shadow: 2.5 * photo, id="bright"),
+        pytest.param(lambda photo, shadow: 0.85 * photo, id="a little darker"),
+    ],
+)
+def test_what_is_bright_or_hardly_darker_stays(
+    scene: Scene,
+    picture: tuple[np.ndarray, np.ndarray],
+    wrong: Callable[[np.ndarray, np.ndarray], np.ndarray],
+):
+    photo, seen = picture
+    shadow = upper_third(seen)
+    found = found_in(scene, np.where(shadow[..., None], wrong(photo, shadow), photo))
+    assert not found[shadow].any()
+
+
+def test_small_spots_are_left_to_the_weights(scene: Scene, picture: tuple[np.ndarray, np.ndarray]):
+    photo, seen = picture
+    y, x = np.mgrid[:96, :96]
+    spot = np.hypot(y - 30, x - 48) < 3
+    assert spot[seen].mean() < 0.02
+    assert not found_in(scene, np.where(spot[..., None], 0.02 * photo, photo)).any()
+
+
+def test_what_is_nearly_all_of_a_face_is_no_region(
+    scene: Scene, picture: tuple[np.ndarray, np.ndarray]
+):
+    """But light that is held, and that the photo contradicts."""
+    photo, seen = picture
+    term = scene.photo_term(np.where(upper_third(seen)[..., None], 0.2 * photo, photo), 4)
+    evaluation = term.evaluate(scene.state, 0)
+    bright = scene.lights.radiance(scene.state.lights)
+    first = np.arange(6) == 3
+    for factor, some in ((1.0, True), (8.0, False)):
+        held = np.where(first[:, None], 0.0, factor * bright)
+        found = dark_regions(
+            term, evaluation, replace(scene.lights, fitted=first, fixed_radiance=held)
+        )
+        print(found.sum() / seen.sum())
+        assert found.any() == some
+
+
+def test_clipped_pixels_say_nothing(scene: Scene, picture: tuple[np.ndarray, np.ndarray]):
+    photo, seen = picture
+    shadow = upper_third(seen)
+    dark = np.where(shadow[..., None], 0.3 * photo, photo)
+    found = found_in(scene, dark, clipped=np.repeat(shadow[..., None], 3, axis=2))
+    assert not found.any()
+
+
+def test_lights_that_are_held_light_the_face_too(
+    scene: Scene, picture: tuple[np.ndarray, np.ndarray]
+):
+    """With all of the light held, nothing can be said; with half of it, the same as before."""
+    photo, seen = picture
+    shadow = upper_third(seen)
+    dark = np.where(shadow[..., None], 0.3 * photo, photo)
+    state = moved(scene.state, albedo=-scene.state.albedo)
+    term = scene.photo_term(dark, 4)
+    evaluation = term.evaluate(state, 0)
+    radiance = scene.lights.radiance(scene.state.lights)
+    fitted = np.arange(6) % 2 == 0
+    half = replace(
+        scene.lights, fitted=fitted, fixed_radiance=np.where(fitted[:, None], 0.0, radiance)
+    )
+    found = dark_regions(term, evaluation, half)
+    assert found[shadow].mean() > 0.7 and found[seen & ~shadow].mean() < 0.1
+    held = replace(scene.lights, fitted=np.zeros(6, bool), fixed_radiance=radiance)
+    assert not dark_regions(term, evaluation, held).any()
+
+
+def test_dark_skin_below_the_middle_is_painted_as_a_beard_is(scene: Scene):
+    landmarks = scene.landmarks()
+    problem = SimpleNamespace(landmarks=landmarks, camera=scene.state.camera)
+    visible = VisiblePhoto(cast(Any, problem))
+    middle = landmarks.points.mean(axis=0)
+    visible.dark = np.zeros((96, 96), bool)
+    above, below = (int(middle[1] - 15), int(middle[0])), (int(middle[1] + 15), int(middle[0]))
+    for row, column in (above, below):
+        visible.dark[row - 3 : row + 4, column - 5 : column + 6] = True
+    unpainted = visible.unpainted_at(96, 96, scene.state)
+    assert unpainted[above] and not unpainted[below]
+    assert visible.dark_at(96, 96)[below]
+    half = visible.unpainted_at(48, 48, scene.state)
+    assert half[above[0] // 2, above[1] // 2] and not half[below[0] // 2, below[1] // 2]
+    # A head that lies on its side has its chin beside it.
+    turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    points = landmarks.points[:, ::-1] * [1, -1] + [0, 96]
+    problem.landmarks = Landmarks("ibug68", points, landmarks.visible)
+    lying = replace(scene.state, rotation=turned @ scene.state.rotation)
+    visible.dark = visible.dark.T[::-1]
+    unpainted = visible.unpainted_at(96, 96, lying)
+    assert unpainted[95 - above[1], above[0]] and not unpainted[95 - below[1], below[0]]
+
+
+def test_a_region_that_is_explained_by_now_counts_again(
+    scene: Scene, picture: tuple[np.ndarray, np.ndarray]
+):
+    photo, seen = picture
+    x = np.arange(96)[None]
+    right, left = (upper_third(seen) & side & (abs(x - 48) > 3) for side in (x > 48, x <= 48))
+    half = np.where(left[..., None], 0.4 * photo, photo)
+    term = scene.photo_term(half, 4)
+    found = still_dark(left | right, term, term.evaluate(scene.state, 0))
+    assert found[left].all() and not found[right].any()
+
+
+def test_a_fit_leaves_the_shadow_out_and_says_so(case: Case, scene: Scene, tmp_path: Path):
+    shadowed = write_case(tmp_path, scene, shadow=0.5)
+    plain, found = (
+        fit_job(given.job(lights=6), tmp_path / name, fineness=QUICK)
+        for name, given in (("plain", case), ("shadowed", shadowed))
+    )
+    words = [[entry["what"] for entry in result.left_out] for result in (plain, found)]
+    assert [any("dark pixels" in what for what in entries) for entries in words] == [False, True]
+    assert "in its shadow" in found.advice
