@@ -32,20 +32,21 @@ def skin_group() -> bpy.types.NodeTree:
     base color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
     """
     group = bpy.data.node_groups.get(GROUP)
-    if group is not None:
-        return group
-    group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-    for each in TEXTURE_MAPS:
-        kind = "NodeSocketColor" if each.colored else "NodeSocketFloat"
-        socket = group.interface.new_socket(each.socket, in_out="INPUT", socket_type=kind)
-        socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
-        if not each.colored:
-            socket.min_value, socket.max_value = 0.0, each.most
-    for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
-        socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
-        socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, most
-    group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
-    _wire_group(group)
+    if group is None:
+        group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
+        for each in TEXTURE_MAPS:
+            kind = "NodeSocketColor" if each.colored else "NodeSocketFloat"
+            socket = group.interface.new_socket(each.socket, in_out="INPUT", socket_type=kind)
+            socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
+            if not each.colored:
+                socket.min_value, socket.max_value = 0.0, each.most
+        group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
+    if SUBSURFACE not in group.interface.items_tree:  # new, or of an older version
+        for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
+            socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
+            socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, most
+        group.nodes.clear()
+        _wire_group(group)
     return group
 
 
@@ -206,13 +207,12 @@ def set_scattering(rig: bpy.types.Object, strength: float) -> None:
     """Let light wander below the skin of a rig ``strength`` times as far as published; 0: switch
     it off.
     """
+    skin_group()  # also where it is of an older version
     for slot in rig.material_slots:
-        nodes = (
-            []
-            if slot.material is None or slot.material.node_tree is None
-            else [node for node in slot.material.node_tree.nodes if node.get(SCATTERS)]
-        )
-        for node in nodes:
+        tree = None if slot.material is None else slot.material.node_tree
+        node = None if tree is None else tree.nodes.get(GROUP)
+        # Older versions named the parts' materials alone.
+        if node is not None and node.get(SCATTERS, slot.material.name.startswith(GROUP)):
             node.inputs[SUBSURFACE].default_value = float(strength > 0)
             if strength > 0:
                 node.inputs[SCATTERING].default_value = strength

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR
-from facestage.contract.face_model import EYES, OTHER
+from facestage.contract.face_model import EYES, OTHER, SKIN
 from facestage.contract.light_stage import ON, LightStage
 
 RADIUS, DISTANCE, SIDE, PIXELS = 0.05, 0.8, 0.02, 48
@@ -217,6 +217,29 @@ def test_light_wanders_below_the_skin_alone(scene) -> None:
     set_scattering(ball, 0.0)
     assert skin["Subsurface"].default_value == 0.0
     np.testing.assert_allclose(render_linear(scene, 512, direct_only=True)[..., :3], plain)
+
+
+def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
+    """Its group had neither switch nor strength; its look, images and links stay."""
+    import bpy
+
+    from facestage_blender.rig.material import part_materials, set_scattering, skin_group
+
+    skin, eye = part_materials(np.array([SKIN, EYES]))
+    group = skin_group()
+    for name in ("Subsurface", "Scattering"):
+        group.interface.remove(group.interface.items_tree[name])
+    mesh = bpy.data.meshes.new("rig")
+    for material in (skin, eye):
+        del material.node_tree.nodes["Facestage Skin"]["facestage_scatters"]
+        mesh.materials.append(material)
+    set_scattering(bpy.data.objects.new("rig", mesh), 0.7)
+    inputs = [each.node_tree.nodes["Facestage Skin"].inputs for each in (skin, eye)]
+    assert [each["Subsurface"].default_value for each in inputs] == [1.0, 0.0]
+    assert inputs[0]["Scattering"].default_value == pytest.approx(0.7)
+    assert inputs[0]["Albedo"].is_linked and skin_group() == group
+    output = next(node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
+    assert output.inputs["BSDF"].is_linked
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
