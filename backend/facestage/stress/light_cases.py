@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.job import Job
-from facestage.contract.light_stage import FROZEN, OFF, LightStage
+from facestage.contract.environment import environment_stage
+from facestage.contract.job import UNKNOWN, Job
+from facestage.contract.light_stage import FROZEN, OFF, LightStage, fibonacci_stage
 from facestage.stress.case import REFUSAL, Suite
 from facestage.stress.scene import Scene, plain_scene, render, with_stage, write_job
 
@@ -132,6 +133,35 @@ def lights_behind_head(folder: Path) -> Job:
         name: getattr(scene.stage, name) * flip for name in ("position", "direction", "axis_x")
     }
     return _job(folder, with_stage(scene, **mirrored))
+
+
+@suite.add("rim-light-alone", "a lamp behind the head, and a stage in front of it", worst_mm=1.5)
+def rim_light_alone(folder: Path) -> Job:
+    """What lights the photo stands where the job has no light."""
+    scene = plain_scene()
+    behind = fibonacci_stage(len(scene.stage), behind=True)
+    lamp = int(np.argmax(behind.position @ [0.8, 0.2, -0.6]))
+    lit = _lit_by(replace(scene, stage=behind), lamp)
+    return replace(_job(folder, lit), stage=scene.stage)
+
+
+@suite.add("neon-light", "nothing but one red tube and one blue one", worst_mm=1.0, worst_psnr=30)
+def neon_light(folder: Path) -> Job:
+    """No light is white, and hardly any is green."""
+    scene = plain_scene()
+    radiance = np.zeros((len(scene.stage), 3))
+    radiance[np.argmax(scene.stage.position @ [-0.7, 0.2, 0.6])] = [1.0, 0.02, 0.05]
+    radiance[np.argmax(scene.stage.position @ [0.7, 0.2, 0.6])] = [0.05, 0.02, 1.0]
+    return _job(folder, with_stage(scene, radiance=radiance))
+
+
+@suite.add("sun-in-known-sky", "known surroundings with a sun 10^5 times their sky", worst_mm=1.2)
+def sun_in_known_sky(folder: Path) -> Job:
+    """One of sixty lights has nearly all of the light, and only the exposure is found."""
+    sky = np.ones((64, 128, 3), np.float32)
+    sky[18, 28] = 1e5 * np.array([1.0, 0.9, 0.7])
+    scene = replace(plain_scene(), stage=environment_stage(sky))
+    return replace(_job(folder, scene), exposure=UNKNOWN)
 
 
 @suite.add("one-light", "a stage of a single light", worst_mm=1.0, worst_psnr=32)
