@@ -15,7 +15,7 @@ from facestage.fit.face.state import State
 
 FIRST_STRENGTH = 0.5  # between none and the published
 # Of the photo's energy: twice its standard deviation. Photographs of opaque skin gain -7 to 0.4, of
-# skin with a random walk below it 0.9 (in soft light) to 7.
+# skin with a random walk below it 0.3 (in soft light) to 3.
 GAIN_MIN = 2.0
 # Times as many light samples as the phase has: spreading light also lowers the noise of few.
 SAMPLES_MORE = 4
