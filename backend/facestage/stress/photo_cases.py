@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import PHOTO
 from facestage.contract.job import Job
+from facestage.images.image_io import resize
 from facestage.stress.case import DOUBT, REFUSAL, Suite
 from facestage.stress.scene import (
     BACKGROUND,
@@ -60,9 +61,12 @@ def one_pixel(folder: Path) -> Job:
     seconds=600,
 )
 def large_photo(folder: Path) -> Job:
-    """The plain photo four times as large, within a wide background."""
+    """The plain photo four times as large, within a wide background: smooth, because no lamp makes
+    highlights of blocks.
+    """
     scene, zoom, side, corner = plain_scene(), 4, 4096, np.array([1900, 1200])
-    large = np.repeat(np.repeat(render(scene), zoom, axis=0), zoom, axis=1)
+    small = render(scene)
+    large = resize(small, zoom * small.shape[1], zoom * small.shape[0])
     photo = np.full((side, side, 3), BACKGROUND, np.float32)
     photo[corner[1] : corner[1] + len(large), corner[0] : corner[0] + len(large)] = large
     principal = corner + zoom * np.array(scene.camera.principal_px)
