@@ -349,9 +349,9 @@ class RunState(bpy.types.PropertyGroup):
 
     task: StringProperty(name="Task", description="What is running; empty when nothing is")
     stage: StringProperty(name="Stage", description="Stage of the fit")
-    message: StringProperty(name="Message", description="Last message of the backend")
+    verdict: StringProperty(name="Verdict", description="What the last fit says of its result")
     doubtful: BoolProperty(
-        name="Doubtful", description="The last fit did not simply converge: its message says why"
+        name="Doubtful", description="The last fit did not simply converge: its verdict says why"
     )
     began: StringProperty(name="Began", description="What runs, or was the last to run")
     failure: StringProperty(name="Error", description="Why the last run ended without a result")

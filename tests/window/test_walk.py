@@ -209,7 +209,9 @@ def test_a_saved_file_finds_all_again(blender: Blender):
     shutil.rmtree(path.parent, ignore_errors=True)
     path.parent.mkdir()
     blender.do(f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
+    assert blender.ask(f"{STATE}.verdict").startswith("Converged")
     blender.do("bpy.ops.wm.read_homefile(app_template='')")
+    assert blender.ask(f"{STATE}.verdict") == ""  # it was another file's
     moved = path.parent.with_name("moved")
     shutil.rmtree(moved, ignore_errors=True)
     path.parent.rename(moved)
@@ -252,7 +254,7 @@ def test_esc_does_not_end_a_fit_and_cancel_is_no_error(blender: Blender):
     blender.shot("fit-cancelled")
     assert blender.ask(f"{STATE}.failure") == ""
     blender.find("Cancelled")
-    assert blender.ask(f"{STATE}.message") == ""
+    assert blender.ask(f"{STATE}.verdict") == ""
 
 
 def test_closing_the_preferences_ends_their_check(blender: Blender):

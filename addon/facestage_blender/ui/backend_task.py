@@ -37,8 +37,11 @@ def stop_running() -> None:
 
 @bpy.app.handlers.persistent
 def _on_load(*_arguments: object) -> None:
-    """Another file takes the place of the one that the backend works for."""
+    """Another file takes the place of the one that the backend works for, and was asked about."""
     stop_running()
+    for manager in bpy.data.window_managers:
+        state = manager.facestage
+        state.verdict = state.failure = state.notice = ""
 
 
 def register() -> None:
@@ -129,8 +132,7 @@ class BackendTask:
         except FacestageError as error:
             self._fail(context, str(error))
             return False
-        state.task, state.stage, state.message, state.cancel = self.task, "Starting", "", False
-        state.doubtful = False
+        state.task, state.stage, state.cancel = self.task, "Starting", False
         state.fraction, state.photo_error, state.seconds_left = 0.0, -1.0, -1.0
         return True
 
@@ -138,8 +140,7 @@ class BackendTask:
         self, context: bpy.types.Context, process: BackendProcess, outcome: Outcome
     ) -> set[str]:
         Running.process = None
-        # The last message was of the work: finish says what came of it.
-        context.window_manager.facestage.task = context.window_manager.facestage.message = ""
+        context.window_manager.facestage.task = ""
         if outcome.code == CANCELLED:  # as the user asked: no error
             notice = outcome.message if self.resumable else "Cancelled."
             context.window_manager.facestage.notice = notice
@@ -237,7 +238,6 @@ def show_event(manager: bpy.types.WindowManager, event: Event) -> None:
     """Copy an event of the backend to where the panel looks."""
     state = manager.facestage
     state.stage, state.fraction = event.stage or state.stage, event.fraction or state.fraction
-    state.message = event.message or state.message
     state.photo_error = -1.0 if event.error is None else event.error
     state.seconds_left = -1.0 if event.seconds_left is None else event.seconds_left
 

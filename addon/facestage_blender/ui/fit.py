@@ -43,6 +43,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """Write the job and say how to fit it."""
+        context.window_manager.facestage.verdict = ""
         folder = work_folder(context.scene)
         backend = backend_command(context)
         if not self.resume:
@@ -55,7 +56,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         context.scene.facestage.result = str(result.folder)
         remember_landmarks(context.scene, result)
         state = context.window_manager.facestage
-        state.message, state.doubtful = result.advice, result.status != CONVERGED
+        state.verdict, state.doubtful = result.advice, result.status != CONVERGED
         self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
         if self.apply:
             apply_result(context.scene, result)
@@ -96,9 +97,9 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                     if not value
                 ]
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
-        if state.message and not state.task:
+        if state.verdict:
             icon = "ERROR" if state.doubtful else "INFO"
-            draw_wrapped(layout.box(), state.message, icon, line_width(context))
+            draw_wrapped(layout.box(), state.verdict, icon, line_width(context))
 
 
 class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):

@@ -95,7 +95,9 @@ def test_fit_operator_equals_apply_function(ready, tmp_path: Path) -> None:
     apply_result(ready, Result.load(tmp_path / "work" / "result"))
     assert describe(ready) == by_operator
     state = bpy.context.window_manager.facestage
-    assert state.message == "The stand-in is content." and not state.doubtful
+    assert state.verdict == "The stand-in is content." and not state.doubtful
+    assert bpy.ops.facestage.prepare_relight() == {"FINISHED"}
+    assert state.verdict == "The stand-in is content."  # it is still of this result
 
 
 def test_a_result_with_a_but_is_shown_as_a_warning(
@@ -288,7 +290,7 @@ def test_cancelling_is_no_error(ready, stand_in) -> None:
     state = bpy.context.window_manager.facestage
     assert not state.failure and not state.task
     assert state.notice.startswith("Cancelled")
-    assert not state.message  # what the work was at is no result
+    assert not state.verdict  # what the work was at is no result
 
 
 def test_check_backend_shows_the_report(scene, stand_in) -> None:

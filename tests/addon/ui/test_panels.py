@@ -93,7 +93,7 @@ def test_a_fit_is_judged_below_its_button(drawn) -> None:
     import bpy
 
     state = bpy.context.window_manager.facestage
-    state.message = "Converged."
+    state.verdict = "Converged."
     words = drawn("fit")
     assert words.index("Converged.") > words.index("facestage.fit")
     assert "Converged." not in drawn("result")
