@@ -21,7 +21,7 @@ from ..pictures.texture import paint_vertices
 GROUP = "Facestage Skin"
 SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
-TEXTURE_SIZE, GLOSS_SIZE = 512, 32  # of a rig without a result
+TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
 
 def skin_group() -> bpy.types.NodeTree:
