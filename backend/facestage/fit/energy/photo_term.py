@@ -119,7 +119,7 @@ class PhotoTerm(Term):
         terms = self._light_terms(state, surface, placed, seed, resting)
         y, x = self.index(surface)
         terms, penumbra = self._with_penumbra(state, surface, placed, terms, weight[y, x], seed)
-        image = self.forward.shade(state, surface, terms)
+        image = self._shade(state, surface, terms, weight)
         return self._compared(state, image, weight, seed, penumbra)
 
     def with_skin(self, evaluation: Evaluation, state: State) -> Evaluation:
@@ -127,10 +127,24 @@ class PhotoTerm(Term):
         reaches it is the same.
         """
         surface, terms = evaluation.image.surface, evaluation.image.terms
-        image = self.forward.shade(state, surface, terms)
+        image = self._shade(state, surface, terms, evaluation.base_weight)
         return self._compared(
             state, image, evaluation.base_weight, evaluation.seed, evaluation.penumbra
         )
+
+    def _shade(
+        self,
+        state: State,
+        surface: Surface,
+        terms: LightTerms,
+        weight: Float[np.ndarray, "height width"],
+    ) -> Image:
+        """Light goes on below the pixels that count, whatever others the plan has lit."""
+        spread = None
+        if state.scattering > 0:
+            counted = weight[self.index(surface)] > 0
+            spread = self.forward.scattering(surface, state.scattering, counted)
+        return self.forward.shade(state, surface, terms, spread=spread)
 
     def _compared(
         self,

@@ -246,9 +246,13 @@ class ForwardModel:
         color = Skin(albedo, c_spec).radiance(diffuse, specular)
         return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color, spread)
 
-    def scattering(self, surface: Surface, strength: float) -> Scattering:
-        """How light spreads below the skin that the surface's pixels see."""
+    def scattering(
+        self, surface: Surface, strength: float, among: Bool[np.ndarray, " pixels"] | None = None
+    ) -> Scattering:
+        """How light spreads below the skin that the surface's pixels, or those ``among``, see."""
         skin = self.geometry.triangle_part[surface.triangle] == SKIN
+        if among is not None:
+            skin &= among
         return Scattering.over(
             surface.pixels, surface.points, surface.rays, surface.normals, skin, strength
         )
