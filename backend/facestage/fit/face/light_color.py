@@ -66,9 +66,23 @@ class LightPrior:
     def normal_equations(
         self, values: Float[np.ndarray, " values"]
     ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
-        """Hessian (Gauss-Newton) and gradient of the energy at ``values``."""
+        """Hessian (Gauss-Newton) and gradient of the energy at ``values``.
+
+        What lights cost is concave, nowhere above its tangent: it has no part in the Hessian. The
+        squares of its residuals would hold dark lights where they are, however much a photo wants
+        them.
+        """
         residuals, jacobian = self._both(values)
-        return jacobian.T @ jacobian, jacobian.T @ residuals
+        curved = np.delete(jacobian, self.costs, axis=0)
+        return curved.T @ curved, jacobian.T @ residuals
+
+    @property
+    def costs(self) -> slice:
+        """Which of the residuals are what lights cost."""
+        count = int(self.lights.fitted.sum())
+        # Behind the lights' own colors, that of all light together, and the shares.
+        first = 3 * count + (2 if self.white is None else 0)
+        return slice(first, first + count)
 
     def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         radiance, fitted = self.lights.radiance(values), self.lights.fitted

@@ -57,9 +57,22 @@ def test_the_slope_is_that_of_the_residuals(uniform: bool):
     ]
     np.testing.assert_allclose(jacobian, np.stack(sides, axis=1), atol=1e-7)
     hessian, gradient = prior.normal_equations(values)
-    np.testing.assert_allclose(hessian, jacobian.T @ jacobian)
+    curved = np.delete(jacobian, prior.costs, axis=0)
+    np.testing.assert_allclose(hessian, curved.T @ curved)
     np.testing.assert_allclose(gradient, jacobian.T @ prior.residuals(values))
     assert np.linalg.matrix_rank(hessian) == len(values), "every light has a deviation"
+
+
+def test_what_lights_cost_holds_none_of_them_in_the_dark():
+    """A light that is out costs at most what it would if it shone, however stiff its slope."""
+    prior = prior_of(4)
+    values = np.array([[2.0] * 3, [1.0] * 3, [1.0] * 3, [0.0] * 3]).ravel()
+    cost = prior.residuals(values)[prior.costs]
+    slope = prior.jacobian(values)[prior.costs]
+    assert (cost[:3] > cost[3]).all() and cost[3] > 0
+    hessian = prior.normal_equations(values)[0]
+    brighter = np.repeat([0.0, 1.0], [9, 3])
+    assert brighter @ hessian @ brighter < 0.1 * ((slope @ brighter) ** 2).sum()
 
 
 def test_white_light_as_bright_as_guessed_costs_its_evenness_alone():
