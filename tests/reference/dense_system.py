@@ -5,7 +5,7 @@ right.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.state import State
 from facestage.fit.stages.photo_descent import PhotoDescent
 
@@ -26,11 +27,13 @@ class Rows:
     jacobian: np.ndarray
     residual: np.ndarray
     weights: np.ndarray
+    concave: tuple[int, ...] = ()  # rows that have no part in the Hessian
 
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """J^T W J and J^T W r."""
+        """J^T W J, without the concave rows, and J^T W r."""
         weighted = self.jacobian * self.weights[:, None]
-        return weighted.T @ self.jacobian, weighted.T @ self.residual
+        curved = np.delete(weighted, self.concave, axis=0)
+        return curved.T @ np.delete(self.jacobian, self.concave, axis=0), weighted.T @ self.residual
 
 
 def written_out(jacobian: Jacobian, layout: Layout, pixels: int) -> np.ndarray:
@@ -81,7 +84,10 @@ def prior_rows(stage: PhotoDescent, state: State, blocks: Sequence[str]) -> Rows
         residual = gaussian.residuals(values[where])
         jacobian = np.zeros((len(residual), layout.size))
         jacobian[:, where] = gaussian.jacobian(values[where])
-        rows.append(Rows(jacobian, residual, np.ones(len(residual))))
+        concave: tuple[int, ...] = ()
+        if isinstance(gaussian, LightPrior):
+            concave = tuple(range(*gaussian.costs.indices(len(residual))))
+        rows.append(Rows(jacobian, residual, np.ones(len(residual)), concave))
     return stacked(rows)
 
 
@@ -91,6 +97,14 @@ def stacked(rows: Sequence[Rows]) -> Rows:
         np.concatenate([one.jacobian for one in rows]),
         np.concatenate([one.residual for one in rows]),
         np.concatenate([one.weights for one in rows]),
+        _concave(rows),
+    )
+
+
+def _concave(rows: Sequence[Rows]) -> tuple[int, ...]:
+    first = np.cumsum([0] + [len(one.residual) for one in rows])
+    return tuple(
+        int(start + row) for start, one in zip(first, rows, strict=False) for row in one.concave
     )
 
 
@@ -117,5 +131,5 @@ def side_by_side(rows: Sequence[Rows], layouts: Sequence[Layout], shared: Sequen
             part = one.jacobian[:, layout.slices[name]]
             wide[:, start : start + part.shape[1]] = part
             start += part.shape[1]
-        result.append(Rows(wide, one.residual, one.weights))
+        result.append(replace(one, jacobian=wide))
     return stacked(result)
