@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import shutil
-import subprocess
 import sys
 import tempfile
 import tomllib
@@ -19,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from backend_lock import locked, write_backend_locks
+from commands import require
 from setup_error import SetupError
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -63,8 +63,8 @@ def build_extension(target: Path) -> Path:
         target.mkdir(parents=True, exist_ok=True)
         archive = target / f"{ADDON.name}-{version}.zip"
         build = [sys.executable, "-I", str(builder)]
-        run([*build, "build", "--source-dir", str(stage), "--output-filepath", str(archive)])
-        run([*build, "validate", str(archive)])
+        require([*build, "build", "--source-dir", str(stage), "--output-filepath", str(archive)])
+        require([*build, "validate", str(archive)])
     return archive
 
 
@@ -85,7 +85,7 @@ def build_wheel(stage: Path, target: Path) -> None:
         with_digest(project.read_text(encoding="utf-8"), digest(stage)), encoding="utf-8"
     )
     # With the installed setuptools: a build of its own would fetch another.
-    run(
+    require(
         [
             *PIP,
             "wheel",
@@ -129,7 +129,7 @@ def fetch_wheels(listing: Path, target: Path) -> None:
     pinned = "".join(locked(lock, name, LOCK.name) for name in LIBRARIES)
     listing.write_text(pinned, encoding="utf-8")
     only = ["--no-deps", "--require-hashes", "--only-binary", ":all:"]
-    run([*PIP, "download", *only, "--dest", str(target), "--requirement", str(listing)])
+    require([*PIP, "download", *only, "--dest", str(target), "--requirement", str(listing)])
 
 
 def with_wheels(manifest: str, wheels: Sequence[str]) -> str:
@@ -156,20 +156,6 @@ def blender_builder() -> Path:
         "Blender's extension builder comes with the package bpy, which is not installed; run: "
         "make setup"
     )
-
-
-def run(command: list[str]) -> None:
-    """Run a command; raise SetupError with what it said when it fails."""
-    done = subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-    )
-    if done.returncode:
-        raise SetupError(f"this command failed: {' '.join(command)}\n{done.stdout}")
 
 
 if __name__ == "__main__":

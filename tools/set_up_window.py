@@ -7,12 +7,12 @@ it unpacks a whole Debian to change into.
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from commands import require
 from setup_error import SetupError
 from setup_native import apt, apt_install, can_apt_install
 
@@ -27,6 +27,8 @@ TOOLS = {
 }
 # Blender's own download has numpy and venv in it; Debian's does without.
 BLENDER = ("blender", "python3-numpy", "python3-venv", "libgl1-mesa-dri", "libglx-mesa0")
+ENV = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "DEBIAN_FRONTEND": "noninteractive"}
+LINES = 5  # of what a command said that are repeated where it fails
 FINISHED = "facestage-window.stamp"
 
 
@@ -58,29 +60,13 @@ def set_up(folder: Path) -> None:
     if not stamp.is_file():
         shutil.rmtree(folder, ignore_errors=True)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        run(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR])
+        require(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR], ENV, LINES)
     # A namespace of its own, so that nothing stays mounted.
     install = "mount -t proc proc {0}/proc && chroot {0} apt-get install --yes {1}".format(
         '"$1"', " ".join(["--no-install-recommends", *BLENDER])
     )
-    run(["unshare", "--mount", "sh", "-c", install, "sh", str(folder)])
+    require(["unshare", "--mount", "sh", "-c", install, "sh", str(folder)], ENV, LINES)
     stamp.write_text(made_of, encoding="utf-8")
-
-
-def run(command: list[str]) -> None:
-    """Run a command; raise SetupError with its last words when it fails."""
-    done = subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-        env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "DEBIAN_FRONTEND": "noninteractive"},
-    )
-    if done.returncode:
-        last = "\n".join(done.stdout.splitlines()[-5:])
-        raise SetupError(f"this command failed: {' '.join(command)}\n{last}")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from commands import run
 from setup_error import SetupError
 from setup_native import apt, apt_install, can_apt_install, provide_native_libraries
 
@@ -185,18 +186,6 @@ def pip(*arguments: str) -> None:
             f"pip could not install the packages ({last_line(done)}); check the network connection "
             "and the free disk space, and run it again."
         )
-
-
-def run(command: list[str]) -> subprocess.CompletedProcess[str]:
-    """Run a command without input, with its output and errors captured together."""
-    return subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-    )
 
 
 def last_line(done: subprocess.CompletedProcess[str]) -> str:
