@@ -86,7 +86,7 @@ def prior_rows(stage: PhotoDescent, state: State, blocks: Sequence[str]) -> Rows
         jacobian[:, where] = gaussian.jacobian(values[where])
         concave: tuple[int, ...] = ()
         if isinstance(gaussian, LightPrior):
-            concave = tuple(range(*gaussian.costs.indices(len(residual))))
+            concave = tuple(np.flatnonzero(gaussian.concave(values[where])).tolist())
         rows.append(Rows(jacobian, residual, np.ones(len(residual)), concave))
     return stacked(rows)
 

@@ -7,6 +7,7 @@ import signal
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.partial import partial_folder
 from facestage.contract.result import Result
 from facestage_blender.backend.commands import find_backend, fit_command, model_command
+
+if TYPE_CHECKING:
+    from facestage_blender.headless.pipeline import Order
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("scene")]
 SIZE = 96
@@ -47,20 +51,26 @@ def case(empty_scene, backend: list[str], tmp_path_factory: pytest.TempPathFacto
     return folder / "case"
 
 
+def order_of(case: Path, folder: Path, **more: Any) -> Order:
+    """A fit of the photo with what is given beside it, into a folder's ``out``."""
+    from facestage_blender.headless.pipeline import Order
+
+    return Order(
+        image=case / "photo.png",
+        out=folder / "out",
+        landmarks=case / "landmarks.json",
+        camera=case / "camera.json",
+        **more,
+    )
+
+
 def test_fit_is_written_back_as_the_fit_saw_it(
     case: Path, backend: list[str], tmp_path: Path
 ) -> None:
     from facestage_blender.headless import demo, pipeline
     from facestage_blender.pictures import render
 
-    order = pipeline.Order(
-        image=case / "photo.png",
-        out=tmp_path / "out",
-        landmarks=case / "landmarks.json",
-        camera=case / "camera.json",
-        truth=case / "truth.npz",
-        budget=40.0,
-    )
+    order = order_of(case, tmp_path, truth=case / "truth.npz", budget=40.0)
     scene = pipeline.empty_scene()
     stages: list[str] = []
     result = pipeline.fit_photo(scene, order, backend, lambda event: stages.append(event.stage))
@@ -84,12 +94,7 @@ def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
     from facestage_blender.headless import demo, pipeline
     from facestage_blender.pictures import render
 
-    order = pipeline.Order(
-        image=case / "photo.png",
-        out=tmp_path / "out",
-        landmarks=case / "landmarks.json",
-        camera=case / "camera.json",
-    )
+    order = order_of(case, tmp_path)
     scene = pipeline.empty_scene()
     pipeline.prepare_scene(scene, order, backend, lambda _event: None)
     job, out = tmp_path / "job", tmp_path / "result"
@@ -111,12 +116,7 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     from facestage_blender.exchange.scene_read import read_job
     from facestage_blender.headless import pipeline
 
-    order = pipeline.Order(
-        image=case / "photo.png",
-        out=tmp_path / "out",
-        landmarks=case / "landmarks.json",
-        camera=case / "camera.json",
-    )
+    order = order_of(case, tmp_path)
     scene = pipeline.empty_scene()
     pipeline.prepare_scene(scene, order, backend, lambda _event: None)
     job, out = tmp_path / "out" / "job", tmp_path / "out" / "result"

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Bool, Float
 from facestage.fit.face.light_axes import AXES
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.white_balance import WhiteBalance
@@ -55,13 +55,13 @@ class LightPrior:
 
     def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
         """The residuals of the ``values``."""
-        return self._both(values)[0]
+        return self._rows(values)[0]
 
     def jacobian(
         self, values: Float[np.ndarray, " values"]
     ) -> Float[np.ndarray, "residuals values"]:
         """Their derivative."""
-        return self._both(values)[1]
+        return self._rows(values)[1]
 
     def normal_equations(
         self, values: Float[np.ndarray, " values"]
@@ -72,24 +72,21 @@ class LightPrior:
         squares of its residuals would hold dark lights where they are, however much a photo wants
         them.
         """
-        residuals, jacobian = self._both(values)
-        curved = np.delete(jacobian, self.costs, axis=0)
+        residuals, jacobian, concave = self._rows(values)
+        curved = jacobian[~concave]
         return curved.T @ curved, jacobian.T @ residuals
 
-    @property
-    def costs(self) -> slice:
+    def concave(self, values: Float[np.ndarray, " values"]) -> Bool[np.ndarray, " residuals"]:
         """Which of the residuals are what lights cost."""
-        count = int(self.lights.fitted.sum())
-        # Behind the lights' own colors, that of all light together, and the shares.
-        first = 3 * count + (2 if self.white is None else 0)
-        return slice(first, first + count)
+        return self._rows(values)[2]
 
-    def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _rows(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The residuals, their derivative, and which of them are concave."""
         radiance, fitted = self.lights.radiance(values), self.lights.fitted
         light = radiance[fitted]
         if not len(light):
-            return np.zeros(0), np.zeros((0, len(values)))
-        residuals, by_light = _of_radiance(light, self.scale, self.white is None)
+            return np.zeros(0), np.zeros((0, len(values))), np.zeros(0, bool)
+        residuals, by_light, concave = _of_radiance(light, self.scale, self.white is None)
         if self.white is not None:
             balance, by_radiance = _of_balance(radiance, self.white)
             residuals = np.concatenate([residuals, balance])
@@ -101,14 +98,15 @@ class LightPrior:
             row[-CHANNELS:] = 1.0 / (CHANNELS * UNIFORM_SIGMA)
             residuals = np.append(residuals, row @ values - 1.0 / UNIFORM_SIGMA)
             jacobian = np.vstack([jacobian, row])
-        return self.factor * residuals, self.factor * jacobian
+        curved = np.zeros(len(residuals) - len(concave), bool)
+        return self.factor * residuals, self.factor * jacobian, np.append(concave, curved)
 
 
 def _of_radiance(
     light: np.ndarray, scale: float, with_common: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """The residuals (r,) of the ``light`` (j, 3), and their derivative (r, j, 3); of the color of
-    all light together only ``with_common``.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The residuals (r,) of the ``light`` (j, 3), their derivative (r, j, 3), and which are what
+    lights cost (r,); of the color of all light together only ``with_common``.
     """
     count, channels = light.shape
     level = light.mean(axis=1)
@@ -139,6 +137,7 @@ def _of_radiance(
         by_each - by_much[:, None] * all_light[:, None, None] - much[:, None, None, None] * by_all
     )
     share, by_share = _ratio(count * level, count * by_level, total, by_total)
+    cost = _cost(share / count, by_share / count)
     parts = [
         _robust(own / OWN_SIGMA, by_own / OWN_SIGMA[:, None, None]),
         *(
@@ -147,7 +146,7 @@ def _of_radiance(
             else []
         ),
         (share / SHARE_SIGMA, by_share / SHARE_SIGMA),
-        _cost(share / count, by_share / count),
+        cost,
         (
             np.array([total / (count * scale) - 1.0]) / LEVEL_SIGMA,
             by_total[None] / (count * scale * LEVEL_SIGMA),
@@ -156,6 +155,7 @@ def _of_radiance(
     return (
         np.concatenate([one.ravel() for one, _ in parts]),
         np.concatenate([slope.reshape(-1, count, channels) for _, slope in parts]),
+        np.concatenate([np.full(part[0].size, part is cost) for part in parts]),
     )
 
 

@@ -52,7 +52,7 @@ def dark_regions(
     if not weights.any() or not lights.fitted.any():
         return found
     misfit = _regional_misfit(
-        columns[:, lights.fitted], target - held, held, weights, (y, x), found
+        columns[:, lights.fitted], target - held, held, weights, (y, x), found.shape
     )
     found[y, x] = (misfit > DARK) & (weights > 0)
     labels, count = label(found)
@@ -94,7 +94,7 @@ def _regional_misfit(
     held: Float[np.ndarray, " pixels"],
     weights: Float[np.ndarray, " pixels"],
     where: tuple[np.ndarray, np.ndarray],
-    shape: Bool[np.ndarray, "height width"],
+    shape: tuple[int, ...],
 ) -> Float[np.ndarray, " pixels"]:
     """By how much the model is brighter around each pixel, relative to the mean of model, photo and
     the whole face; ``held`` is of lights that are not fitted, and not in ``target``.
@@ -103,7 +103,7 @@ def _regional_misfit(
     width = REGION_SHARE * float(np.sqrt((weights > 0).sum()))
 
     def around(values: np.ndarray) -> np.ndarray:
-        picture = np.zeros(shape.shape)
+        picture = np.zeros(shape)
         picture[where] = values
         return np.asarray(gaussian_filter(picture, width)[where])
 

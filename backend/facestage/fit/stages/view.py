@@ -52,7 +52,7 @@ class Memory:
     strong: np.ndarray  # (N,) bool, the lights whose position is fitted
     # (h, w) bool at the size of the first photo phase; None before it was looked for
     hidden: np.ndarray | None
-    # likewise
+    # likewise, what is darker than light explains
     dark: np.ndarray | None = None
     surround: Surround | None = None  # None before it was looked for, and where it is not wanted
     exposure: float = 1.0

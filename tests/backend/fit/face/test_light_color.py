@@ -57,7 +57,7 @@ def test_the_slope_is_that_of_the_residuals(uniform: bool):
     ]
     np.testing.assert_allclose(jacobian, np.stack(sides, axis=1), atol=1e-7)
     hessian, gradient = prior.normal_equations(values)
-    curved = np.delete(jacobian, prior.costs, axis=0)
+    curved = jacobian[~prior.concave(values)]
     np.testing.assert_allclose(hessian, curved.T @ curved)
     np.testing.assert_allclose(gradient, jacobian.T @ prior.residuals(values))
     assert np.linalg.matrix_rank(hessian) == len(values), "every light has a deviation"
@@ -67,8 +67,8 @@ def test_what_lights_cost_holds_none_of_them_in_the_dark():
     """A light that is out costs at most what it would if it shone, however stiff its slope."""
     prior = prior_of(4)
     values = np.array([[2.0] * 3, [1.0] * 3, [1.0] * 3, [0.0] * 3]).ravel()
-    cost = prior.residuals(values)[prior.costs]
-    slope = prior.jacobian(values)[prior.costs]
+    concave = prior.concave(values)
+    cost, slope = prior.residuals(values)[concave], prior.jacobian(values)[concave]
     assert (cost[:3] > cost[3]).all() and cost[3] > 0
     hessian = prior.normal_equations(values)[0]
     brighter = np.repeat([0.0, 1.0], [9, 3])
