@@ -131,6 +131,12 @@ def _add_pictures(result: argparse.ArgumentParser) -> None:
         "--resolution", type=int, help="longer side of the extra pictures in pixels"
     )
     result.add_argument(
+        "--close-ups",
+        type=_side,
+        metavar="PIXELS",
+        help="also render close-ups of so many pixels a side: eye, mouth, cheek, ear, head, back",
+    )
+    result.add_argument(
         "--samples", type=int, default=64, help="samples per pixel of the extra pictures"
     )
 
@@ -219,6 +225,7 @@ def _extra_pictures(scene: bpy.types.Scene, options: argparse.Namespace, out: Pa
     from ..pictures.render import render_linear, save_png, srgb
     from ..rig.face_rig import read_weights, require_rig, set_weights
     from ..scene.relight import relight, restore_lights
+    from .close_ups import close_ups
 
     if options.resolution:
         longer = max(scene.render.resolution_x, scene.render.resolution_y)
@@ -240,6 +247,10 @@ def _extra_pictures(scene: bpy.types.Scene, options: argparse.Namespace, out: Pa
         set_weights(rig, {}, dict(options.expression))
         render("expression")
         set_weights(rig, {}, fitted)
+    if options.close_ups is not None:
+        for caption, pixels in close_ups(scene, options.close_ups, options.samples).items():
+            pictures.append(out / f"close_{caption.split(',')[0].replace(' ', '_')}.png")
+            save_png(pictures[-1], pixels)
     return pictures
 
 

@@ -14,7 +14,7 @@ CELL_INCHES, DPI = 3.0, 130
 PAPER, INK = "#1b1b1d", "#e8e8ea"
 
 
-def contact_sheet(pictures: dict[str, np.ndarray], path: Path) -> None:
+def contact_sheet(pictures: dict[str, np.ndarray], path: Path, columns: int = COLUMNS) -> None:
     """Write captioned sRGB pictures (h, w, 3), 0..1, as one PNG; a wide one takes two cells."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -23,17 +23,17 @@ def contact_sheet(pictures: dict[str, np.ndarray], path: Path) -> None:
     row = column = 0
     for caption, pixels in pictures.items():
         span = 2 if pixels.shape[1] > 1.5 * pixels.shape[0] else 1
-        if column + span > COLUMNS:
+        if column + span > columns:
             row, column = row + 1, 0
         cells.append((caption, pixels, row, column, span))
         column += span
     rows = row + 1
     figure = Figure(
-        figsize=(COLUMNS * CELL_INCHES, rows * (CELL_INCHES + 0.3)), dpi=DPI, facecolor=PAPER
+        figsize=(columns * CELL_INCHES, rows * (CELL_INCHES + 0.3)), dpi=DPI, facecolor=PAPER
     )
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
-        rows, COLUMNS, left=0.01, right=0.99, bottom=0.01, top=0.95, wspace=0.03, hspace=0.12
+        rows, columns, left=0.01, right=0.99, bottom=0.01, top=0.95, wspace=0.03, hspace=0.12
     )
     for caption, pixels, row, column, span in cells:
         axes = figure.add_subplot(grid[row, column : column + span])

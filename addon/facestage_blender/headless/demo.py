@@ -37,6 +37,7 @@ SKIN = Path(__file__).parent / "data" / "astronaut_skin.json"
 SEED = 7
 BUDGET_SECONDS = 75.0  # for each fit, so that the demo ends within its four minutes on any machine
 SAMPLES = 32
+CLOSE_UP_PX = 400
 ERRORS = (
     ("rigid_mm", "shape, after rigid alignment", "mm"),
     ("similarity_mm", "shape, after similarity alignment", "mm"),
@@ -97,12 +98,14 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     crop = head_crop(Landmarks.read(SHIPPED_LANDMARKS), result.camera)
     match = agreement(scene, result, crop, samples)
     sheet = _pictures(scene, result, photo, crop, out / "astronaut", samples)
+    close = _close_ups(scene, out / "astronaut", samples)
     return [
         "Real photo",
         f"  Landmarks {origin}.",
         f"  {result.advice}",
         f"  Cycles and the fit's own renderer agree to {match:.1f} dB in the face.",
         f"  pictures  {sheet}",
+        f"  close-ups {close}",
         f"  report    {out / 'astronaut' / RESULT_FOLDER / REPORT}",
         f"  scene     {out / 'astronaut' / pipeline.SCENE_FILE}",
     ]
@@ -213,6 +216,16 @@ def _pictures(
         save_png(folder / "pictures" / f"{caption.replace(' ', '_')}.png", pixels)
     sheet = folder / "contact_sheet.png"
     contact_sheet(pictures, sheet)
+    return sheet
+
+
+def _close_ups(scene: bpy.types.Scene, folder: Path, samples: int) -> Path:
+    """The contact sheet of the head from close by, from the side and from behind."""
+    from .close_ups import close_ups
+    from .contact_sheet import contact_sheet
+
+    sheet = folder / "close_ups.png"
+    contact_sheet(close_ups(scene, CLOSE_UP_PX, samples), sheet, columns=3)
     return sheet
 
 

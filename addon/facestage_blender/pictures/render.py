@@ -92,7 +92,7 @@ def render_linear(
         values += crop.settings(scene.render)
     with (
         tempfile.TemporaryDirectory() as folder,
-        _temporarily([*values, (scene.render, "filepath", f"{folder}/render.exr")]),
+        temporarily([*values, (scene.render, "filepath", f"{folder}/render.exr")]),
         quiet(),
     ):
         bpy.ops.render.render(write_still=True, scene=scene.name)
@@ -170,7 +170,7 @@ def quiet() -> Iterator[None]:
 
 
 @contextmanager
-def _temporarily(values: list[tuple[Any, str, Any]]) -> Iterator[None]:
+def temporarily(values: list[tuple[Any, str, Any]]) -> Iterator[None]:
     """Set attributes for the block, then put back what was there."""
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in values]
     try:
