@@ -33,7 +33,7 @@ from facestage.contract.light_stage import (
 )
 from facestage.contract.parameters import TABLE
 from facestage.contract.quality import GOOD, QUALITIES, describe
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
 LANDMARK_SOURCES = {
@@ -145,7 +145,7 @@ FaceSettings.__annotations__ |= {
     f"{each.name}_image": PointerProperty(
         type=bpy.types.Image, name=each.title, description=f"{each.title} texture, linear"
     )
-    for each in TEXTURE_MAPS
+    for each in (*TEXTURE_MAPS, EYE_MAP)
 }
 
 

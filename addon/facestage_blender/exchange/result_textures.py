@@ -11,7 +11,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
 from facestage.contract.result import TEXTURE_MAX, Result
-from facestage.contract.texture_maps import TEXTURE_MAPS, TextureMap
+from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS, TextureMap
 
 from ..pictures.images import image_pixels, set_color_space
 
@@ -25,7 +25,7 @@ def load_textures(result: Result) -> dict[str, bpy.types.Image]:
     """
     loaded: dict[str, bpy.types.Image] = {}
     try:
-        for each in TEXTURE_MAPS:
+        for each in (*TEXTURE_MAPS, EYE_MAP):
             folder = Path(result.folder or "")
             if each.required or (result.folder is not None and is_file(folder / each.file)):
                 loaded[each.name] = _load(result, each)

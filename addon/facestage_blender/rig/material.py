@@ -13,10 +13,11 @@ import numpy as np
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
 from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX
-from facestage.contract.texture_maps import PLAIN, TEXTURE_MAPS
+from facestage.contract.texture_maps import EYE_MAP, PLAIN, TEXTURE_MAPS
 
 from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
+from .eye_material import show_eyes
 
 GROUP = "Facestage Skin"
 SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
@@ -174,9 +175,10 @@ def set_textures(
     Where a map is missing the skin has one value: that of its parameter in ``plain``.
     """
     face = rig.facestage_face
-    before = [getattr(face, f"{each.name}_image") for each in TEXTURE_MAPS]
+    maps = (*TEXTURE_MAPS, EYE_MAP)
+    before = [getattr(face, f"{each.name}_image") for each in maps]
     retired = [image for image in before if image is not None and image not in images.values()]
-    for each in TEXTURE_MAPS:
+    for each in maps:
         setattr(face, f"{each.name}_image", images.get(each.name))
     for name, value in plain.items():
         setattr(face, name, value)
@@ -198,6 +200,7 @@ def set_textures(
                 links.remove(link)
             if image is not None and each.socket in nodes:
                 links.new(nodes[each.socket].outputs["Color"], socket)
+    show_eyes(rig, images.get(EYE_MAP.name))
     for image in retired:
         if not image.users:
             bpy.data.images.remove(image)

@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 from facestage.contract import job, person, result
 from facestage.contract.relight_cache import RELIGHT_CACHE
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
 TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
@@ -25,6 +25,7 @@ FILES = frozenset(
         REPORT,
         *result.PICTURES,
         *(each.file for each in TEXTURE_MAPS),
+        EYE_MAP.file,
         result.COVERAGE,
         person.FILE,
         PERSON_REPORT,

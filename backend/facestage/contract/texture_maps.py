@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from facestage.contract.arrays import Float
 from facestage.contract.brdf import SPECULAR_MAX
 
 
@@ -46,5 +49,16 @@ TEXTURE_MAPS = (
     TextureMap("specular", "Specular map", (1.0,), most=SPECULAR_MAX),
     TextureMap("roughness", "Roughness", (0.45,), required=False, plain="roughness"),
 )
+# Of the eyes' part of the UV square alone (:func:`uv_box`), in more texels: the same albedo.
+EYE_MAP = TextureMap("eyes", "Eyes", (0.5, 0.5, 0.5), required=False)
 # The parameters of a result that stand in for maps.
 PLAIN = tuple(each.plain for each in TEXTURE_MAPS if each.plain is not None)
+
+
+def uv_box(uvs: Float[np.ndarray, "points 2"]) -> tuple[float, float, float, float]:
+    """The smallest upright box round points of the UV square: left, bottom, right, top."""
+    if not len(uvs):
+        return 0.0, 0.0, 1.0, 1.0
+    low = np.clip(uvs.min(axis=0), 0.0, 1.0).tolist()
+    high = np.clip(uvs.max(axis=0), 0.0, 1.0).tolist()
+    return low[0], low[1], high[0], high[1]

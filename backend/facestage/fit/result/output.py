@@ -20,7 +20,7 @@ from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import COVERAGE, LIGHT_PROBE, RELIEF, RENDER, Result
 from facestage.contract.result_files import LANDMARKS, TRACE
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
@@ -213,6 +213,8 @@ def write_result(
     for each in TEXTURE_MAPS:
         if each.name in textures:
             write_exr(folder / each.file, textures[each.name])
+    if finished.refined.eyes is not None:
+        write_exr(folder / EYE_MAP.file, finished.refined.eyes)
     write_png(folder / COVERAGE, finished.refined.coverage)
     write_exr(folder / RENDER, problem.window.enlarged(finished.picture.color))
     cache = finished.picture.relight_cache(relight_fingerprint(result))

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.render.tracer import RayTracer
+from facestage.render.tracer import Hits, RayTracer
 
 
 @dataclass(frozen=True)
@@ -29,14 +29,8 @@ class Atlas:
     @classmethod
     def build(cls, geometry: FaceGeometry, size: int) -> Atlas:
         """Rasterise the UV triangles by tracing one ray through each texel's centre."""
-        uvs = geometry.model.uvs
-        tracer = RayTracer(geometry.triangle_uvs, len(uvs))
-        tracer.update(np.concatenate([uvs, np.zeros((len(uvs), 1))], axis=1))
         v, u = np.mgrid[:size, :size]
-        origin = np.stack(
-            [(u + 0.5) / size, 1.0 - (v + 0.5) / size, np.ones(u.shape)], axis=-1
-        ).reshape(-1, 3)
-        hits = tracer.first_hits(origin, np.broadcast_to([0.0, 0.0, -1.0], origin.shape))
+        hits = shown_at(geometry, (u + 0.5) / size, 1.0 - (v + 0.5) / size)
         covered = (hits.triangle >= 0).reshape(size, size)
         triangle = hits.triangle[hits.triangle >= 0]
         skin = np.zeros((size, size), bool)
@@ -59,3 +53,14 @@ class Atlas:
         texture = np.zeros((self.size, self.size, values.shape[1]), np.float32)
         texture[self.covered] = np.einsum("ti,tic->tc", self.weights, values[self.corners])
         return texture[self.nearest]
+
+
+def shown_at(
+    geometry: FaceGeometry, u: Float[np.ndarray, "_ _"], v: Float[np.ndarray, "_ _"]
+) -> Hits:
+    """Which triangle of the rendered mesh points of the UV square show."""
+    uvs = geometry.model.uvs
+    tracer = RayTracer(geometry.triangle_uvs, len(uvs))
+    tracer.update(np.concatenate([uvs, np.zeros((len(uvs), 1))], axis=1))
+    origin = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1)
+    return tracer.first_hits(origin, np.broadcast_to([0.0, 0.0, -1.0], origin.shape))

@@ -30,6 +30,7 @@ class MergedMaps:
         # Sums over the photos, by map; of the albedo the sum of logarithms.
         self._sums: dict[str, np.ndarray] = {}
         self._coverage = np.zeros((size, size, 3), np.uint8)
+        self._eyes: list[tuple[float, np.ndarray]] = []  # weights and logarithms
 
     def add(self, maps: Refined, state: State, weight: float) -> None:
         """A photo's maps, with its ``weight`` 0..1 among the photos."""
@@ -45,6 +46,8 @@ class MergedMaps:
                 own = np.full_like(textures.specular, value)
             self._sums[each.name] = self._sums.get(each.name, 0.0) + weight * own
         self._weight += weight
+        if maps.eyes is not None:
+            self._eyes.append((weight, np.log(maps.eyes)))
         self._coverage = np.maximum(self._coverage, maps.coverage)
 
     def maps(self) -> Refined:
@@ -56,4 +59,6 @@ class MergedMaps:
             np.where(self._skin[..., None], self._detail.mean(), maps["albedo"])
         )
         textures = Textures(**{name: values.astype(np.float32) for name, values in maps.items()})
-        return Refined(textures, self._coverage)
+        weight = sum(each for each, _ in self._eyes)
+        eyes = np.exp(sum(each * logs for each, logs in self._eyes) / weight) if weight else None
+        return Refined(textures, self._coverage, eyes)

@@ -19,6 +19,7 @@ from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
 from facestage.fit.textures.part_color import Look, part_colors
 from facestage.fit.textures.shown import Shown, what_is_shown
@@ -36,6 +37,8 @@ class Refined:
 
     textures: Textures
     coverage: UInt8[np.ndarray, "size size 3"]  # see CONVENTIONS.md
+    # of the eyes' part of the atlas, see eye_picture.py
+    eyes: Float32[np.ndarray, "height width 3"] | None = None
 
 
 def refine(
@@ -65,7 +68,7 @@ def refine(
         shown = shown.with_gloss(
             sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
         )
-    detail = None
+    detail = eyes = None
     if shown is not None and "albedo" not in freeze:
         half = (
             small
@@ -79,8 +82,12 @@ def refine(
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
         logs = logs + detail.log_albedo + atlas.bake(parts)
-    textures = Textures(painted(logs), *_gloss_textures(small, problem, fitted, gloss))
-    return Refined(textures, _coverage(atlas, small.size, detail, gloss))
+        eyes = eye_picture(problem.geometry, forward.log_albedo(fitted.state) + parts)
+    albedo = painted(logs)
+    if eyes is not None:
+        albedo = eyes_painted(albedo, atlas, problem.geometry, eyes)
+    textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss))
+    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes)
 
 
 def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:

@@ -9,6 +9,7 @@ import pytest
 
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR
+from facestage.fit.textures.eye_picture import eye_picture
 from facestage.fit.textures.part_color import Look, part_colors, parts_of
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
@@ -70,6 +71,21 @@ def test_blue_eyes_are_found(face: PaintedFace, smiling: State):
     # 0.05 where the highlight is taken for that of a dry eye
     assert np.abs(found - change[iris][0]).mean() < 0.035
     assert found[2] > found[0] + 0.5
+
+
+def test_the_picture_of_the_eyes_is_blue_too(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    drawn = eye_picture(geometry, geometry.log_albedo + found)
+    assert drawn is not None
+    blue = drawn[drawn[..., 2] > 1.3 * drawn[..., 0]]
+    error = np.abs(np.log(np.median(blue, axis=0) / BLUE))
+    print("log error of the drawn iris", error.round(2), "of", len(blue), "texels")
+    assert len(blue) > 10_000
+    assert error.max() < 0.25
 
 
 def test_teeth_keep_to_what_teeth_can_be(face: PaintedFace, smiling: State):
