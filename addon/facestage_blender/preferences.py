@@ -105,11 +105,21 @@ def packages() -> Packages:
 
 
 def environment_folder() -> Path:
-    """Where the backend is installed: in the extension's own folder of user files."""
+    """Where the backend is installed."""
+    return _user_folder("environment")
+
+
+def expression_folder() -> Path:
+    """Where the user's own expressions are kept."""
+    return _user_folder("expressions")
+
+
+def _user_folder(name: str) -> Path:
+    """A folder in the extension's own folder of user files."""
     try:
-        folder = bpy.utils.extension_path_user(str(__package__), path="environment")
+        folder = bpy.utils.extension_path_user(str(__package__), path=name)
     except ValueError:  # the add-on is no extension
-        folder = bpy.utils.user_resource("DATAFILES", path="facestage/environment")
+        folder = bpy.utils.user_resource("DATAFILES", path=f"facestage/{name}")
     return Path(folder)
 
 

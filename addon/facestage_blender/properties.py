@@ -5,6 +5,7 @@ manager.
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -32,6 +33,7 @@ from facestage.contract.light_stage import (
     ON,
 )
 from facestage.contract.parameters import TABLE
+from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
@@ -175,21 +177,13 @@ class LandmarkSettings(bpy.types.PropertyGroup):
     )
 
 
-class SceneSettings(bpy.types.PropertyGroup):
-    """The job as the user has set it up, and where its result went.
+class OfPhoto:
+    """What is known of a photo.
 
     Photo, landmarks and result are plain strings, because some versions of Blender change what
     they know for a path when a file is saved elsewhere, and some do not: scene/keeping.py does.
     """
 
-    stage: PointerProperty(
-        type=bpy.types.Object,
-        name="Light stage",
-        description="The empty that carries the light stage",
-    )
-    rig: PointerProperty(
-        type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh
-    )
     photo: StringProperty(name="Photo", description="The photo to fit")
     landmarks: StringProperty(
         name="Landmarks",
@@ -201,17 +195,82 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Where the landmarks come from",
         items=[(name, *texts) for name, texts in LANDMARK_SOURCES.items()],
     )
-    landmark_plane: PointerProperty(
-        type=bpy.types.Object,
-        name="Photo plane",
-        description="Carries the landmarks' empties while they are edited",
-    )
     face_number: IntProperty(
         name="Face",
         description="Which face of the photo: 1 is the largest",
         default=1,
         min=1,
         soft_max=10,
+    )
+    white_balance_known: BoolProperty(
+        name="White Balance",
+        description="The color of the light is known from something grey in the photo; otherwise "
+        "it is a guess, and the skin's color with it",
+    )
+    white_balance: FloatVectorProperty(
+        name="Color of the light",
+        description="What something grey or white shows in the photo; how bright it is does not "
+        "matter",
+        subtype="COLOR",
+        default=(1.0, 1.0, 1.0),
+        min=1e-3,
+        soft_max=1.0,
+    )
+    known_lens: BoolProperty(
+        name="Known lens",
+        description="The scene camera's focal length and shift are those of the photo; "
+        "otherwise they are guessed",
+    )
+    result: StringProperty(name="Result", description="Folder of the photo's last result")
+
+
+class PhotoSettings(OfPhoto, bpy.types.PropertyGroup):
+    """One of several photos of the person, as it was when another one came to be shown."""
+
+    # The lens, under the names that Blender's cameras have for it.
+    lens: FloatProperty(name="Focal length", description="In millimetres", default=50.0)
+    sensor_width: FloatProperty(name="Sensor width", description="In millimetres", default=36.0)
+    sensor_height: FloatProperty(name="Sensor height", description="In millimetres", default=24.0)
+    sensor_fit: StringProperty(
+        name="Sensor fit", description="Which side of the sensor is the picture's", default="AUTO"
+    )
+    shift_x: FloatProperty(name="Shift X", description="Of the lens, in widths")
+    shift_y: FloatProperty(name="Shift Y", description="Of the lens, in widths")
+    advice: StringProperty(name="Advice", description="What the last fit says of this photo")
+    doubtful: BoolProperty(
+        name="Doubtful", description="The last fit did not simply believe this photo"
+    )
+
+
+class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
+    """The job as the user has set it up, and where its result went; of several photos, that of the
+    one that is shown.
+    """
+
+    photos: CollectionProperty(
+        type=PhotoSettings,
+        name="Photos",
+        description="All photos of the person, where there are several",
+    )
+    photo_number: IntProperty(
+        name="Photo",
+        description="Which of several photos is shown",
+        default=1,
+        min=1,
+        max=PHOTOS_MAX,
+    )
+    stage: PointerProperty(
+        type=bpy.types.Object,
+        name="Light stage",
+        description="The empty that carries the light stage",
+    )
+    rig: PointerProperty(
+        type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh
+    )
+    landmark_plane: PointerProperty(
+        type=bpy.types.Object,
+        name="Photo plane",
+        description="Carries the landmarks' empties while they are edited",
     )
     model: StringProperty(name="Face model", description=MODEL_FORMS, default=DEFAULT_MODEL)
     light_count: IntProperty(
@@ -266,20 +325,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         "the fit finds the one factor that their brightness lacks",
         default=True,
     )
-    white_balance_known: BoolProperty(
-        name="White Balance",
-        description="The color of the light is known from something grey in the photo; otherwise "
-        "it is a guess, and the skin's color with it",
-    )
-    white_balance: FloatVectorProperty(
-        name="Color of the light",
-        description="What something grey or white shows in the photo; how bright it is does not "
-        "matter",
-        subtype="COLOR",
-        default=(1.0, 1.0, 1.0),
-        min=1e-3,
-        soft_max=1.0,
-    )
     freeze: EnumProperty(
         name="Keep as is",
         description="What the fit must not change",
@@ -297,11 +342,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Keep camera",
         description="Leave the scene's camera where it is and move the head; otherwise the "
         "camera is placed by the fit",
-    )
-    known_lens: BoolProperty(
-        name="Known lens",
-        description="The scene camera's focal length and shift are those of the photo; "
-        "otherwise they are guessed",
     )
     weight_photo: FloatProperty(
         name="Photo", description="Trust in the photo's pixels", default=1, min=0, soft_max=10
@@ -341,7 +381,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=RELATIVE,
     )
-    result: StringProperty(name="Result", description="Folder of the last result")
 
 
 class RunState(bpy.types.PropertyGroup):
@@ -384,7 +423,15 @@ class PreviewState(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (LightSettings, FaceSettings, LandmarkSettings, SceneSettings, RunState, PreviewState)
+CLASSES = (
+    LightSettings,
+    FaceSettings,
+    LandmarkSettings,
+    PhotoSettings,
+    SceneSettings,
+    RunState,
+    PreviewState,
+)
 
 
 def attach() -> None:

@@ -40,7 +40,12 @@ def main() -> int:
         if mood == "hangs in fit":
             Path(options["--out"] + ".partial").mkdir(parents=True, exist_ok=True)
             time.sleep(600)
-        results().fit(Path(options["--job"]), Path(options["--out"]))
+        out = Path(options["--out"])
+        if "--same-person" in sys.argv:
+            first, last = sys.argv.index("--job") + 1, sys.argv.index("--same-person")
+            results().fit_person([Path(job) for job in sys.argv[first:last]], out)
+        else:
+            results().fit(Path(options["--job"]), out)
     elif verb == "detect":
         if mood == "sees no face":
             print(

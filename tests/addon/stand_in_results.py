@@ -17,31 +17,63 @@ from facestage.contract.files.storage import write_json
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
-from facestage.contract.result import CONVERGED, Result
+from facestage.contract.result import CONVERGED, STOPPED, Result
 
 
 def fit(job_folder: Path, out: Path) -> None:
-    job = Job.load(job_folder)
-    model = FaceModel.load(Path(os.environ["STAND_IN_MODEL"]))
     with atomic_folder(out) as folder:
-        result = made_up(job, model)
-        result.write_into(folder)
-        rng = np.random.default_rng(3)
-        for name, channels in (
-            ("albedo", 3),
-            ("specular", 1),
-            ("roughness", 1),
-            ("render", 3),
-            ("light_probe", 3),
-        ):
-            pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
-            assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
-        if job.landmarks is None:
-            detect(job.image, folder / "landmarks.json", job.face or 1)
-        else:
-            write_json(folder / "landmarks.json", job.landmarks.to_json())
-        (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
+        write_result(Job.load(job_folder), folder)
+
+
+def fit_person(job_folders: list[Path], out: Path) -> None:
+    """The last photo is another person's."""
+    jobs, photos = [Job.load(folder) for folder in job_folders], []
+    with atomic_folder(out) as folder:
+        for number, job in enumerate(jobs, 1):
+            name = f"{number}-{job.image.stem}"
+            (folder / name).mkdir()
+            result = write_result(job, folder / name, number)
+            status, advice = result.status, result.advice
+            if number == len(jobs):
+                status, advice = STOPPED, "The photo may show another person."
+            photos.append(
+                PersonPhoto(number, str(job.image), name, status, advice, number < len(jobs), {})
+            )
+        Person(
+            CONVERGED,
+            "The stand-in knows them.",
+            jobs[0].model,
+            tuple(photos),
+            result.identity,
+            result.albedo,
+            result.specular,
+            result.roughness,
+            {},
+        ).write_into(folder)
+
+
+def write_result(job: Job, folder: Path, seed: int = 2) -> Result:
+    model = FaceModel.load(Path(os.environ["STAND_IN_MODEL"]))
+    result = made_up(job, model, seed)
+    result.write_into(folder)
+    rng = np.random.default_rng(3)
+    for name, channels in (
+        ("albedo", 3),
+        ("specular", 1),
+        ("roughness", 1),
+        ("render", 3),
+        ("light_probe", 3),
+    ):
+        pixels = rng.uniform(0.1, 0.6, (16, 16, channels)).astype(np.float32)
+        assert cv2.imwrite(str(folder / f"{name}.exr"), pixels)
+    if job.landmarks is None:
+        detect(job.image, folder / "landmarks.json", job.face or 1)
+    else:
+        write_json(folder / "landmarks.json", job.landmarks.to_json())
+    (folder / "report.html").write_text("<p>report</p>", encoding="utf-8")
+    return result
 
 
 def detect(image: Path, out: Path, face: int) -> None:
@@ -74,9 +106,9 @@ def relight_cache(folder: Path) -> None:
     ).save(folder)
 
 
-def made_up(job: Job, model: FaceModel) -> Result:
+def made_up(job: Job, model: FaceModel, seed: int) -> Result:
     """A result with every value off its default, so that a forgotten one shows."""
-    rng = np.random.default_rng(2)
+    rng = np.random.default_rng(seed)
     height, width = cv2.imread(str(job.image)).shape[:2]
     camera = job.camera or Camera(width, height, 1.7 * width, (0.52 * width, 0.46 * height))
     turn = np.linalg.qr(np.eye(3) + 0.1 * rng.normal(size=(3, 3)))[0]

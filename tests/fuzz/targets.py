@@ -62,6 +62,13 @@ TARGETS = {
         ),
         _target("camera", f"{CONTRACT}.camera", seeds_contract.camera_files, files.read_camera, 40),
         _target(
+            "live-link",
+            f"{CONTRACT}.live_link",
+            seeds_contract.recordings,
+            files.read_live_link,
+            40,
+        ),
+        _target(
             "event",
             f"{CONTRACT}.events",
             seeds_contract.event_lines,

@@ -240,6 +240,24 @@ def test_light_as_world_takes_the_lights_of_a_picture(blender: Blender):
     blender.shot("light-as-world")
 
 
+def test_photos_of_a_person_are_listed_and_shown_in_turn(blender: Blender, photo: Path):
+    other = photo.with_name("closer.png")
+    assert cv2.imwrite(str(other), cv2.imread(str(photo))[:400, 60:440])
+    files = f"directory={str(other.parent)!r}, files=[{{'name': {other.name!r}}}]"
+    blender.do(f"bpy.ops.facestage.add_photos({files})")
+    blender.scroll(-20)
+    blender.shot("two-photos")
+    assert blender.ask("bpy.context.scene.render.resolution_x") == 380
+    blender.find("Fit to 2 Photos")
+    blender.click(photo.name)
+    blender.until(f"{SETTINGS}.photo_number == 1")
+    blender.shot("first-of-two-photos")
+    assert blender.ask("bpy.context.scene.render.resolution_x") == 512
+    assert blender.ask(f"{SETTINGS}.landmarks").endswith(".json")
+    blender.do("bpy.ops.facestage.remove_photo(number=2)")
+    assert blender.ask(f"len({SETTINGS}.photos)") == 0
+
+
 def test_esc_does_not_end_a_fit_and_cancel_is_no_error(blender: Blender):
     blender.do("bpy.ops.facestage.build_stage()")
     blender.click("Fit to Photo")

@@ -6,6 +6,7 @@ import os
 import shlex
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from facestage.contract.errors import BackendUnavailableError
@@ -39,13 +40,18 @@ def find_backend(preferred: str = "", installed: list[str] | None = None) -> lis
     )
 
 
-def fit_command(backend: list[str], job: Path, out: Path, resume: bool = False) -> list[str]:
-    """The command that fits a job folder into a result folder."""
+def fit_command(
+    backend: list[str], jobs: Sequence[Path], out: Path, resume: bool = False
+) -> list[str]:
+    """The command that fits a job folder into a result folder; several, of one person, into a
+    person's folder.
+    """
     return [
         *backend,
         "fit",
         "--job",
-        str(job),
+        *map(str, jobs),
+        *(["--same-person"] if len(jobs) > 1 else []),
         "--out",
         str(out),
         *(["--resume"] if resume else []),

@@ -7,39 +7,59 @@ import numpy as np
 
 from facestage.contract.job import KNOWN, UNKNOWN, Job, Weights
 
-from ..landmarks.editing import read_landmarks
+from ..landmarks.editing import file_landmarks, read_landmarks
 from ..pictures.images import load_image
+from ..properties import PhotoSettings
 from ..rig.face_rig import read_weights, require_rig, rig_axes
 from ..scene import frames
 from ..scene.camera import read_camera, require_camera
-from ..scene.paths import require_photo
+from ..scene.paths import absolute, require_photo
 from ..scene.stage import read_stage, relative_matrix, require_stage
+from .photos import stored_photos
 
 
-def read_job(scene: bpy.types.Scene) -> Job:
-    """The scene's job. Raises InputError naming what is missing or wrong and what to do."""
+def read_jobs(scene: bpy.types.Scene) -> list[Job]:
+    """The jobs of all photos of the person. Raises InputError as :func:`read_job` does."""
+    listed, shown = stored_photos(scene), scene.facestage.photo_number
+    return [
+        read_job(scene) if number == shown else read_job(scene, photo)
+        for number, photo in enumerate(listed, 1)
+    ] or [read_job(scene)]
+
+
+def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
+    """The scene's job for the photo that is shown, or for another one of the list.
+
+    Raises InputError naming what is missing or wrong and what to do.
+    """
     settings = scene.facestage
-    photo = require_photo(scene)
-    width, height = load_image(photo).size
+    given = settings if photo is None else photo
+    path = require_photo(scene) if photo is None else absolute(photo.photo)
+    width, height = load_image(path).size
     empty, rig = require_stage(scene), require_rig(scene)
     frozen = tuple(sorted(settings.freeze))
     camera = camera_to_stage = None
-    if settings.keep_camera or settings.known_lens or "focal" in frozen:
-        camera = read_camera(require_camera(scene).data, width, height)
+    if settings.keep_camera or given.known_lens or "focal" in frozen:
+        lens = require_camera(scene).data if photo is None else photo
+        camera = read_camera(lens, width, height)
     if settings.keep_camera:
         camera_to_stage = read_camera_to_stage(scene)
+    if photo is None:
+        landmarks = read_landmarks(scene, width, height)
+    else:
+        landmarks = file_landmarks(photo.landmarks, width, height)
     return Job(
-        image=photo,
+        image=path,
         model=rig.facestage_face.model,
-        landmarks=(landmarks := read_landmarks(scene, width, height)),
-        face=settings.face_number if landmarks is None else None,
+        landmarks=landmarks,
+        face=given.face_number if landmarks is None else None,
         camera=camera,
         stage=read_stage(empty),
         camera_to_stage=camera_to_stage,
         light_color=settings.light_color,
         surround=settings.surround,
         exposure=KNOWN if settings.exposure_known else UNKNOWN,
-        white_balance=tuple(settings.white_balance) if settings.white_balance_known else None,
+        white_balance=tuple(given.white_balance) if given.white_balance_known else None,
         freeze=frozen,
         weights=Weights(
             photo=settings.weight_photo,

@@ -17,10 +17,12 @@ from facestage.contract.errors import InputError
 from facestage.contract.job import DEFAULT_MODEL, DEVICES, LIGHT_COLORS, MODEL_FORMS
 from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.parameters import PARAMETERS
+from facestage.contract.person import Person
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend
 from ..scene.frames import LIGHT_DIRECTIONS
+from ..scene.paths import RESULT_FOLDER
 from .command import exit_code
 
 
@@ -47,7 +49,14 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_photo(result: argparse.ArgumentParser) -> None:
     """The options that say what is known of the photo."""
-    result.add_argument("--image", type=Path, required=True, help="the photo: PNG, JPEG or EXR")
+    result.add_argument(
+        "--image",
+        type=Path,
+        nargs="+",
+        required=True,
+        help="the photo: PNG, JPEG or EXR; several of one person are fitted together, and the "
+        "scene shows the first",
+    )
     result.add_argument(
         "--out", type=Path, required=True, help="folder for the .blend, the result and the pictures"
     )
@@ -55,7 +64,9 @@ def _add_photo(result: argparse.ArgumentParser) -> None:
     face.add_argument(
         "--landmarks",
         type=Path,
-        help="landmark file of the photo (landmarks.json); without it they are detected",
+        nargs="+",
+        help="landmark file of the photo (landmarks.json); without it they are detected; one for "
+        "each photo",
     )
     face.add_argument(
         "--face",
@@ -65,7 +76,12 @@ def _add_photo(result: argparse.ArgumentParser) -> None:
         help="which face to detect: 1 is the largest (default)",
     )
     lens = result.add_mutually_exclusive_group()
-    lens.add_argument("--camera", type=Path, help="camera file of the photo (camera.json)")
+    lens.add_argument(
+        "--camera",
+        type=Path,
+        nargs="+",
+        help="camera file of the photo (camera.json); one for each photo, or for all",
+    )
     lens.add_argument("--focal-px", type=_positive, help="focal length in pixels")
 
 
@@ -104,7 +120,12 @@ def _add_fit(result: argparse.ArgumentParser) -> None:
     )
     result.add_argument("--seed", type=int, default=0)
     result.add_argument("--device", choices=DEVICES, default=DEVICES[0])
-    result.add_argument("--truth", type=Path, help="known truth (.npz), to report errors")
+    result.add_argument(
+        "--truth",
+        type=Path,
+        nargs="+",
+        help="known truth (.npz), to report errors; one for each photo",
+    )
     result.add_argument(
         "--resume", action="store_true", help="go on from the last checkpoint in --out"
     )
@@ -170,8 +191,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Fit, save, and render the extra pictures."""
-    if not options.image.is_file():
-        raise InputError(f"The photo '{options.image}' does not exist; check the path.")
+    for image in options.image:
+        if not image.is_file():
+            raise InputError(f"The photo '{image}' does not exist; check the path.")
+    count = len(options.image)
+    landmarks = _for_each(options.landmarks, "--landmarks", count)
+    cameras = _for_each(options.camera, "--camera", count, one_for_all=True)
+    truths = _for_each(options.truth, "--truth", count)
     backend = find_backend()
     from ..exchange.export import export_face, format_of  # loads Blender
     from . import pipeline
@@ -179,11 +205,13 @@ def run(options: argparse.Namespace) -> None:
     for path in options.export:
         format_of(path)  # before the fit, which takes a while
     out = options.out.resolve()
+    images = [image.resolve() for image in options.image]
+    first, *more = map(pipeline.Photo, images, landmarks, cameras, truths)
     order = pipeline.Order(
-        image=options.image.resolve(),
+        image=first.image,
         out=out,
-        landmarks=_resolved(options.landmarks),
-        camera=_resolved(options.camera),
+        landmarks=first.landmarks,
+        camera=first.camera,
         focal_px=options.focal_px,
         model=options.model,
         lights=options.lights,
@@ -193,7 +221,8 @@ def run(options: argparse.Namespace) -> None:
         quality=options.budget[1],
         seed=options.seed,
         device=options.device,
-        truth=_resolved(options.truth),
+        truth=first.truth,
+        more=tuple(more),
         resume=options.resume,
         face=options.face,
         rig_blend=_resolved(options.rig_blend),
@@ -207,7 +236,8 @@ def run(options: argparse.Namespace) -> None:
     exported = [
         each for path in options.export for each in export_face(scene, path, options.texture_size)
     ]
-    print(f"{result.advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
+    advice = Person.load(out / RESULT_FOLDER).advice if more else result.advice
+    print(f"{advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
     for picture in pictures:
         print(f"Picture: {picture}")
     for file in exported:
@@ -290,6 +320,22 @@ def _weight(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(
             f"expected NAME=VALUE with a number, found '{text}'"
         ) from None
+
+
+def _for_each(
+    paths: list[Path] | None, option: str, photos: int, one_for_all: bool = False
+) -> list[Path | None]:
+    """A file for each photo. Raises InputError where there are more or fewer."""
+    if paths is None:
+        return [None] * photos
+    if len(paths) == 1 and one_for_all:
+        paths = paths * photos
+    if len(paths) != photos:
+        raise InputError(
+            f"{option} names {len(paths)} files for {photos} photos; give one for each, in the "
+            "order of the photos."
+        )
+    return [path.resolve() for path in paths]
 
 
 def _resolved(path: Path | None) -> Path | None:

@@ -30,20 +30,30 @@ from facestage.contract.result import Result
 
 from ..backend.commands import fit_command, model_command
 from ..backend.process import BackendProcess
-from ..exchange.scene_read import read_job
+from ..exchange.photos import add_photos, show, take_results
+from ..exchange.scene_read import read_jobs
 from ..exchange.write_back import apply_result
-from ..landmarks.editing import remember_landmarks
 from ..pictures.images import load_image
 from ..pictures.render import quiet
 from ..preferences import online_access
 from ..rig.face_rig import build_rig
 from ..rig.own_rig import adopt, export_mesh
-from ..scene.camera import ensure_camera, show_photo, write_camera
-from ..scene.paths import JOB_FOLDER, RESULT_FOLDER
+from ..scene.camera import ensure_camera, require_camera, show_photo, write_camera
+from ..scene.paths import RESULT_FOLDER, job_folders, result_folder
 from ..scene.stage import build_stage, default_stage, facestage_collection
 from ..scene.user_state import preserved
 
 SCENE_FILE = "scene.blend"
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo, and what is known of it."""
+
+    image: Path
+    landmarks: Path | None = None
+    camera: Path | None = None
+    truth: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,12 @@ class Order:
     face: int = 1  # which face of a photo without landmarks; 1 is the largest
     rig_blend: Path | None = None  # a .blend with a mesh of the user's, which then is the rig
     rig_object: str = ""
+    more: tuple[Photo, ...] = ()  # of the same person
+
+    @property
+    def photos(self) -> tuple[Photo, ...]:
+        """All photos."""
+        return (Photo(self.image, self.landmarks, self.camera, self.truth), *self.more)
 
 
 def empty_scene() -> bpy.types.Scene:
@@ -102,19 +118,22 @@ def _register() -> None:
 def fit_photo(
     scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
 ) -> Result:
-    """Build stage and rig, fit them to the photo, write the result back and save the .blend.
+    """Build stage and rig, fit them to the photo, or to all photos of the person, write the first
+    one's result back and save the .blend.
 
-    Raises FacestageError with the backend's own sentence when it fails; then no .blend is written.
+    Returns that result. Raises FacestageError with the backend's own sentence when it fails; then
+    no .blend is written.
     """
     prepare_scene(scene, order, backend, on_event)
-    job = read_job(scene)
-    if order.truth is not None:
-        job = replace(job, truth=order.truth.resolve())
-    job.save(order.out / JOB_FOLDER)
+    photos = order.photos
+    jobs, folders = read_jobs(scene), job_folders(order.out, len(photos))
+    for job, photo, path in zip(jobs, photos, folders, strict=True):
+        truth = None if photo.truth is None else photo.truth.resolve()
+        replace(job, truth=truth).save(path)
     folder = order.out / RESULT_FOLDER
-    run_backend(fit_command(backend, order.out / JOB_FOLDER, folder, order.resume), on_event)
-    result = Result.load(folder)
-    remember_landmarks(scene, result)
+    run_backend(fit_command(backend, folders, folder, order.resume), on_event)
+    take_results(scene, folder, [photo.image.resolve() for photo in photos])
+    result = Result.load(result_folder(scene))
     apply_result(scene, result)
     save_blend(order.out / SCENE_FILE)
     return result
@@ -124,12 +143,7 @@ def prepare_scene(
     scene: bpy.types.Scene, order: Order, backend: list[str], on_event: Callable[[Event], None]
 ) -> None:
     """Check the order's files, then build the light stage and the rig, and set the scene's job."""
-    width, height = load_image(order.image).size
-    if order.landmarks is not None:
-        Landmarks.read(order.landmarks).check_inside(width, height)
-    camera = _known_camera(order, width, height)
-    if order.truth is not None and not order.truth.is_file():
-        raise InputError(f"The truth file '{order.truth}' does not exist; check the path.")
+    cameras = [_checked(photo, order.focal_px) for photo in order.photos]
     settings = scene.facestage
     stage = default_stage(order.lights, settings.light_radius, settings.light_side)
     try:
@@ -156,11 +170,22 @@ def prepare_scene(
     if order.rig_blend is None:
         settings.model = order.model
         build_rig(scene, model, order.model, empty)
-    view = ensure_camera(scene, facestage_collection(scene))
+    show_photo(scene, ensure_camera(scene, facestage_collection(scene)), order.image)
+    _know_lens(scene, cameras[0])
+    if order.more:
+        add_photos(scene, [photo.image for photo in order.more])
+        for number, (photo, camera) in enumerate(zip(order.more, cameras[1:], strict=True), 2):
+            show(scene, number)
+            settings.landmarks = str(photo.landmarks or "")
+            _know_lens(scene, camera)
+        show(scene, 1)
+
+
+def _know_lens(scene: bpy.types.Scene, camera: Camera | None) -> None:
+    """Give the photo that is shown its lens, where it is known."""
+    scene.facestage.known_lens = camera is not None
     if camera is not None:
-        settings.known_lens = True
-        write_camera(scene, view.data, camera)
-    show_photo(scene, view, order.image)
+        write_camera(scene, require_camera(scene).data, camera)
 
 
 def use_mesh(
@@ -263,13 +288,19 @@ def progress_printer() -> Callable[[Event], None]:
     return show
 
 
-def _known_camera(order: Order, width: int, height: int) -> Camera | None:
-    if order.camera is not None:
-        camera = Camera.read(order.camera)
-        if (camera.width, camera.height) != (width, height):
-            raise InputError(
-                f"The camera file '{order.camera}' is for {camera.width} x {camera.height} pixels, "
-                f"the photo has {width} x {height}; give the camera of this photo."
-            )
-        return camera
-    return None if order.focal_px is None else Camera.default(width, height, order.focal_px)
+def _checked(photo: Photo, focal_px: float | None) -> Camera | None:
+    """The photo's camera where it is known. Raises InputError for a file that is not right."""
+    width, height = load_image(photo.image).size
+    if photo.landmarks is not None:
+        Landmarks.read(photo.landmarks).check_inside(width, height)
+    if photo.truth is not None and not photo.truth.is_file():
+        raise InputError(f"The truth file '{photo.truth}' does not exist; check the path.")
+    if photo.camera is None:
+        return None if focal_px is None else Camera.default(width, height, focal_px)
+    camera = Camera.read(photo.camera)
+    if (camera.width, camera.height) != (width, height):
+        raise InputError(
+            f"The camera file '{photo.camera}' is for {camera.width} x {camera.height} pixels, "
+            f"the photo has {width} x {height}; give the camera of this photo."
+        )
+    return camera

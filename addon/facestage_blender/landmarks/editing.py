@@ -15,6 +15,7 @@ from facestage.contract.result import Result
 from facestage.contract.result_files import LANDMARKS
 
 from ..pictures.images import load_image
+from ..properties import OfPhoto
 from ..scene.paths import absolute, require_photo, work_folder
 from .empties import (
     base_landmarks,
@@ -112,10 +113,19 @@ def read_landmarks(scene: bpy.types.Scene, width: int, height: int) -> Landmarks
                 "then Detect Landmarks again."
             )
         landmarks = edited_landmarks(scene)
-    elif scene.facestage.landmarks:
-        landmarks = Landmarks.read(absolute(scene.facestage.landmarks))
-    else:
+        landmarks.check_inside(width, height)
+        return landmarks
+    return file_landmarks(scene.facestage.landmarks, width, height)
+
+
+def file_landmarks(path: str, width: int, height: int) -> Landmarks | None:
+    """The landmarks in the file that settings name; None where they name none.
+
+    Raises InputError when they are not of a photo of ``width`` x ``height`` pixels.
+    """
+    if not path:
         return None
+    landmarks = Landmarks.read(absolute(path))
     landmarks.check_inside(width, height)
     return landmarks
 
@@ -124,9 +134,15 @@ def remember_landmarks(scene: bpy.types.Scene, result: Result) -> None:
     """Make the landmarks that a fit found by itself the scene's, so that they can be looked at and
     edited.
     """
+    if shown_plane(scene) is None:
+        take_landmarks(scene.facestage, result)
+
+
+def take_landmarks(settings: OfPhoto, result: Result) -> None:
+    """Make the landmarks that a fit found by itself those of its photo, unless it has some."""
     path = (result.folder or Path()) / LANDMARKS
-    if scene.facestage.landmarks or shown_plane(scene) is not None or not is_file(path):
+    if settings.landmarks or not is_file(path):
         return
     with suppress(InputError):  # the result is none the worse without them
         Landmarks.read(path)
-        scene.facestage.landmarks, scene.facestage.landmarks_from = str(path), "DETECTED"
+        settings.landmarks, settings.landmarks_from = str(path), "DETECTED"

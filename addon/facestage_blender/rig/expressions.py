@@ -53,7 +53,7 @@ def region_of(name: str) -> str:
 
 def neutral(rig: bpy.types.Object) -> None:
     """Put all expressions to rest."""
-    _move(rig, {key.name: 0.0 for keys in expression_keys(rig).values() for key in keys})
+    move(rig, {key.name: 0.0 for keys in expression_keys(rig).values() for key in keys})
 
 
 def as_fitted(rig: bpy.types.Object, expression: dict[str, float]) -> None:
@@ -64,7 +64,7 @@ def as_fitted(rig: bpy.types.Object, expression: dict[str, float]) -> None:
 def mirror(rig: bpy.types.Object) -> None:
     """Exchange left and right."""
     values = {key.name: key.value for keys in expression_keys(rig).values() for key in keys}
-    _move(rig, {name: values.get(mirrored(name), value) for name, value in values.items()})
+    move(rig, {name: values.get(mirrored(name), value) for name, value in values.items()})
 
 
 def mirrored(name: str) -> str:
@@ -76,7 +76,7 @@ def mirrored(name: str) -> str:
     return f"{name[: side.start()]}{_OTHER[side[0]]}{name[side.end() :]}"
 
 
-def _move(rig: bpy.types.Object, values: dict[str, float]) -> None:
+def move(rig: bpy.types.Object, values: dict[str, float]) -> None:
     """Set sliders, none of them longer than it is."""
     for name, value in values.items():
         key = rig.data.shape_keys.key_blocks[name]

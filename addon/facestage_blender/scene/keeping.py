@@ -17,6 +17,7 @@ from bpy.app.handlers import persistent
 
 from facestage.contract.errors import InputError
 
+from ..properties import OfPhoto
 from .paths import absolute, work_folder_of
 
 PATHS = ("photo", "landmarks", "result")
@@ -55,9 +56,11 @@ def _after(*_arguments: object) -> None:
 
 
 class _Saving:
-    """Where the scenes' paths lead while a file is written: scene, name in its settings, path."""
+    """Where the scenes' paths lead while a file is written: scene, place in its list of photos or
+    None, name in its settings, path.
+    """
 
-    paths: ClassVar[list[tuple[str, str, Path]]] = []
+    paths: ClassVar[list[tuple[str, int | None, str, Path]]] = []
 
 
 def _point(folder: Path | None) -> None:
@@ -65,12 +68,12 @@ def _point(folder: Path | None) -> None:
     way; without a folder, absolute.
     """
     relative = bpy.context.preferences.filepaths.use_relative_paths
-    for scene, name, path in _Saving.paths:
+    for scene, place, name, path in _Saving.paths:
         written = str(path)
         if folder is not None and relative:
             with suppress(ValueError):  # it is on another drive
                 written = bpy.path.relpath(written, start=str(folder))
-        setattr(bpy.data.scenes[scene].facestage, name, written)
+        setattr(_settings(bpy.data.scenes[scene], place), name, written)
 
 
 def own_scenes() -> list[bpy.types.Scene]:
@@ -78,20 +81,29 @@ def own_scenes() -> list[bpy.types.Scene]:
     return [scene for scene in bpy.data.scenes if scene.library is None]
 
 
-def _paths() -> Iterator[tuple[str, str, Path]]:
-    """The scenes' names, the names of the paths in their settings, and where these lead."""
+def _settings(scene: bpy.types.Scene, place: int | None) -> OfPhoto:
+    """The scene's settings of the photo that is shown, or of that place of its list."""
+    settings = scene.facestage
+    return settings if place is None else settings.photos[place]
+
+
+def _paths() -> Iterator[tuple[str, int | None, str, Path]]:
+    """The scenes' names, places in their lists of photos (None: what is shown), the names of the
+    paths in these settings, and where they lead.
+    """
     for scene in own_scenes():
-        for name in PATHS:
-            given = getattr(scene.facestage, name)
-            if given:
-                with suppress(InputError):
-                    yield scene.name, name, absolute(given)
+        for place in (None, *range(len(scene.facestage.photos))):
+            for name in PATHS:
+                given = getattr(_settings(scene, place), name)
+                if given:
+                    with suppress(InputError):
+                        yield scene.name, place, name, absolute(given)
 
 
 def _keep_temporary(scene: bpy.types.Scene, blend: Path) -> None:
     """Copy what lies in Blender's temporary folder beside ``blend``, and mean the copy."""
     temporary = Path(bpy.app.tempdir).resolve()
-    for owner, name, path in list(_paths()):
+    for owner, place, name, path in list(_paths()):
         if owner != scene.name or name not in MADE_HERE:
             continue
         if not path.is_relative_to(temporary) or not path.exists():
@@ -110,4 +122,4 @@ def _keep_temporary(scene: bpy.types.Scene, blend: Path) -> None:
                 "and will be gone when Blender is left; make room, and save again."
             )
             continue
-        setattr(scene.facestage, name, str(target))
+        setattr(_settings(scene, place), name, str(target))

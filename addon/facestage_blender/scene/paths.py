@@ -38,6 +38,13 @@ def work_folder_of(blend: Path) -> Path:
     return blend.with_name(f"{blend.stem}_facestage")
 
 
+def job_folders(folder: Path, photos: int) -> list[Path]:
+    """Where the jobs of that many photos go; 0 or 1: the one job of the one photo."""
+    if photos < 2:
+        return [folder / JOB_FOLDER]
+    return [folder / f"{JOB_FOLDER}_{number}" for number in range(1, photos + 1)]
+
+
 def result_folder(scene: bpy.types.Scene, given: str = "") -> Path:
     """The folder given, else that of the scene's last fit.
 

@@ -3,13 +3,19 @@
 from typing import ClassVar
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
 
+from facestage.contract.live_link import read_recording
 from facestage.contract.result import Result
 
+from ..exchange.live_link import key_recording
+from ..preferences import expression_folder
 from ..rig.expressions import FURTHER, REGIONS, as_fitted, expression_keys, mirror, neutral
 from ..rig.face_rig import require_rig
-from ..scene.paths import result_folder
+from ..rig.keyframes import key_now
+from ..rig.presets import BUILT_IN, apply_preset, forget_preset, keep_preset, preset_names
+from ..scene.paths import absolute, result_folder
 from .action import Action
 from .sidebar import SidebarPanel
 
@@ -50,6 +56,105 @@ class FACESTAGE_OT_set_expression(Action, bpy.types.Operator):
             as_fitted(rig, dict(zip(result.expression_names, result.expression, strict=True)))
 
 
+class FACESTAGE_OT_apply_expression(Action, bpy.types.Operator):
+    """Give the face this expression; all other expression sliders come to rest"""
+
+    bl_idname = "facestage.apply_expression"
+    bl_label = "Apply Expression"
+
+    name: StringProperty(name="Name", description="Smile, for example, or one of your own")
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Move the sliders."""
+        apply_preset(require_rig(context.scene), self.name, expression_folder())
+
+
+class FACESTAGE_OT_keep_expression(Action, bpy.types.Operator):
+    """Keep the present expression under a name, for this face and others"""
+
+    bl_idname = "facestage.keep_expression"
+    bl_label = "Keep Expression"
+
+    name: StringProperty(name="Name", description="What the menu shows", default="Mine")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the name."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Write it."""
+        keep_preset(require_rig(context.scene), self.name, expression_folder())
+
+
+class FACESTAGE_OT_forget_expression(Action, bpy.types.Operator):
+    """Delete this expression of yours"""
+
+    bl_idname = "facestage.forget_expression"
+    bl_label = "Forget Expression"
+
+    name: StringProperty(name="Name", description="One of your own")
+
+    def act(self, _context: bpy.types.Context) -> None:
+        """Delete its file."""
+        forget_preset(self.name, expression_folder())
+
+
+class FACESTAGE_OT_key_expression(Action, bpy.types.Operator):
+    """Key all expression sliders at the present frame"""
+
+    bl_idname = "facestage.key_expression"
+    bl_label = "Key All"
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Insert the keys."""
+        regions = expression_keys(require_rig(context.scene)).values()
+        key_now([key for keys in regions for key in keys], context.scene.frame_current)
+
+
+class FACESTAGE_OT_import_live_link(Action, bpy.types.Operator, ImportHelper):
+    """Asks for a phone's recording."""
+
+    bl_idname = "facestage.import_live_link"
+    bl_label = "Import Live Link Face"
+    bl_description = (
+        "Key the expressions as a phone recorded them (the .csv of Live Link Face), from the "
+        "present frame on and at the scene's frame rate"
+    )
+
+    filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Read the file and write the keys."""
+        rig = require_rig(context.scene)
+        recording = read_recording(absolute(self.filepath))
+        last = key_recording(context.scene, rig, recording)
+        context.scene.frame_end = max(context.scene.frame_end, last)
+
+
+class FACESTAGE_MT_expressions(bpy.types.Menu):
+    """Expressions by name."""
+
+    bl_label = "Expressions"
+    bl_description = "Expressions that come with Facestage, and your own"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the names."""
+        column, own = self.layout.column(), preset_names(expression_folder())
+        for name in (*BUILT_IN, None, *own):
+            if name is None:
+                column.separator()
+            else:
+                column.operator("facestage.apply_expression", text=name).name = name
+        if own:
+            column.separator()
+        column.operator("facestage.keep_expression", text="Keep Expression...", icon="ADD")
+        for name in own:
+            forget = column.operator(
+                "facestage.forget_expression", text=f"Forget {name}", icon="REMOVE"
+            )
+            forget.name = name
+
+
 class FACESTAGE_PT_expressions(SidebarPanel, bpy.types.Panel):
     """The expressions of the face."""
 
@@ -68,6 +173,10 @@ class FACESTAGE_PT_expressions(SidebarPanel, bpy.types.Panel):
         row = self.layout.row(align=True)
         for to, text in (("NEUTRAL", "Neutral"), ("FITTED", "As Fitted"), ("MIRROR", "Mirror")):
             row.operator("facestage.set_expression", text=text).to = to
+        self.layout.menu("FACESTAGE_MT_expressions")
+        row = self.layout.row(align=True)
+        row.operator("facestage.key_expression", icon="KEY_HLT")
+        row.operator("facestage.import_live_link", icon="IMPORT", text="Live Link Face")
 
 
 class _Region:
@@ -100,6 +209,12 @@ def _panel(region: str) -> type:
 
 CLASSES = (
     FACESTAGE_OT_set_expression,
+    FACESTAGE_OT_apply_expression,
+    FACESTAGE_OT_keep_expression,
+    FACESTAGE_OT_forget_expression,
+    FACESTAGE_OT_key_expression,
+    FACESTAGE_OT_import_live_link,
+    FACESTAGE_MT_expressions,
     FACESTAGE_PT_expressions,
     *(_panel(region) for region in (*REGIONS, FURTHER)),
 )

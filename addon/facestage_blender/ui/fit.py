@@ -1,5 +1,8 @@
 """Step 4: the fit, its options, its progress and its errors."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import bpy
 from bpy.props import BoolProperty
 
@@ -10,24 +13,29 @@ from facestage.contract.result import CONVERGED, Result
 from ..backend.commands import fit_command
 from ..backend.process import BackendProcess
 from ..drawing import draw_wrapped
-from ..exchange.scene_read import read_job
+from ..exchange.photos import stored_photos, take_results
+from ..exchange.scene_read import read_jobs
 from ..exchange.write_back import apply_result
-from ..landmarks.editing import remember_landmarks
 from ..preferences import backend_command
-from ..scene.paths import JOB_FOLDER, RESULT_FOLDER, work_folder
+from ..scene.paths import RESULT_FOLDER, absolute, job_folders, result_folder, work_folder
 from .backend_task import BackendTask
 from .sidebar import SidebarPanel, draw_task, existing, line_width
 
 
 class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
-    """Fit the face and the lights to the photo. Blender stays usable; Cancel stops it"""
+    """Fits the face and the lights."""
 
     bl_idname = "facestage.fit"
     bl_label = "Fit to Photo"
+    bl_description = (
+        "Fit the face and the lights to the photo, or to all photos of the person together. "
+        "Blender stays usable; Cancel stops it"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     task = "Fitting"
     resumable = True
+    photos: Sequence[Path] = ()  # several, in the order of their jobs
 
     resume: BoolProperty(
         name="Resume",
@@ -46,20 +54,22 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         context.window_manager.facestage.verdict = ""
         folder = work_folder(context.scene)
         backend = backend_command(context)
+        self.photos = [absolute(photo.photo) for photo in stored_photos(context.scene)]
+        folders = job_folders(folder, len(self.photos))
         if not self.resume:
-            read_job(context.scene).save(folder / JOB_FOLDER)
-        return fit_command(backend, folder / JOB_FOLDER, folder / RESULT_FOLDER, self.resume)
+            for job, path in zip(read_jobs(context.scene), folders, strict=True):
+                job.save(path)
+        return fit_command(backend, folders, folder / RESULT_FOLDER, self.resume)
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
         """Remember the result and apply it."""
-        result = Result.load(work_folder(context.scene) / RESULT_FOLDER)
-        context.scene.facestage.result = str(result.folder)
-        remember_landmarks(context.scene, result)
+        folder = work_folder(context.scene) / RESULT_FOLDER
+        fitted = take_results(context.scene, folder, self.photos)
         state = context.window_manager.facestage
-        state.verdict, state.doubtful = result.advice, result.status != CONVERGED
-        self.report({"WARNING" if state.doubtful else "INFO"}, result.advice)
+        state.verdict, state.doubtful = fitted.advice, fitted.status != CONVERGED
+        self.report({"WARNING" if state.doubtful else "INFO"}, fitted.advice)
         if self.apply:
-            apply_result(context.scene, result)
+            apply_result(context.scene, Result.load(result_folder(context.scene)))
 
 
 class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
@@ -82,7 +92,9 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
             ready = bool(settings.photo and settings.stage and settings.rig)
             row = layout.row(align=True)
             row.enabled, row.scale_y = ready and not state.task, 1.5
-            row.operator("facestage.fit", icon="PLAY")
+            count = len(settings.photos)
+            several = {"text": f"Fit to {count} Photos"} if count else {}
+            row.operator("facestage.fit", icon="PLAY", **several)
             folder = existing(work_folder, context.scene)
             if ready and folder is not None and is_folder(partial_folder(folder / RESULT_FOLDER)):
                 row.operator("facestage.fit", icon="RECOVER_LAST", text="Resume").resume = True

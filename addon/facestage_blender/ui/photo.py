@@ -1,26 +1,28 @@
-"""Step 1: the photo and what is known of it."""
+"""Step 1: the photo, or the person's photos, and what is known of them."""
 
 from functools import lru_cache
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.errors import InputError
 from facestage.contract.job import PHOTO_SUFFIXES
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.result import Result
 
-from ..landmarks.editing import forget_landmarks
+from ..drawing import draw_wrapped
+from ..exchange.photos import add_photos, choose_photo, numbered, remove, show
+from ..exchange.write_back import apply_result
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from ..landmarks.photo_view import look_through_camera
-from ..scene.camera import ensure_camera, show_photo
 from ..scene.paths import absolute
-from ..scene.stage import facestage_collection
 from .action import Action
 from .landmarks import FACESTAGE_OT_detect_landmarks
-from .sidebar import SidebarPanel, draw_task
+from .sidebar import SidebarPanel, draw_task, line_width
 
+FILTER = ";".join(f"*{suffix}" for suffix in PHOTO_SUFFIXES)
 FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
 MARKS = ((VISIBLE, "HIDE_OFF"), (HIDDEN, "HIDE_ON"), (IGNORED, "X"))
 
@@ -35,9 +37,7 @@ class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
         "tone curve"
     )
 
-    filter_glob: StringProperty(
-        default=";".join(f"*{suffix}" for suffix in PHOTO_SUFFIXES), options={"HIDDEN"}
-    )
+    filter_glob: StringProperty(default=FILTER, options={"HIDDEN"})
 
     def act(self, context: bpy.types.Context) -> None:
         """Remember the photo and show it."""
@@ -45,17 +45,75 @@ class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
         look_through_camera(context)
 
 
-def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
-    """Make ``path`` the scene's photo and show it behind the camera.
+class FACESTAGE_OT_add_photos(Action, bpy.types.Operator, ImportHelper):
+    """Asks for more photos of the person."""
 
-    Raises InputError when it is no picture.
-    """
-    path, settings = absolute(str(path)), scene.facestage
-    show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
-    if settings.photo and absolute(settings.photo) != path:
-        forget_landmarks(scene)  # they are of the photo before, as is its light
-        settings.white_balance_known = False
-    settings.photo = str(path)
+    bl_idname = "facestage.add_photos"
+    bl_label = "Add Photos"
+    bl_description = (
+        "Add photos of the same person, in any pose, expression and light: one fit explains all "
+        "of them, and knows the shape better for it"
+    )
+
+    filter_glob: StringProperty(default=FILTER, options={"HIDDEN"})
+    files: CollectionProperty(
+        type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
+    )
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Put them into the list, and show the first of them."""
+        chosen = [Path(self.directory) / each.name for each in self.files if each.name]
+        add_photos(context.scene, chosen or [Path(self.filepath)])
+        look_through_camera(context)
+
+
+class FACESTAGE_OT_show_photo(Action, bpy.types.Operator):
+    """Shows one of the person's photos."""
+
+    bl_idname = "facestage.show_photo"
+    bl_label = "Show Photo"
+    bl_description = (
+        "Show this photo with its landmarks and lens and, once it is fitted, put its expression, "
+        "pose and light into the scene, as one undo step"
+    )
+
+    number: IntProperty(name="Photo", description="1 is the first of the list", default=1, min=1)
+    apply: BoolProperty(
+        name="Apply",
+        description="Put the photo's result into the scene, where it has one",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Show the photo, and apply its result."""
+        scene = context.scene
+        result = numbered(scene, self.number).result if self.apply else ""
+        # Before anything changes, in case that it is gone.
+        fitted = Result.load(absolute(result)) if result and is_fitted(scene) else None
+        show(scene, self.number)
+        if fitted is not None:
+            apply_result(scene, fitted)
+        look_through_camera(context)
+
+
+class FACESTAGE_OT_remove_photo(Action, bpy.types.Operator):
+    """Take this photo out of the list; its file and its result stay where they are"""
+
+    bl_idname = "facestage.remove_photo"
+    bl_label = "Remove Photo"
+
+    number: IntProperty(name="Photo", description="1 is the first of the list", default=1, min=1)
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Take it out."""
+        remove(context.scene, self.number)
+
+
+def is_fitted(scene: bpy.types.Scene) -> bool:
+    """Whether there is something in the scene that a result could be put into."""
+    return scene.facestage.stage is not None and scene.facestage.rig is not None
 
 
 class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
@@ -75,7 +133,12 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
             context.window_manager.facestage,
         )
         photo = bpy.path.basename(settings.photo)
-        layout.operator("facestage.choose_photo", icon="FILE_FOLDER", text=photo or "Choose Photo")
+        if settings.photos:
+            draw_photos(layout.column(align=True), context)
+        row = layout.row(align=True)
+        row.operator("facestage.choose_photo", icon="FILE_FOLDER", text=photo or "Choose Photo")
+        if photo:
+            row.operator("facestage.add_photos", icon="ADD", text="" if settings.photos else "Add")
         if not draw_task(layout, context, FACESTAGE_OT_detect_landmarks.task):
             row = layout.row(align=True)
             row.enabled = bool(settings.photo) and not state.task
@@ -98,6 +161,22 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             for line in landmark_lines(settings):
                 column.label(text=line)
+
+
+def draw_photos(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The person's photos, the one that is shown pressed; a fitted one says how it went."""
+    settings = context.scene.facestage
+    for number, photo in enumerate(settings.photos, 1):
+        shown = number == settings.photo_number
+        mark = "ERROR" if photo.doubtful else "CHECKMARK" if photo.result else "IMAGE_DATA"
+        row = layout.row(align=True)
+        # Of the one that is shown the list is a moment behind.
+        name = bpy.path.basename(settings.photo if shown else photo.photo)
+        row.operator("facestage.show_photo", text=name, icon=mark, depress=shown).number = number
+        row.operator("facestage.remove_photo", text="", icon="X").number = number
+    photo = settings.photos[settings.photo_number - 1]
+    if photo.doubtful:
+        draw_wrapped(layout.box(), photo.advice, "ERROR", line_width(context))
 
 
 def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -158,4 +237,11 @@ class FACESTAGE_PT_camera(SidebarPanel, bpy.types.Panel):
         column.prop(context.scene.facestage, "keep_camera")
 
 
-CLASSES = (FACESTAGE_OT_choose_photo, FACESTAGE_PT_photo, FACESTAGE_PT_camera)
+CLASSES = (
+    FACESTAGE_OT_choose_photo,
+    FACESTAGE_OT_add_photos,
+    FACESTAGE_OT_show_photo,
+    FACESTAGE_OT_remove_photo,
+    FACESTAGE_PT_photo,
+    FACESTAGE_PT_camera,
+)

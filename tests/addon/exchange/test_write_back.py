@@ -23,10 +23,10 @@ from reference.known import known
 @pytest.fixture
 def ready(scene, head: FaceModel, photo: Path, landmark_file: Path):
     """A scene with everything set up for a fit."""
+    from facestage_blender.exchange.photos import choose_photo
     from facestage_blender.landmarks.editing import choose_landmarks
     from facestage_blender.rig.face_rig import build_rig
     from facestage_blender.scene.stage import build_stage, default_stage
-    from facestage_blender.ui.photo import choose_photo
 
     empty = build_stage(scene, default_stage(5, 1.0, 0.2))
     empty.location, empty.rotation_euler = (0.5, 0.25, 1.5), (0.1, 0.2, 0.7)
@@ -41,7 +41,7 @@ def fitted(scene, stand_in: Callable[[str], list[str]], folder: Path) -> Result:
 
     read_job(scene).save(folder / "job")
     subprocess.run(
-        fit_command(stand_in("works"), folder / "job", folder / "result"),
+        fit_command(stand_in("works"), [folder / "job"], folder / "result"),
         check=True,
         capture_output=True,
     )

@@ -30,6 +30,32 @@ def run(scene, stand_in, capfd: pytest.CaptureFixture[str]) -> Callable[..., tup
     return call
 
 
+def test_several_photos_of_a_person_share_a_scene(
+    run, photo: Path, landmark_file: Path, tmp_path: Path
+) -> None:
+    import shutil
+
+    import bpy
+
+    other, out = tmp_path / "other.png", tmp_path / "out"
+    shutil.copyfile(photo, other)
+    points = [landmark_file, landmark_file]
+    code, said = run("--image", photo, other, "--landmarks", *points, "--out", out, "--lights", 6)
+    assert code == 0, said
+    assert sorted(path.name for path in out.iterdir()) == [
+        "job_1",
+        "job_2",
+        "result",
+        "scene.blend",
+    ]
+    bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
+    listed = bpy.context.scene.facestage.photos
+    assert [Path(each.photo).name for each in listed] == [photo.name, other.name]
+    assert all(each.result and each.landmarks for each in listed)
+    code, said = run("--image", photo, other, "--landmarks", landmark_file, "--out", out)
+    assert code == 2 and "--landmarks names 1 files for 2 photos" in said
+
+
 def test_whole_run_saves_a_scene_that_opens_again(
     run, photo: Path, landmark_file: Path, tmp_path: Path
 ) -> None:

@@ -101,7 +101,7 @@ def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
     given = read_job(scene)
     initial = {**given.initial, "scattering": np.array(1.0)}
     replace(given, freeze=("scattering", "specular"), initial=initial, quality="draft").save(job)
-    assert BackendProcess(fit_command(backend, job, out)).wait().ok
+    assert BackendProcess(fit_command(backend, [job], out)).wait().ok
     result = Result.load(out)
     apply_result(scene, result)
     group = bpy.data.materials["Facestage Skin"].node_tree.nodes["Facestage Skin"]
@@ -122,7 +122,7 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     job, out = tmp_path / "out" / "job", tmp_path / "out" / "result"
     # Without the maps, which take most of the time.
     replace(read_job(scene), freeze=("specular", "albedo", "roughness")).save(job)
-    child = BackendProcess(fit_command(backend, job, out))
+    child = BackendProcess(fit_command(backend, [job], out))
     deadline = time.monotonic() + 120
     while not any(event.stage == "geometry" for event in child.poll()):
         assert child.outcome() is None
@@ -132,7 +132,7 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     assert "killed" in child.wait().message
     assert not out.exists()
     assert partial_folder(out).is_dir()
-    assert BackendProcess(fit_command(backend, job, out, resume=True)).wait().ok
+    assert BackendProcess(fit_command(backend, [job], out, resume=True)).wait().ok
     assert np.isfinite(Result.load(out).vertices).all()
     assert not partial_folder(out).exists()
 

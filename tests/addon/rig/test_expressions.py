@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from addon.ui.refusal import refused
 from reference.fit_scene import fit_scene
 
 
@@ -98,3 +99,87 @@ def test_as_fitted(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: 
     keys["jawOpen"].value = fitted["jawOpen"] + 0.3
     assert bpy.ops.facestage.set_expression(to="FITTED") == {"FINISHED"}
     assert {key.name: key.value for key in keys} == pytest.approx(fitted)
+
+
+@pytest.fixture
+def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Where the user's expressions are kept, empty."""
+    from facestage_blender.ui import expressions
+
+    monkeypatch.setattr(expressions, "expression_folder", lambda: tmp_path / "expressions")
+    return tmp_path / "expressions"
+
+
+def test_built_in_expressions_are_made_of_arkits_names(scene) -> None:
+    from facestage.contract.arkit import ARKIT_NAMES
+    from facestage_blender.rig.presets import BUILT_IN
+
+    for name, weights in BUILT_IN.items():
+        assert set(weights) <= set(ARKIT_NAMES), name
+        assert all(0 < weight <= 1 for weight in weights.values())
+
+
+def test_an_expression_moves_its_sliders_and_rests_the_others(rig, folder: Path) -> None:
+    import bpy
+
+    keys = rig.data.shape_keys.key_blocks
+    keys["AU1"].value, keys["identity/mode_0"].value = 0.7, 1.5
+    assert bpy.ops.facestage.apply_expression(name="Laugh") == {"FINISHED"}
+    assert keys["jawOpen"].value == pytest.approx(0.35)
+    assert keys["mouthSmileLeft"].value == keys["mouthSmileRight"].value == pytest.approx(0.9)
+    assert keys["AU1"].value == 0.0 and keys["identity/mode_0"].value == pytest.approx(1.5)
+    refused(bpy.ops.facestage.apply_expression, "has none of the sliders", name="Kiss")
+    refused(bpy.ops.facestage.apply_expression, "no expression 'Bliss'", name="Bliss")
+
+
+def test_an_expression_is_kept_for_other_faces_and_forgotten(rig, scene, head, folder) -> None:
+    from dataclasses import replace
+
+    import bpy
+
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.rig.presets import preset_names
+
+    keys = rig.data.shape_keys.key_blocks
+    keys["mouthSmileLeft"].value, keys["AU1"].value = 0.4, 0.2
+    assert bpy.ops.facestage.keep_expression(name="Half a smile") == {"FINISHED"}
+    assert preset_names(folder) == ["Half a smile"]
+    other = replace(head, expression_names=("jawOpen", "mouthSmile_L", "mouthSmile_R", "AU2"))
+    keys = build_rig(scene, other, "ict:x", rig.parent).data.shape_keys.key_blocks
+    assert bpy.ops.facestage.apply_expression(name="Half a smile") == {"FINISHED"}
+    assert keys["mouthSmile_L"].value == pytest.approx(0.4)
+    assert keys["mouthSmile_R"].value == keys["AU2"].value == 0.0
+    assert bpy.ops.facestage.keep_expression(name="From the other") == {"FINISHED"}
+    assert '"mouthSmileLeft": 0.4' in (folder / "From the other.json").read_text(encoding="utf-8")
+    assert bpy.ops.facestage.forget_expression(name="Half a smile") == {"FINISHED"}
+    refused(bpy.ops.facestage.forget_expression, "of yours", name="Half a smile")
+
+
+@pytest.mark.parametrize("name", ["", "  ", "../away", "a/b", "Smile", "x" * 60, "con."])
+def test_what_cannot_be_a_name_is_refused(rig, folder: Path, name: str) -> None:
+    import bpy
+
+    refused(bpy.ops.facestage.keep_expression, name.strip() or "cannot name", name=name)
+    assert not folder.exists() or not list(folder.iterdir())
+
+
+def test_a_damaged_expression_is_one_sentence(rig, folder: Path) -> None:
+    import bpy
+
+    folder.mkdir()
+    (folder / "Bent.json").write_text('{"schema": 1, "weights": {"jawOpen": "wide"}}')
+    refused(bpy.ops.facestage.apply_expression, "Bent.json", name="Bent")
+
+
+def test_all_sliders_are_keyed(rig, scene) -> None:
+    import bpy
+
+    keys = rig.data.shape_keys.key_blocks
+    scene.frame_set(10)
+    keys["jawOpen"].value = 0.8
+    assert bpy.ops.facestage.key_expression() == {"FINISHED"}
+    scene.frame_set(20)
+    keys["jawOpen"].value = keys["AU1"].value = 0.2
+    assert bpy.ops.facestage.key_expression() == {"FINISHED"}
+    scene.frame_set(15)
+    assert keys["jawOpen"].value == pytest.approx(0.5) and keys["AU1"].value == pytest.approx(0.1)

@@ -95,7 +95,7 @@ def test_rendered_pixels_are_where_the_projection_says(scene, view) -> None:
 
 
 def test_photo_is_shown_and_sets_the_size(scene, photo) -> None:
-    from facestage_blender.ui.photo import choose_photo
+    from facestage_blender.exchange.photos import choose_photo
 
     choose_photo(scene, photo)
     assert (scene.render.resolution_x, scene.render.resolution_y) == (96, 80)

@@ -68,9 +68,9 @@ def ready(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path):
 def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
     import bpy
 
+    from facestage_blender.exchange.photos import choose_photo
     from facestage_blender.rig.face_rig import build_rig
     from facestage_blender.scene.stage import build_stage, default_stage
-    from facestage_blender.ui.photo import choose_photo
 
     by_operators = describe(ready)
     bpy.ops.wm.read_homefile(use_empty=True)

@@ -89,6 +89,18 @@ def test_a_task_says_why_it_failed_in_its_own_step_alone(drawn, task: str) -> No
     assert shown == {STEPS[task]}
 
 
+def test_several_photos_are_listed_and_counted(drawn, scene) -> None:
+    assert "facestage.add_photos" not in drawn("photo")
+    scene.facestage.photo = "/somewhere/a.png"
+    assert "Add" in drawn("photo") and "facestage.remove_photo" not in drawn("photo")
+    for name in ("a.png", "b.png", "c.png"):
+        scene.facestage.photos.add().photo = f"/somewhere/{name}"
+    scene.facestage.photos[0].doubtful, scene.facestage.photos[0].advice = True, "Someone else."
+    words = drawn("photo")
+    assert words[:6:2] == ["a.png", "b.png", "c.png"] and "Someone else." in words
+    assert "Fit to 3 Photos" in drawn("fit")
+
+
 def test_a_fit_is_judged_below_its_button(drawn) -> None:
     import bpy
 

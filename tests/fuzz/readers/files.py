@@ -117,6 +117,17 @@ def read_camera(folder: Path) -> None:
     check_dataclass(found.scaled(0.5))
 
 
+def read_live_link(folder: Path) -> None:
+    from facestage.contract.live_link import read_recording
+
+    found = read_recording(folder / "take.csv")
+    check_array(found.seconds, "seconds")
+    require(bool((np.diff(found.seconds) > 0).all()), "the seconds do not grow")
+    for name, values in found.weights.items():
+        check_array(values, name)
+        require(len(values) == len(found.seconds), f"{name} has another length")
+
+
 def read_event(folder: Path) -> None:
     from facestage.contract.events import Event
 

@@ -154,6 +154,13 @@ def camera_files() -> list[Case]:
     return [{"camera.json": json.dumps(camera().to_json()).encode()}]
 
 
+def recordings() -> list[Case]:
+    head = "Timecode,BlendShapeCount,JawOpen,MouthSmileLeft,HeadYaw"
+    lines = [f"23:59:59:{frame}.25,61,0.{frame},0.5,-0.1" for frame in (10, 20, 59)]
+    text = "\n".join([head, *lines, "00:00:00:01.000,61,1.0,0.0,0.3", ""])
+    return [{"take.csv": text.encode()}]
+
+
 def event_lines() -> list[Case]:
     events = (
         Event("started"),

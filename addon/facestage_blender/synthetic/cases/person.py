@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facestage.contract.arkit import slider_weights
 from facestage.contract.face_model import EYES, SKIN, TEETH, FaceModel
 from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.skin_tone import from_cielab
@@ -108,18 +109,9 @@ def person_of(
 
 def expression_weights(model: FaceModel, wanted: Mapping[str, float]) -> np.ndarray:
     """(e,) weights of the model's expressions for weights by ARKit's names, where the model has
-    them.
-
-    ICT-FaceKit writes mouthSmile_L for mouthSmileLeft, and has a left and a right browInnerUp.
+    them, or by its own.
     """
-    by_name = dict(wanted)
-    for name, weight in wanted.items():
-        if name.endswith("Left"):
-            by_name[f"{name.removesuffix('Left')}_L"] = weight
-        elif name.endswith("Right"):
-            by_name[f"{name.removesuffix('Right')}_R"] = weight
-        else:
-            by_name[f"{name}_L"] = by_name[f"{name}_R"] = weight
+    by_name = dict(wanted) | slider_weights(wanted, model.expression_names)
     return np.array([by_name.get(name, 0.0) for name in model.expression_names])
 
 

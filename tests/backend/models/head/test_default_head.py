@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from facestage.contract.arkit import ARKIT_NAMES
 from facestage.contract.face_model import EYES, MOUTH, SKIN, TEETH, FaceModel
 from facestage.models.head.anthropometry import MEASUREMENTS
 from facestage.models.head.default_head import build_default_model
-from facestage.models.head.expressions import ARKIT_NAMES
 
 MM = 1e-3
 
