@@ -26,6 +26,7 @@ from ..pictures.render import quiet
 from ..rig.face_rig import IDENTITY, require_rig
 from ..rig.own_record import OwnMesh
 from ..rig.own_sliders import SHAPE_KEY
+from ..rig.plain_eyes import plain_eyes, shows_eyes, spread_uvs, write_eyes
 from ..rig.plain_skin import is_facestage_skin, plain_skin, write_textures
 from ..rig.relief_key import NAME as RELIEF_KEY
 from ..scene.user_state import preserved
@@ -124,7 +125,7 @@ def export_face(
             staged = Path(folder) / path.name
             pictures = staged.with_name(f"{path.stem}_textures")
             pictures.mkdir()
-            textures = write_textures(rig, pictures, side)
+            textures = write_textures(rig, pictures, side) | write_eyes(rig, pictures, side)
             with preserved(scene.view_layers[0]), _copy(scene, rig, textures, in_place):
                 _run(run, staged, kind)
             return _move(staged, pictures, path, kind)
@@ -264,7 +265,11 @@ def _dress(rig: bpy.types.Object, mesh: bpy.types.Mesh, textures: Mapping[str, P
             hidden.add(index)
         elif is_facestage_skin(material):
             name = material.name.removeprefix("Facestage ")
-            mesh.materials[index] = plain_skin(name, rig, textures, uv_map)
+            if shows_eyes(material, textures):
+                mesh.materials[index] = plain_eyes(name, rig, index, textures, uv_map)
+                spread_uvs(mesh, index)
+            else:
+                mesh.materials[index] = plain_skin(name, rig, textures, uv_map)
     if hidden:
         import bmesh  # is there only after bpy
 

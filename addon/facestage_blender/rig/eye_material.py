@@ -24,7 +24,7 @@ def show_eyes(rig: bpy.types.Object, image: bpy.types.Image | None) -> None:
         left, bottom, right, top = 0.0, 0.0, 1.0, 1.0
         if image is not None:
             picture.image = image
-            left, bottom, right, top = uv_box(_uvs(rig.data, index))
+            left, bottom, right, top = uv_box(material_uvs(rig.data, index))
         if place is None:
             if image is None:
                 continue
@@ -51,14 +51,24 @@ def _placing_node(tree: bpy.types.NodeTree, picture: bpy.types.Node) -> bpy.type
     return place
 
 
-def _uvs(mesh: bpy.types.Mesh, material: int) -> np.ndarray:
+def material_uvs(mesh: bpy.types.Mesh, index: int) -> np.ndarray:
     """(k, 2) the UV points of the polygons of a material slot."""
-    layer = next((each for each in mesh.uv_layers if each.active_render), None)
+    layer = render_uvs(mesh)
     if layer is None:
         return np.zeros((0, 2), np.float32)
     uvs = np.empty(2 * len(mesh.loops), np.float32)
     layer.uv.foreach_get("vector", uvs)
-    index, total = (np.empty(len(mesh.polygons), np.int32) for _ in range(2))
-    mesh.polygons.foreach_get("material_index", index)
+    return uvs.reshape(-1, 2)[of_slot(mesh, index)]
+
+
+def render_uvs(mesh: bpy.types.Mesh) -> bpy.types.MeshUVLoopLayer | None:
+    """The UV map that is rendered, if there is one."""
+    return next((each for each in mesh.uv_layers if each.active_render), None)
+
+
+def of_slot(mesh: bpy.types.Mesh, index: int) -> np.ndarray:
+    """(corners,) bool, which corners of polygons are of a material slot."""
+    slot, total = (np.empty(len(mesh.polygons), np.int32) for _ in range(2))
+    mesh.polygons.foreach_get("material_index", slot)
     mesh.polygons.foreach_get("loop_total", total)
-    return uvs.reshape(-1, 2)[np.repeat(index == material, total)]
+    return np.repeat(slot == index, total)

@@ -36,7 +36,7 @@ def write_textures(rig: bpy.types.Object, folder: Path, side: int | None) -> dic
         image = getattr(rig.facestage_face, f"{each.name}_image")
         if image is None:
             continue
-        pixels = _smaller(image_pixels(image)[..., :3], side) * INPUTS[each.name][1]
+        pixels = smaller(image_pixels(image)[..., :3], side) * INPUTS[each.name][1]
         written[each.name] = folder / f"{each.name}.png"
         save_png(written[each.name], srgb(pixels) if each.colored else np.clip(pixels, 0, 1))
     return written
@@ -85,7 +85,7 @@ def _picture(path: Path, each: TextureMap) -> bpy.types.Image:
     return image
 
 
-def _smaller(pixels: np.ndarray, side: int | None) -> np.ndarray:
+def smaller(pixels: np.ndarray, side: int | None) -> np.ndarray:
     """Means of squares of pixels (h, w, 3), so that no side has more than ``side``."""
     height, width = pixels.shape[:2]
     step = 1 if side is None else -(-max(height, width) // side)

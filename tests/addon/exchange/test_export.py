@@ -132,6 +132,49 @@ def test_an_imported_face_looks_and_moves_as_the_exported_one(
     assert apart(shown_points(there), opened) > 100 * TOLERANCE
 
 
+def test_eyes_keep_their_own_picture(face, head: FaceModel, tmp_path: Path) -> None:
+    """A left half of red and a right half of blue, whatever the albedo below them is."""
+    from dataclasses import replace
+
+    from facestage.contract.face_model import EYES
+    from facestage.contract.texture_maps import EYE_MAP
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.pictures.images import image_pixels, texture_image
+    from facestage_blender.rig.eye_material import material_uvs
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.rig.material import set_textures
+
+    part = head.polygon_part.copy()
+    part[700:900] = EYES
+    rig = build_rig(face, replace(head, polygon_part=part), "default", face.facestage.stage)
+    pixels = np.zeros((64, 64, 3), np.float32)
+    pixels[:, :32, 0] = pixels[:, 32:, 2] = 0.5
+    gloss = texture_image("gloss", np.full((64, 64), 0.8, np.float32))
+    albedo = texture_image("albedo", np.full((64, 64, 3), 0.3, np.float32))
+    eyes = texture_image("eyes", pixels)
+    set_textures(rig, {"albedo": albedo, "specular": gloss, EYE_MAP.name: eyes}, {"roughness": 0.4})
+    written = export_face(face, tmp_path / "face.glb", in_place=True)
+    there = imported(face, written[0])
+    index, material = next(
+        (index, slot.material)
+        for index, slot in enumerate(there.material_slots)
+        if slot.material.name.startswith("Eyes")
+    )
+    uvs = material_uvs(there.data, index)
+    np.testing.assert_allclose([uvs.min(0), uvs.max(0)], [[0, 0], [1, 1]], atol=1e-5)
+    picture = next(
+        node.image for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"
+    )
+    red, _, blue = np.moveaxis(image_pixels(picture)[..., :3], -1, 0)
+    assert red[:, :30].min() > 0.4 and red[:, 34:].max() < 0.1 and blue[:, 34:].min() > 0.4
+    surface = next(
+        node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"
+    )
+    assert surface.inputs["Specular IOR Level"].default_value == pytest.approx(0.4, abs=0.01)
+    skin = next(s.material for s in there.material_slots if s.material.name.startswith("Skin"))
+    assert skin.name != material.name
+
+
 def test_faces_that_nobody_sees_are_not_exported(face, head: FaceModel, tmp_path: Path) -> None:
     from dataclasses import replace
 
