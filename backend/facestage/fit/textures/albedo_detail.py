@@ -62,30 +62,54 @@ def albedo_detail(
     shown: Shown,
     half_mirror: Int[np.ndarray, "half half"] | None,
     doubts: Doubts = DOUBTS,
+    painted: Float[np.ndarray, "vertices 3"] | None = None,
 ) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
 
     ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide; None: no symmetry.
     Where neither side is seen, the detail decays to zero.
+
+    ``painted``: what the model paints on the skin (painted_features.py). Where the skin is known it
+    is taken away, and the photo's own brows and lips are found whole: pixels that are coarser than
+    the paint could not take it off its texels.
     """
     weight, target = albedo_observations(shown, doubts)
+    if painted is not None:
+        surface = shown.image.surface
+        target = target + np.einsum("pi,pic->pc", surface.weights, painted[surface.corners])
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
     found, known = solve_field(field)
     seen = (known > KNOWN) & atlas.skin
     if half_mirror is None or not seen.any():
-        return AlbedoDetail(found, seen, np.zeros_like(seen))
+        return AlbedoDetail(_without(found, known, painted, atlas), seen, np.zeros_like(seen))
     change, known_too = _completion(field.halved(), half_mirror)
     # What is seen stays as it is; the rest of the change is smooth, so that half the texels are
     # enough for it.
     found = np.where(
         atlas.skin[..., None], found + (1 - known)[..., None] * doubled(change), 0.0
     ).astype(np.float32)
+    mirrored = doubled(known_too[..., None])[..., 0]
     return AlbedoDetail(
-        found, seen, (doubled(known_too[..., None])[..., 0] > KNOWN) & ~seen & atlas.skin
+        _without(found, known + (1 - known) * mirrored, painted, atlas),
+        seen,
+        (mirrored > KNOWN) & ~seen & atlas.skin,
     )
+
+
+def _without(
+    found: Float[np.ndarray, "size size 3"],
+    known: Float[np.ndarray, "size size"],
+    painted: Float[np.ndarray, "vertices 3"] | None,
+    atlas: Atlas,
+) -> Float32[np.ndarray, "size size 3"]:
+    """What was ``found`` instead of the model's paint, as what is to be added to it."""
+    if painted is None:
+        return np.asarray(found, np.float32)
+    share = np.where(atlas.skin, known, 0.0)[..., None]
+    return np.asarray(found - share * atlas.bake(painted), np.float32)
 
 
 def _completion(

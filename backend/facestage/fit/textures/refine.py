@@ -21,6 +21,7 @@ from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, pa
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
+from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.part_color import Look, part_colors
 from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
@@ -75,7 +76,12 @@ def refine(
             if 2 * small.size == atlas.size
             else Atlas.build(problem.geometry, atlas.size // 2)
         )
-        detail = albedo_detail(atlas, shown, mirrored_texels(half, problem.geometry))
+        detail = albedo_detail(
+            atlas,
+            shown,
+            mirrored_texels(half, problem.geometry),
+            painted=painted_features(problem.geometry),
+        )
         photo = problem.photograph
         look = Look(
             photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin

@@ -5,14 +5,17 @@ teeth.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.interpolate import CubicSpline
+from scipy.sparse.linalg import splu
 
-from facestage.contract.face_model import MOUTH
+from facestage.contract.face_model import MOUTH, SKIN
 from facestage.models.anatomy.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 from facestage.models.head import eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
 from facestage.models.head.features import BROW_LINE
 from facestage.models.head.masks import Masks, eye_center, smoothstep
+from facestage.models.mesh.surface_harmonics import laplacian_and_mass
 
 SCLERA, IRIS, IRIS_RIM, PUPIL = (
     (0.62, 0.57, 0.54),
@@ -23,6 +26,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
 # GAP: relative to the crown
 TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.45, 0.36, 0.30), (0.42, 0.18, 0.16)
 MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
+HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et
 # al. 2010, "A practical appearance model for dynamic facial color".
 _BLOOD = (
@@ -83,7 +87,9 @@ def brow_weight(masks: Masks) -> np.ndarray:
 
 
 def hair_weight(masks: Masks) -> np.ndarray:
-    """(n,) 1 where hair grows on the head, 0 on face, ears and neck."""
+    """(n,) 1 where hair grows on the head, 0 on face, ears and neck; softer than the mesh is
+    fine, so that no edge of it shows.
+    """
     y, z = masks.points[:, 1], masks.points[:, 2]
     # The hairline: high over the forehead, down the temples, behind the ears, to the nape.
     line = np.interp(
@@ -94,6 +100,15 @@ def hair_weight(masks: Masks) -> np.ndarray:
     weight = smoothstep((y - line) / 18.0 + 0.5) * masks.skin
     for side in SIDES:
         weight[np.unique(masks.mesh.loops[f"ear_{side}"][2:])] = 0.0
+    polygons = masks.mesh.polygons[masks.mesh.polygon_part == SKIN]
+    polygons = np.where(polygons < 0, polygons[:, :1], polygons)
+    used, corners = np.unique(polygons, return_inverse=True)
+    corners = corners.reshape(-1, 4)
+    faces = np.concatenate([corners[:, :3], corners[:, [0, 2, 3]]])
+    faces = faces[(faces[:, 0] != faces[:, 2]) & (faces[:, 1] != faces[:, 2])]
+    laplacian, mass = laplacian_and_mass(masks.points[used], faces)
+    step = splu((sp.diags(mass) + HAIRLINE_MM**2 * laplacian).tocsc())
+    weight[used] = step.solve(mass * weight[used])
     return weight
 
 

@@ -11,7 +11,10 @@ from scipy.spatial import cKDTree
 from facestage.contract.arkit import ARKIT_NAMES
 from facestage.contract.face_model import EYES, MOUTH, SKIN, TEETH, FaceModel
 from facestage.models.head.anthropometry import MEASUREMENTS
+from facestage.models.head.assemble import assemble
+from facestage.models.head.coloring import hair_weight
 from facestage.models.head.default_head import build_default_model
+from facestage.models.head.masks import Masks
 
 MM = 1e-3
 
@@ -468,3 +471,17 @@ def test_albedo():
     assert cheek[0] > cheek[1] > cheek[2]
     assert brow.mean() < 0.7 * cheek.mean()
     assert lips[0] / lips[1] > 1.2 * cheek[0] / cheek[1]
+
+
+def test_hair_thins_without_an_edge():
+    """From the scalp to the skin in steps that no one sees, also beside the ears."""
+    masks = Masks(assemble())
+    weight = hair_weight(masks)
+    polygons = masks.mesh.polygons[masks.mesh.polygon_part == SKIN]
+    a, b = polygons[:, :2], polygons[:, 1:3]
+    length = np.linalg.norm(masks.points[a] - masks.points[b], axis=-1)
+    steepest = (np.abs(weight[a] - weight[b]) / np.maximum(length, 1.0)).max()
+    print(f"hair thins by {steepest:.3f} per mm at most")
+    assert weight.max() > 0.95
+    assert weight.min() > -1e-6
+    assert steepest < 0.07
