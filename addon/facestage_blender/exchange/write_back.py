@@ -12,6 +12,7 @@ from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
+from ..rig.lashes import color_lashes
 from ..rig.material import set_scattering, set_textures
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
@@ -62,6 +63,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     place(empty, rig, result.model_to_stage, rig_axes(rig))
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     set_scattering(rig, float(result.parameters.get("scattering", 0.0)))
+    color_lashes(rig)
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)

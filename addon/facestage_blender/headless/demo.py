@@ -220,10 +220,13 @@ def _pictures(
 
 
 def _close_ups(scene: bpy.types.Scene, folder: Path, samples: int) -> Path:
-    """The contact sheet of the head from close by, from the side and from behind."""
+    """The contact sheet of the head from close by and all around, now with lashes."""
+    from ..rig.face_rig import require_rig
+    from ..rig.lashes import grow_lashes
     from .close_ups import close_ups
     from .contact_sheet import contact_sheet
 
+    grow_lashes(require_rig(scene))
     sheet = folder / "close_ups.png"
     contact_sheet(close_ups(scene, CLOSE_UP_PX, samples), sheet, columns=3)
     return sheet

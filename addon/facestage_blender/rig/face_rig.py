@@ -14,6 +14,7 @@ from facestage.contract.face_model import FaceModel
 from ..scene import frames
 from ..scene.stage import facestage_collection
 from . import relief_key
+from .lashes import remember_lids, renew_lashes
 from .material import part_materials, show_model
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
@@ -54,6 +55,8 @@ def build_rig(
     if retired is not None:
         _remove_mesh(retired)
     show_model(rig, model)
+    remember_lids(mesh, model)
+    renew_lashes(rig)
     return rig
 
 

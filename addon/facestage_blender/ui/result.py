@@ -18,6 +18,8 @@ from ..drawing import draw_wrapped
 from ..exchange.write_back import apply_result
 from ..preferences import backend_command
 from ..preview import live
+from ..rig.face_rig import require_rig
+from ..rig.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.paths import result_folder
 from ..scene.relight import relight, restore_lights
@@ -103,6 +105,25 @@ class FACESTAGE_OT_relight_preview(Action, bpy.types.Operator):
             live.start(context.scene)
 
 
+class FACESTAGE_OT_lashes(Action, bpy.types.Operator):
+    """Gives the rig lashes, or takes them away."""
+
+    bl_idname = "facestage.lashes"
+    bl_label = "Lashes"
+    bl_description = (
+        "Let the rig have eyelashes, in the color of its brows, that follow its lids; again: none. "
+        "Exported files hold none"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Grow them, or remove those that there are."""
+        rig = require_rig(context.scene)
+        if lashes_of(rig) is None:
+            grow_lashes(rig)
+        else:
+            remove_lashes(rig)
+
+
 class FACESTAGE_OT_prepare_relight(BackendTask, bpy.types.Operator):
     """Have the backend trace the result under each of its lights, then show the relight preview"""
 
@@ -150,6 +171,11 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             _draw_preview(layout, context, folder)
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
+            row = layout.row()
+            row.enabled = has_lids(settings.rig)
+            row.operator(
+                "facestage.lashes", icon="STRANDS", depress=lashes_of(settings.rig) is not None
+            )
             layout.operator("facestage.export", icon="EXPORT")
 
 
@@ -179,6 +205,7 @@ CLASSES = (
     FACESTAGE_OT_open_report,
     FACESTAGE_OT_relight,
     FACESTAGE_OT_relight_preview,
+    FACESTAGE_OT_lashes,
     FACESTAGE_OT_prepare_relight,
     FACESTAGE_PT_result,
 )
