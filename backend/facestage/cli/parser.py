@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from facestage import __version__
-from facestage.cli import bench, detect, doctor, fit, model, render, stress
+from facestage.cli import bench, detect, doctor, fit, model, render, stress, track
 
 EXAMPLES = """\
 facestage doctor says what works on this machine.
@@ -14,9 +14,10 @@ Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works
 examples:
   facestage fit photo.jpg --out result
   facestage fit left.jpg front.jpg right.jpg --same-person --out me
+  facestage track take.mp4 --out take
   facestage render result --out smile.png --weights smile.json
 """
-COMMANDS = (fit, detect, render, model, bench, stress, doctor)
+COMMANDS = (fit, track, detect, render, model, bench, stress, doctor)
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -15,6 +15,7 @@ from facestage.contract.person import FILE as PERSON
 from facestage.contract.person import Person
 from facestage.contract.result import Result
 from facestage.contract.result_files import PERSON_REPORT, REPORT
+from facestage.contract.sequence import Sequence
 from facestage.report.tables import error_row
 
 BAR = 24  # characters
@@ -99,6 +100,14 @@ def summary(out: Path) -> str:
         return "\n".join([*lines, "", f"Result: {out}", f"Report: {out / PERSON_REPORT}"])
     result = Result.load(out)
     lines = [*_sentence(result.advice), "", *_figures(result.errors)]
+    return "\n".join([*lines, "", f"Result: {out}", f"Report: {out / REPORT}"])
+
+
+def track_summary(out: Path) -> str:
+    """What came of tracking into ``out``."""
+    track = Sequence.load(out)
+    errors = [f"  {value:.3f}".ljust(14) + name for name, value in track.errors.items()]
+    lines = [*_sentence(track.advice), "", *errors]
     return "\n".join([*lines, "", f"Result: {out}", f"Report: {out / REPORT}"])
 
 

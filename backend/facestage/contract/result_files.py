@@ -1,5 +1,5 @@
-"""The files of a result folder and of a person's folder: whatever else lies there is the user's,
-and stays.
+"""The files of a result folder, of a person's and of a sequence's: whatever else lies there is the
+user's, and stays.
 """
 
 from __future__ import annotations
@@ -7,11 +7,12 @@ from __future__ import annotations
 import re
 from pathlib import PurePath
 
-from facestage.contract import job, person, result
+from facestage.contract import job, person, result, sequence
 from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
+SEQUENCE_PICTURE = "sequence.png"
 TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
 FILES = frozenset(
     {
@@ -30,6 +31,10 @@ FILES = frozenset(
         person.FILE,
         PERSON_REPORT,
         PERSON_PICTURE,
+        sequence.FILE,
+        sequence.ARRAYS,
+        sequence.VERTICES,
+        SEQUENCE_PICTURE,
     }
 )
 REPORT_PICTURES = frozenset(
@@ -37,6 +42,7 @@ REPORT_PICTURES = frozenset(
         *(each.name for each in TEXTURE_MAPS),
         "certainty",
         "comparison",
+        "curves",
         "face",
         "face_photo",
         "landmarks",
@@ -46,12 +52,17 @@ REPORT_PICTURES = frozenset(
         "weights",
     }
 )
+KEYFRAME_PICTURE = re.compile(r"frame-\d+\.png")
 RELIT = re.compile(r"relit_\w+\.png")
 PHOTO_FOLDER = re.compile(rf"[1-{person.PHOTOS_MAX}]-.+", re.DOTALL)
 
 
 def is_result_file(path: PurePath) -> bool:
-    """Whether Facestage writes a file of this path, relative to a result's folder or a person's."""
+    """Whether Facestage writes a file of this path, relative to a result's folder, a person's or a
+    sequence's.
+    """
+    if len(path.parts) > 1 and path.parts[0] == sequence.KEYFRAMES:
+        path = PurePath(*path.parts[1:])
     if len(path.parts) == 2 and PHOTO_FOLDER.fullmatch(path.parts[0]):
         path = PurePath(path.name)
     if len(path.parts) != 1:
@@ -61,4 +72,5 @@ def is_result_file(path: PurePath) -> bool:
         name in FILES
         or (path.suffix == ".png" and path.stem in REPORT_PICTURES)
         or bool(RELIT.fullmatch(name))
+        or bool(KEYFRAME_PICTURE.fullmatch(name))
     )

@@ -92,6 +92,23 @@ class FaceFinder:
                     return Search(sorted(faces, key=lambda face: -face.size), np.zeros((0, 3)))
         return Search([], np.array(unclear).reshape(-1, 3))
 
+    def follow(self, photograph: Photograph, points: np.ndarray) -> Face | None:
+        """The face that had its ``points`` (478, 2) pixels in the frame before; None where the mesh
+        network sees none there.
+        """
+        views = PhotoViews(photograph)
+        last = Mesh(np.column_stack([points, np.zeros(len(points))]), 1.0)
+        crop = last.crop
+        mesh, disagreement = self._both_ways(views, crop)
+        if mesh.presence < PRESENCE_MIN or disagreement > MIRROR_MAX * crop.side:
+            return None
+        # Once more on its own square, as a search ends: points depend on where the square is.
+        mesh, disagreement = self._both_ways(views, mesh.crop)
+        if mesh.presence < PRESENCE_MIN or disagreement > MIRROR_MAX * crop.side:
+            return None
+        visible = visible_points(mesh.points, self.canonical) & _inside(mesh.points, views)
+        return Face(mesh, visible, mesh.presence)
+
     def _verified(
         self, views: PhotoViews, candidates: Detections, unclear: list[np.ndarray]
     ) -> list[Face]:

@@ -8,6 +8,13 @@ Blender or the fit.
 from facestage.report.person_page import write_person_report
 from facestage.report.preview import write_preview
 from facestage.report.report_data import ReportData
+from facestage.report.sequence_page import write_sequence_report
 from facestage.report.writer import write_report
 
-__all__ = ["ReportData", "write_person_report", "write_preview", "write_report"]
+__all__ = [
+    "ReportData",
+    "write_person_report",
+    "write_preview",
+    "write_report",
+    "write_sequence_report",
+]

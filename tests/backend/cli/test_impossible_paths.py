@@ -41,6 +41,8 @@ COMMANDS: dict[str, list[str]] = {
         "--out",
         "OUT",
     ],
+    "track": ["track", "BAD", "--out", "OUT"],
+    "track --camera": ["track", "OUT", "--camera", "BAD", "--out", "OUT"],
     "detect": ["detect", "BAD", "--out", "OUT"],
     "detect --out": ["detect", "PHOTO", "--out", "BAD"],
     "detect --landmark-model": ["detect", "PHOTO", "--out", "OUT", "--landmark-model", "BAD"],

@@ -26,7 +26,7 @@ from reference.synthetic_case import Case
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("fit",), ("detect",), ("render",), ("model",), ("doctor",)]
+    "command", [(), ("fit",), ("track",), ("detect",), ("render",), ("model",), ("doctor",)]
 )
 def test_help(command: tuple[str, ...]):
     done = call(*command, "--help")

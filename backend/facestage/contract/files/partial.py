@@ -4,6 +4,7 @@ and whose it is.
 
 from __future__ import annotations
 
+import shutil
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,6 +17,10 @@ MARKER = ".facestage-partial.json"
 SCHEMA = {"facestage": "partial folder", "schema": 1}
 LOCK = ".facestage-lock"
 CHECKPOINT, PERSON_CHECKPOINT, PREVIEW = "checkpoint.npz", "person-checkpoint.npz", "preview.png"
+# Of a sequence: what was found in its frames, how far their fit is, and the person of its
+# keyframes, with the pictures that they were read from where the film is a video.
+SEQUENCE_LANDMARKS, SEQUENCE_CHECKPOINT = "sequence-landmarks.npz", "sequence-checkpoint.npz"
+KEYFRAMES, KEYFRAME_PICTURES = "keyframes", "keyframe-pictures"
 
 
 def partial_folder(out: Path) -> Path:
@@ -55,14 +60,17 @@ def mark_partial(partial: Path) -> None:
 
 def forget_checkpoint(partial: Path) -> None:
     """Remove from a marked folder what an earlier run wrote to go on."""
-    for name in (CHECKPOINT, PERSON_CHECKPOINT, PREVIEW):
+    for name in (CHECKPOINT, PERSON_CHECKPOINT, SEQUENCE_LANDMARKS, SEQUENCE_CHECKPOINT, PREVIEW):
         with suppress(OSError):
             (partial / name).unlink()
+    for name in (KEYFRAMES, partial_folder(Path(KEYFRAMES)).name, KEYFRAME_PICTURES):
+        shutil.rmtree(partial / name, ignore_errors=True)
 
 
 def has_checkpoint(partial: Path) -> bool:
     """Whether a run can go on from there."""
-    return any((partial / name).is_file() for name in (CHECKPOINT, PERSON_CHECKPOINT))
+    names = (CHECKPOINT, PERSON_CHECKPOINT, SEQUENCE_LANDMARKS)
+    return any((partial / name).is_file() for name in names)
 
 
 def remove_partial(partial: Path) -> None:

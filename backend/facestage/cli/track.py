@@ -1,0 +1,137 @@
+"""``facestage track``: a performance from a video or a folder of frames."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from facestage.cli.common import MODELS, add_finding
+from facestage.contract.errors import EXIT_DONE
+from facestage.contract.quality import GOOD, parse_budget
+
+
+def add_command(commands: Any) -> None:
+    """Add ``track`` to the commands."""
+    track = commands.add_parser(
+        "track",
+        help="follow a face through a film",
+        description="Find one person in a film, and the head's pose and the expression in every "
+        "frame. A few frames that differ most are fitted together first: they say who it is, and "
+        "in which light. Then every frame is compared with its picture, and all frames are "
+        "smoothed together, forwards and backwards, with as much smoothness as the film shows.",
+        epilog="Example: facestage track take.mp4 --out take, or facestage track frames --rate 25 "
+        "--camera camera.json --out take. Ctrl+C keeps what is done, --resume goes on from there. "
+        "The folder holds sequence.json, sequence.npz, the texture maps, the results of the "
+        "keyframes and report.html; docs/sequences.md describes them.",
+    )
+    track.add_argument(
+        "film",
+        type=Path,
+        metavar="VIDEO|FOLDER",
+        help="a video, or a folder of pictures in the order of their numbers",
+    )
+    track.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
+    track.add_argument(
+        "--rate", type=float, metavar="FPS", help="frames a second of a folder (default 24)"
+    )
+    track.add_argument("--model", default="default", metavar="MODEL", help=f"face model: {MODELS}")
+    add_finding(track)
+    camera = track.add_mutually_exclusive_group()
+    camera.add_argument(
+        "--camera",
+        type=Path,
+        metavar="FILE",
+        help='{"width":, "height":, "focal_px":, "principal_px": [cx, cy]}, of every frame',
+    )
+    camera.add_argument(
+        "--focal-px",
+        type=float,
+        metavar="F",
+        help="focal length in pixels; fitted to the keyframes when neither is given",
+    )
+    track.add_argument(
+        "--landmarks-only",
+        action="store_true",
+        help="follow landmarks alone once the keyframes are fitted: many times as fast, less exact",
+    )
+    track.add_argument(
+        "--freeze",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="do not fit: identity, expression, albedo, lights, ...",
+    )
+    track.add_argument(
+        "--budget",
+        default=GOOD,
+        metavar="SECONDS|NAME",
+        help="seconds for all of it; or how often the pictures are looked at: draft (once), "
+        "good (three times, default) or best (five times)",
+    )
+    track.add_argument("--seed", type=int, default=0, metavar="N", help="of the light samples")
+    track.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to trace rays"
+    )
+    track.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="what is known (.npz): vertices (frames, n, 3) in the camera's frame, perhaps "
+        "expression (frames, e) and names; adds errors to the result, changes nothing",
+    )
+    track.add_argument(
+        "--vertices",
+        action="store_true",
+        help="also write vertices.npy: (frames, n, 3) float32, metres, camera frame, model order",
+    )
+    track.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue from the checkpoint of a stopped run into the same --out",
+    )
+    track.add_argument(
+        "--json", action="store_true", help="tell of the progress in JSON on a terminal, too"
+    )
+    track.set_defaults(run=run, cancelled=cancelled)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Track, telling of the progress on standard output."""
+    from facestage.cli.terminal import ProgressLine, listener, track_summary
+    from facestage.contract.camera import Camera
+    from facestage.fit.sequence.request import Request
+    from facestage.fit.sequence.run import track_film
+
+    seconds, quality = parse_budget(options.budget)
+    request = Request(
+        film=options.film,
+        rate=options.rate,
+        model=options.model,
+        camera=Camera.read(options.camera) if options.camera else None,
+        focal_px=options.focal_px,
+        freeze=tuple(options.freeze),
+        budget_seconds=seconds,
+        quality=quality,
+        landmarks_only=options.landmarks_only,
+        truth=options.truth,
+        with_vertices=options.vertices,
+        face=options.face,
+        seed=options.seed,
+        device=options.device,
+    )
+    with listener(options.json) as emit:
+        track_film(request, options.out, options.resume, emit, options.landmark_model)
+    if isinstance(emit, ProgressLine):
+        print(track_summary(options.out))
+    return EXIT_DONE
+
+
+def cancelled(options: argparse.Namespace) -> str:
+    """What a stopped run says: whether there is a checkpoint to go on from."""
+    from facestage.contract.files.partial import has_checkpoint, partial_folder
+
+    if has_checkpoint(partial_folder(options.out.resolve())):
+        return "cancelled; what is done is kept, --resume continues from it."
+    return "cancelled before the first checkpoint; run it again to start over."

@@ -1,0 +1,137 @@
+"""What one frame says of pose and expression: its landmarks, and the picture at a small size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facestage.contract.arrays import Float
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
+from facestage.fit.given.photo import Photo
+from facestage.fit.given.skin_mask import face_size_px, skin_weight
+from facestage.fit.given.window import Window
+from facestage.fit.sequence.actor import Actor
+from facestage.images.image_io import Photograph
+
+BLOCKS = ("pose", "expression")
+# Standard deviations of what all landmarks of a frame are off by together: in sizes of the face,
+# and of their sizes and angles (on a rendered sequence, depth by landmarks wanders by 1 %).
+TOGETHER_PLACE, TOGETHER = 0.005, 0.01
+# Pixels along the face at which pictures are looked at: shape shows no more at larger ones.
+FACE_PX = 112.0
+SAMPLES = 1  # of each light, a pixel
+# What of a frame is kept around the landmarks, in sizes of the face.
+MARGIN = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """The normal equations of a frame by pose and expression, and how well it is explained."""
+
+    hessian: Float[np.ndarray, "unknowns unknowns"]
+    gradient: Float[np.ndarray, " unknowns"]
+    # of landmarks in standard deviations, of pictures in linear radiance; NaN: nothing to compare
+    rms: float
+
+
+def landmark_evidence(
+    actor: Actor, landmarks: Landmarks, state: State, sigma_scale: float = 1.0
+) -> Said:
+    """What ``landmarks`` say around ``state``: less of where the head is than of how its points lie
+    to each other, for they err together. ``sigma_scale``: how far they are off, over how far on a
+    single photo.
+    """
+    size = face_size_px(landmarks)
+    sigma = sigma_scale * LANDMARK_SIGMA_SHARE * size
+    placed = LandmarkTerm(actor.geometry, landmarks, sigma).at(state)
+    slim = replace(
+        state, lights=np.zeros(0), light_position=np.zeros((0, 2)), specular=np.zeros((1, 1))
+    )
+    layout = Layout(slim)
+    weighed = placed.weighed(slim)
+    jacobian = placed.jacobian(slim, layout)[:, layout.mask(BLOCKS)]
+    together = (placed.whitening @ _together(placed.points, size)).reshape(len(jacobian), -1)
+    weighted = weighed.weights[:, None] * together
+    both = np.column_stack([jacobian, weighed.residuals])
+    # What they share is an unknown of its own, of standard deviation 1, and eliminated.
+    system = together.T @ weighted + np.eye(together.shape[1])
+    left = both * weighed.weights[:, None]
+    left -= weighted @ np.linalg.solve(system, weighted.T @ both)
+    product = jacobian.T @ left
+    rms = float(np.sqrt((weighed.residuals**2).mean()))
+    return Said(product[:, :-1], product[:, -1], rms)
+
+
+def _together(
+    points: Float[np.ndarray, "landmarks 2"], size: float
+) -> Float[np.ndarray, "landmarks 2 6"]:
+    """Pixels by one standard deviation of what all landmarks share: place, size, turn and shear."""
+    centred = (points - np.median(points, axis=0)) * TOGETHER
+    result = np.zeros((len(points), 2, 6))
+    for axis in range(2):
+        result[:, axis, axis] = TOGETHER_PLACE * size
+        result[:, axis, 2 + 2 * axis : 4 + 2 * axis] = centred
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class FrameView:
+    """One frame, cut to its face and made small, as the photo term compares it."""
+
+    window: Window
+    term: PhotoTerm
+
+    @classmethod
+    def of(
+        cls,
+        actor: Actor,
+        photograph: Photograph,
+        landmarks: Landmarks,
+        skin: np.ndarray | None = None,
+    ) -> FrameView:
+        """``skin``: :attr:`skin` of the same frame, where it was found before."""
+        window = _window(photograph.size, landmarks)
+        small, points = window.photograph(photograph), window.landmarks(landmarks)
+        if skin is None:
+            skin = np.round(255 * skin_weight(small.color, points)).astype(np.uint8)
+        photo = Photo(
+            small.color.astype(np.float64), small.mask, skin / np.float32(255), small.clipped
+        )
+        term = PhotoTerm(actor.forward, photo, actor.stage_in_camera, SAMPLES, frozenset(BLOCKS))
+        return cls(window, term)
+
+    @property
+    def skin(self) -> np.ndarray:
+        """(h, w) uint8, 255 where the pixels show skin."""
+        return np.round(255 * self.term.photo.skin).astype(np.uint8)
+
+    def evaluated(self, state: State) -> Evaluation:
+        """The face at ``state``, of the whole picture, beside the frame."""
+        camera = self.window.camera(state.camera)
+        return self.term.evaluate(replace(state, camera=camera), 0)
+
+    def said(self, state: State) -> Said:
+        """What the picture says around ``state``."""
+        evaluation = self.evaluated(state)
+        used = evaluation.base_weight > 0.5
+        layout = Layout(evaluation.state)
+        active = layout.mask(BLOCKS)
+        weights = self.term.weights(evaluation, self.term.noise(evaluation))
+        hessian, gradient = self.term.normal_equations(evaluation, weights, layout, active)
+        rms = float(np.sqrt((evaluation.residual[used] ** 2).mean())) if used.any() else np.nan
+        return Said(hessian[np.ix_(active, active)], gradient[active], rms)
+
+
+def _window(size: tuple[int, int], landmarks: Landmarks) -> Window:
+    points = landmarks.points[np.isfinite(landmarks.points).all(axis=1)]
+    side = face_size_px(landmarks)
+    low, high = points.min(axis=0) - MARGIN * side, points.max(axis=0) + MARGIN * side
+    left, top = np.clip(np.floor(low), 0, np.array(size) - 1).astype(int).tolist()
+    right, bottom = np.clip(np.ceil(high), [left + 1, top + 1], size).astype(int).tolist()
+    return Window(size, (left, top, right, bottom), min(1.0, FACE_PX / side))

@@ -1,0 +1,197 @@
+"""From where all frames are to a sequence's folder."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from facestage import __version__
+from facestage.contract.face_model import FaceModel
+from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES
+from facestage.contract.person import Person
+from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
+from facestage.contract.sequence import KEYFRAMES as KEYFRAMES_FOLDER
+from facestage.contract.sequence import LOST, SEEN, UNSURE, VERTICES, Sequence, SequenceFrame
+from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.fit.sequence.course import POSE
+from facestage.fit.sequence.motion import GROUP_NAMES
+from facestage.fit.sequence.request import Request
+from facestage.fit.sequence.sightings import Sightings
+from facestage.fit.sequence.tracking import DOUBT, Tracked, Tracker
+from facestage.images.film import Film
+from facestage.landmarks.tracker import Sight
+from facestage.report import write_sequence_report
+
+THUMBNAILS = 12
+UNSURE_SHARE = 0.3  # of the frames, from which on the sequence is not believed
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Everything that a sequence's folder shows."""
+
+    film: Film
+    sightings: Sightings
+    keyframes: list[int]  # indices
+    person: Person
+    keyframe: Result
+    model: FaceModel
+    tracked: Tracked
+    errors: dict[str, float]
+    timings: dict[str, float]
+    in_time: bool
+
+
+def write_sequence(
+    folder: Path, request: Request, found: Found, tracker: Tracker, partial: Path
+) -> Sequence:
+    """Write every file of the sequence into an existing folder."""
+    tracked, sightings = found.tracked, found.sightings
+    frames = tuple(_frames(found))
+    status, advice = _verdict(found, frames)
+    track = Sequence(
+        status=status,
+        advice=advice,
+        film=str(found.film.path.absolute()),
+        model=request.model,
+        camera=tracker.actor.camera,
+        frame_rate=found.film.rate,
+        frames=frames,
+        keyframes=tuple(sightings.numbers[index] for index in found.keyframes),
+        identity_names=found.model.identity_names,
+        expression_names=found.model.expression_names,
+        identity=np.asarray(found.keyframe.identity),
+        expression=tracked.course.expression,
+        model_to_camera=tracked.course.model_to_camera,
+        deviations={"pose": tracked.deviation[:, :POSE], "expression": tracked.deviation[:, POSE:]},
+        motion=_motion(tracked),
+        errors=found.errors,
+        timings=found.timings,
+        versions=_versions(),
+        folder=folder,
+    )
+    track.write_into(folder)
+    shutil.copytree(partial / KEYFRAMES, folder / KEYFRAMES_FOLDER)
+    if (partial / KEYFRAME_PICTURES).is_dir():
+        shutil.copytree(partial / KEYFRAME_PICTURES, folder / KEYFRAMES_FOLDER, dirs_exist_ok=True)
+    for each in TEXTURE_MAPS:
+        with suppress(FileNotFoundError):
+            first = folder / KEYFRAMES_FOLDER / found.person.photos[0].folder
+            shutil.copyfile(first / each.file, folder / each.file)
+    if request.with_vertices:
+        _write_vertices(folder / VERTICES, tracker, tracked)
+    write_sequence_report(folder, track, list(_thumbnails(found, tracker)))
+    return track
+
+
+def _frames(found: Found) -> Iterator[SequenceFrame]:
+    tracked, sightings, shots = found.tracked, found.sightings, found.sightings.shots
+    doubts = tracked.doubts
+    for index, number in enumerate(sightings.numbers):
+        sight, doubt = sightings.sights[index], doubts[index]
+        status, advice = SEEN, ""
+        if sight == Sight.LOST:
+            status = LOST
+            advice = "No face was found; pose and expression follow the frames beside it."
+        elif np.isfinite(doubt) and doubt > DOUBT:
+            status = UNSURE
+            advice = (
+                f"Explained {doubt:.1f} times worse than most frames: blurred, covered, or another "
+                "face; it follows the frames beside it more."
+            )
+        elif sight == Sight.CUT:
+            status, advice = UNSURE, "The picture jumps here: a cut, or another face."
+        elif sight == Sight.FOUND and index:
+            advice = "The face was lost, and found again here."
+        yield SequenceFrame(
+            number,
+            float(sightings.times[index]),
+            sightings.names[index],
+            status,
+            advice,
+            int(shots[index]),
+            _plain(tracked.photo_rms[index]),
+            _plain(tracked.landmark_rms[index]),
+        )
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _verdict(found: Found, frames: tuple[SequenceFrame, ...]) -> tuple[str, str]:
+    """The sequence's status, and a sentence."""
+    unsure = sum(frame.status != SEEN for frame in frames)
+    shots = max(frame.shot for frame in frames)
+    parts = [f"{len(frames)} frames follow one face"]
+    if unsure:
+        parts.append(f"{unsure} of them need a look")
+    if shots > 1:
+        parts.append(f"there are {shots} shots, between which nothing is smoothed")
+    if not found.in_time:
+        return BUDGET_SPENT, "The time ended first: " + ", ".join(parts) + "."
+    if found.person.status == STOPPED:
+        return STOPPED, ", ".join(parts) + "; of the keyframes: " + found.person.advice
+    if unsure > UNSURE_SHARE * len(frames):
+        return STOPPED, ", ".join(parts) + "; track the part of the film that shows the face well."
+    return CONVERGED, ", ".join(parts) + "."
+
+
+def _motion(tracked: Tracked) -> dict[str, float]:
+    """The learned scales, the root mean square of each group."""
+    motion = tracked.motion
+    return {
+        name: float(np.sqrt((motion.scales[motion.groups == group] ** 2).mean()))
+        for group, name in enumerate(GROUP_NAMES)
+        if (motion.groups == group).any()
+    }
+
+
+def _write_vertices(path: Path, tracker: Tracker, tracked: Tracked) -> None:
+    """Every vertex of the model in every frame, (F, n, 3) float32, frame by frame."""
+    model = tracker.actor.geometry.model
+    shape = (len(tracked.course), len(model.vertices), 3)
+    with path.open("wb") as stream:
+        header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(stream, header)
+        for index in range(len(tracked.course)):
+            state = tracked.state(tracker.actor, index)
+            vertices = model.shape(None, state.expression) @ state.rotation.T + state.translation
+            stream.write(np.ascontiguousarray(vertices, "<f4").tobytes())
+
+
+def _thumbnails(found: Found, tracker: Tracker) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Number, photo and fit of some frames, cut to the face."""
+    count = len(found.sightings)
+    wanted = set(np.linspace(0, count - 1, min(THUMBNAILS, count)).round().astype(int).tolist())
+    for frame in found.film.frames():
+        if frame.index not in wanted or frame.index >= count:
+            continue
+        view = tracker.view(frame)
+        if view is None:
+            continue
+        photo = view.term.photo.color
+        evaluation = view.evaluated(found.tracked.state(tracker.actor, frame.index))
+        used = evaluation.base_weight > 0
+        rows, columns = np.nonzero(used)
+        if not len(rows):
+            continue
+        fit = photo + np.where(used[..., None], evaluation.residual, 0.0)
+        side = int(max(np.ptp(rows), np.ptp(columns))) + 9
+        top, left = (max(int(part.min() + part.max() - side) // 2, 0) for part in (rows, columns))
+        cut = slice(top, top + side), slice(left, left + side)
+        yield frame.number, photo[cut], fit[cut]
+
+
+def _versions() -> dict[str, str]:
+    names = ("mitsuba", "drjit", "numpy", "scipy")
+    return {"facestage": __version__, "python": platform.python_version()} | {
+        name: metadata.version(name) for name in names
+    }

@@ -1,0 +1,334 @@
+"""One whole sequence: film in, folder out, events on the way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from facestage.contract import sequence as contract
+from facestage.contract.camera import Camera
+from facestage.contract.errors import InputError
+from facestage.contract.events import DONE, PROGRESS, STARTED, Event
+from facestage.contract.face_model import FaceModel
+from facestage.contract.files.atomic import atomic_folder
+from facestage.contract.files.color import linear_to_srgb
+from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES, forget_checkpoint
+from facestage.contract.job import Job
+from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
+from facestage.contract.person import FILE as PERSON
+from facestage.contract.person import Person
+from facestage.contract.result import Result
+from facestage.contract.result_files import is_result_file
+from facestage.contract.texture_maps import ALBEDO
+from facestage.fit.face.state import State
+from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.result.person import fit_person
+from facestage.fit.result.run import kept_unless_refused
+from facestage.fit.runs.place import claimed
+from facestage.fit.sequence.actor import Actor
+from facestage.fit.sequence.checkpoint import PassCheckpoint
+from facestage.fit.sequence.common_light import with_common_light
+from facestage.fit.sequence.keyframes import choose_keyframes
+from facestage.fit.sequence.output import Found, write_sequence
+from facestage.fit.sequence.request import Request
+from facestage.fit.sequence.sequence_truth import SequenceTruth
+from facestage.fit.sequence.sightings import Sightings, look_through
+from facestage.fit.sequence.tracking import Pictures, Tracked, Tracker
+from facestage.images.film import Film, Frame
+from facestage.images.image_io import read_exr, write_png
+from facestage.models.registry import load_model
+from facestage.render.variant import start_renderer
+
+T = TypeVar("T")
+# Where on the scale from 0 to 1 each part of the work ends.
+LOOKED_THROUGH, FITTED, FOLLOWED, SEEN = 0.1, 0.55, 0.6, 0.97
+# Of a budget in seconds, what the keyframes may take.
+KEYFRAME_SHARE = 0.6
+SAVED_EVERY = 10.0  # seconds
+
+
+def track_film(
+    request: Request,
+    out: Path,
+    resume: bool = False,
+    emit: Callable[[Event], None] = lambda event: None,
+    landmark_model: Path | None = None,
+    fineness: Fineness = USUAL,
+) -> contract.Sequence:
+    """Follow the face of a film and write the folder ``out``. Raises InputError before anything is
+    written.
+    """
+    out = Path(out).resolve()
+    film = Film(request.film, request.rate)
+    with claimed(out, contract.FILE) as partial:
+        run = SequenceRun(request, film, partial, emit, landmark_model, fineness)
+        with kept_unless_refused(partial, resume):
+            found = run.run(resume)
+        with atomic_folder(out, is_result_file) as folder:
+            track = write_sequence(folder, request, found, run.tracker, partial)
+        if found.in_time:
+            forget_checkpoint(partial)
+    run.tell(DONE, "done", 1.0, track.advice)
+    return replace(track, folder=out)
+
+
+class SequenceRun:
+    """The steps from a film to its course; ``partial`` keeps what a run needs to go on."""
+
+    tracker: Tracker
+
+    def __init__(
+        self,
+        request: Request,
+        film: Film,
+        partial: Path,
+        emit: Callable[[Event], None],
+        landmark_model: Path | None,
+        fineness: Fineness,
+    ) -> None:
+        self.request, self.film, self.partial = request, film, partial
+        self._emit, self._landmark_model, self._fineness = emit, landmark_model, fineness
+        self._began = time.monotonic()
+        self.timings: dict[str, float] = {}
+
+    def tell(
+        self, kind: str, stage: str, fraction: float, words: str, error: float | None = None
+    ) -> None:
+        """One event."""
+        seconds = time.monotonic() - self._began
+        left = seconds * (1 - fraction) / fraction if fraction > 0.02 else None
+        self._emit(
+            Event(
+                kind,
+                stage,
+                error=error,
+                seconds=seconds,
+                seconds_left=left,
+                fraction=fraction,
+                message=words,
+            )
+        )
+
+    def run(self, resume: bool) -> Found:
+        """All of it, or what an earlier run left to be done."""
+        request = self.request
+        self.tell(STARTED, "", 0.0, f"Reading {self.film.path.name}")
+        model = load_model(request.model)
+        print_origin = f"Face model: {model.name}; licence: {model.license}; {model.source}"
+        self.tell(PROGRESS, "model", 0.0, print_origin)
+        deadline = np.inf
+        if request.budget_seconds is not None:
+            deadline = self._began + request.budget_seconds
+        sightings = self._timed("landmarks", lambda: self._sightings(resume))
+        truth = None
+        if request.truth is not None:
+            truth = SequenceTruth(request.truth, model, len(sightings))
+        landmarks = sightings.landmarks(model)
+        chosen = choose_keyframes(landmarks, sightings.confidence)
+        if len(chosen) < 2:
+            raise InputError(
+                f"The frames of '{self.film.path}' all show the same; fit one of them as a photo: "
+                "facestage fit."
+            )
+        frames = self._frames(chosen)
+        camera = self._camera(sightings)
+        start_renderer(request.device)
+        shown = [one for one in (landmarks[index] for index in chosen) if one is not None]
+        person = self._timed("keyframes", lambda: self._person(frames, shown, camera, resume))
+        results = [Result.load(self.partial / KEYFRAMES / photo.folder) for photo in person.photos]
+        tracker, states = self._prepared(model, sightings, landmarks, chosen, frames, results)
+        self.tracker = tracker
+        checkpoint = PassCheckpoint.load(self.partial) if resume else None
+        if checkpoint is None:
+            tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
+            size = tracked.deviation.shape[1]
+            checkpoint = PassCheckpoint(0, 0, tracked, Pictures.none(len(tracked.course), size))
+        tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline))
+        in_time = time.monotonic() <= deadline
+        errors = {} if truth is None else truth.errors(tracker.actor.geometry.model, tracked.course)
+        self.tell(PROGRESS, "pictures", SEEN, "Writing the sequence")
+        return Found(
+            self.film,
+            sightings,
+            chosen,
+            person,
+            results[0],
+            model,
+            tracked,
+            errors,
+            self.timings | {"total": time.monotonic() - self._began},
+            in_time,
+        )
+
+    def _timed(self, name: str, work: Callable[[], T]) -> T:
+        began, cpu = time.monotonic(), time.process_time()
+        result = work()
+        self.timings[name] = time.monotonic() - began
+        self.timings[f"{name}_cpu"] = time.process_time() - cpu
+        return result
+
+    def _sightings(self, resume: bool) -> Sightings:
+        """The landmarks of all frames."""
+        fingerprint = self.request.fingerprint
+        found = Sightings.load(self.partial, fingerprint) if resume else Sightings()
+
+        def tell(sightings: Sightings) -> None:
+            count = self.film.count
+            words = f"Finding the face: frame {len(sightings)}" + (f" of {count}" if count else "")
+            share = len(sightings) / count if count else 0.0
+            self.tell(PROGRESS, "landmarks", LOOKED_THROUGH * min(share, 1.0), words)
+
+        def keep(sightings: Sightings) -> None:
+            sightings.save(self.partial, fingerprint)
+
+        if resume and len(found) == self.film.count:
+            return found
+        return look_through(self.film, found, self._landmark_model, self.request.face, keep, tell)
+
+    def _camera(self, sightings: Sightings) -> Camera | None:
+        """The given one; None: the keyframes find the lens."""
+        width, height = sightings.size
+        if self.request.focal_px is not None:
+            return Camera.default(width, height, self.request.focal_px)
+        camera = self.request.camera
+        if camera is not None and (camera.width, camera.height) != (width, height):
+            raise InputError(
+                f"The camera is for {camera.width} x {camera.height} pixels but the frames of "
+                f"'{self.film.path}' have {width} x {height}; give the camera of this film."
+            )
+        return camera
+
+    def _frames(self, chosen: Sequence[int]) -> list[Frame]:
+        """The frames with these indices."""
+        wanted, found = set(chosen), []
+        for frame in self.film.frames(min(chosen)):
+            if frame.index in wanted:
+                found.append(frame)
+            if len(found) == len(wanted):
+                break
+        return found
+
+    def _person(
+        self,
+        frames: Sequence[Frame],
+        landmarks: Sequence[Landmarks],
+        camera: Camera | None,
+        resume: bool,
+    ) -> Person:
+        """The keyframes as photos of one person."""
+        folder = self.partial / KEYFRAMES
+        if resume and (folder / PERSON).is_file():
+            return Person.load(folder)
+        budget = self.request.budget_seconds
+        request = self.request
+        jobs = [
+            Job(
+                image=self._picture(frame),
+                model=request.model,
+                landmarks=own,
+                camera=camera,
+                stage=fibonacci_stage(),
+                freeze=request.freeze,
+                seed=request.seed,
+                device=request.device,
+                budget_seconds=None if budget is None else KEYFRAME_SHARE * budget,
+            )
+            for frame, own in zip(frames, landmarks, strict=True)
+        ]
+
+        def tell(event: Event) -> None:
+            if event.kind == PROGRESS:
+                fraction = LOOKED_THROUGH + (FITTED - LOOKED_THROUGH) * event.fraction
+                self._emit(
+                    replace(
+                        event,
+                        fraction=fraction,
+                        seconds=time.monotonic() - self._began,
+                        seconds_left=None,
+                        message=f"Keyframes: {event.message}",
+                    )
+                )
+
+        return fit_person(jobs, folder, resume, tell, self._landmark_model, self._fineness)
+
+    def _picture(self, frame: Frame) -> Path:
+        """A file that shows ``frame``: the folder's, or one that is kept beside the checkpoint."""
+        path = self.film.picture(frame.index)
+        if path is not None:
+            return path.absolute()
+        path = self.partial / KEYFRAME_PICTURES / f"frame-{frame.number}.png"
+        path.parent.mkdir(exist_ok=True)
+        pixels = np.round(255 * linear_to_srgb(np.clip(frame.photograph.color, 0, 1)))
+        write_png(path, pixels.astype(np.uint8))
+        return path
+
+    def _prepared(
+        self,
+        model: FaceModel,
+        sightings: Sightings,
+        landmarks: Sequence[Landmarks | None],
+        chosen: Sequence[int],
+        frames: Sequence[Frame],
+        results: Sequence[Result],
+    ) -> tuple[Tracker, list[State]]:
+        """The person under one light, and where the keyframes have the face."""
+        folder = results[0].folder
+        assert folder is not None
+        actor = Actor.of(model, results[0], read_exr(folder / ALBEDO.file))
+        states = [
+            actor.at(one.model_to_camera[:3, :3], one.model_to_camera[:3, 3], one.expression)
+            for one in results
+        ]
+        shown = [one for one in (landmarks[index] for index in chosen) if one is not None]
+        if self.request.passes and "lights" not in self.request.freeze:
+            self.tell(PROGRESS, "light", FITTED, "One light for all frames")
+            pictures = [frame.photograph for frame in frames]
+            actor = with_common_light(actor, pictures, shown, states)
+        times, shots = np.array(sightings.times), sightings.shots
+        return Tracker(actor, landmarks, times, shots, self.request.freeze), states
+
+    def _by_landmarks(self, chosen: Sequence[int], states: Sequence[State]) -> Tracked:
+        def tell(number: int) -> None:
+            fraction = FITTED + (FOLLOWED - FITTED) * number / 6
+            self.tell(PROGRESS, "smoothing", fraction, f"Smoothing the landmarks: round {number}")
+
+        return self.tracker.by_landmarks(chosen, states, tell)
+
+    def _passes(self, checkpoint: PassCheckpoint, deadline: float) -> Tracked:
+        """Look at the pictures of all frames, and smooth; again and again."""
+        tracked, tracker = checkpoint.tracked, self.tracker
+        frames, passes = len(tracked.course), self.request.passes
+        saved = time.monotonic()
+        for number in range(checkpoint.number, passes):
+            before = checkpoint if number == checkpoint.number else None
+            size = tracked.deviation.shape[1]
+            pictures = Pictures.none(frames, size) if before is None else before.pictures
+            for frame in self.film.frames(0 if before is None else before.done):
+                if frame.index >= frames:
+                    break
+                pictures.add(frame.index, tracker.look(tracked, frame))
+                done = frame.index + 1
+                share = (number + done / frames) / passes
+                words = f"Pictures, pass {number + 1} of {passes}: frame {done} of {frames}"
+                rms = float(pictures.rms[frame.index])
+                self.tell(
+                    PROGRESS,
+                    "pictures",
+                    FOLLOWED + (SEEN - FOLLOWED) * share,
+                    words,
+                    rms if np.isfinite(rms) else None,
+                )
+                if time.monotonic() - saved > SAVED_EVERY:
+                    saved = time.monotonic()
+                    PassCheckpoint(number, done, tracked, pictures).save(self.partial)
+            tracked = tracker.with_bias(tracker.smoothed(tracked, pictures))
+            PassCheckpoint(number + 1, 0, tracked, Pictures.none(frames, size)).save(self.partial)
+            if time.monotonic() > deadline:
+                break
+        return tracked

@@ -1,0 +1,196 @@
+"""From landmarks, then from pictures, to the course of a face: looks at all frames, and a smoother
+in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facestage.contract.arrays import Float, Int
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import EXPRESSION_SIGMA
+from facestage.fit.sequence.actor import Actor
+from facestage.fit.sequence.course import POSE, Course
+from facestage.fit.sequence.frames import FrameView, Said, landmark_evidence
+from facestage.fit.sequence.landmark_bias import LandmarkBias
+from facestage.fit.sequence.motion import Motion, Triples, groups_of
+from facestage.fit.sequence.pose_noise import with_honest_poses
+from facestage.fit.sequence.smoother import LEARNING_ROUNDS, Evidence, smooth
+from facestage.fit.stages.initialize import initial_pose
+from facestage.images.film import Frame
+
+# Looks at the landmarks of all frames: first alone, so that whatever moves is seen, then with the
+# motion learned.
+LOOSE_PASSES, LANDMARK_PASSES = 2, 6
+# A frame that is explained worse than the median by more than this factor counts for less, by this
+# power of what is beyond, and the report says so. Blinks and wide mouths are worse by less.
+DOUBT, DOUBT_POWER = 2.5, 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Where all frames are by now, and what is known of how they are seen and how they move."""
+
+    course: Course
+    motion: Motion
+    bias: LandmarkBias
+    deviation: Float[np.ndarray, "frames unknowns"]
+    landmark_rms: Float[np.ndarray, " frames"]  # NaN: no face
+    photo_rms: Float[np.ndarray, " frames"]  # NaN: not compared
+
+    def state(self, actor: Actor, index: int) -> State:
+        """Of one frame."""
+        course = self.course
+        return actor.at(course.rotation[index], course.translation[index], course.expression[index])
+
+    @property
+    def doubts(self) -> Float[np.ndarray, " frames"]:
+        """How many times worse than the median each frame is explained, by landmarks or picture."""
+        ratios = [
+            rms / max(float(np.nanmedian(rms)), 1e-9)
+            for rms in (self.landmark_rms, self.photo_rms)
+            if np.isfinite(rms).any()
+        ]
+        return np.fmax.reduce(ratios) if ratios else np.zeros(len(self.course))
+
+
+class Tracker:
+    """One person through all frames."""
+
+    def __init__(
+        self,
+        actor: Actor,
+        landmarks: Sequence[Landmarks | None],
+        times: Float[np.ndarray, " frames"],
+        shots: Int[np.ndarray, " frames"],
+        freeze: Sequence[str] = (),
+    ) -> None:
+        self.actor, self.landmarks, self.shots = actor, landmarks, shots
+        self._skins: dict[int, np.ndarray] = {}
+        model = actor.geometry.model
+        self._triples = Triples.of(times, shots)
+        self._groups = groups_of(model.expression_names)
+        box = model.expression_box
+        self._low = np.where(box, 0.0, -np.inf)
+        self._high = np.where(box, 1.0, np.inf)
+        if "expression" in freeze:
+            self._low, self._high = np.zeros(len(box)), np.zeros(len(box))
+        self._sigma = np.where(box, EXPRESSION_SIGMA, 1.0)
+
+    def by_landmarks(
+        self, keyframes: Sequence[int], states: Sequence[State], tell: Callable[[int], None]
+    ) -> Tracked:
+        """All frames by their landmarks; ``states`` of the ``keyframes`` say what these are off by
+        on this person. ``tell`` is told of each pass.
+        """
+        shown = [self.landmarks[index] for index in keyframes]
+        bias = LandmarkBias.of(self.actor, [one for one in shown if one is not None], states)
+        empty = np.full(len(self.landmarks), np.nan)
+        course = self._start()
+        motion = Motion.start(self._triples, self._groups)
+        size = POSE + course.expression.shape[1]
+        tracked = Tracked(course, motion, bias, np.zeros((len(course), size)), empty, empty)
+        for number in range(LANDMARK_PASSES):
+            rounds = 0 if number < LOOSE_PASSES else LEARNING_ROUNDS
+            tracked = self.smoothed(tracked, None, rounds)
+            tell(number + 1)
+        return tracked
+
+    def _start(self) -> Course:
+        """Poses from landmarks in closed form, those of frames without from their neighbours."""
+        geometry, camera = self.actor.geometry, self.actor.camera
+        seen = [index for index, one in enumerate(self.landmarks) if one is not None]
+        poses = [initial_pose(geometry, one, camera) for one in self.landmarks if one is not None]
+        nearest = np.abs(np.arange(len(self.landmarks))[:, None] - seen).argmin(axis=1)
+        rotation, translation = (np.array(part)[nearest] for part in zip(*poses, strict=True))
+        return Course(rotation, translation, np.zeros((len(nearest), len(self._low))))
+
+    def look(self, tracked: Tracked, frame: Frame) -> Said | None:
+        """What the picture of ``frame`` says where ``tracked`` has the face; None: no face."""
+        view = self.view(frame)
+        return None if view is None else view.said(tracked.state(self.actor, frame.index))
+
+    def view(self, frame: Frame) -> FrameView | None:
+        """A frame as it is compared; None: no face."""
+        landmarks = self.landmarks[frame.index]
+        if landmarks is None:
+            return None
+        skin = self._skins.get(frame.index)
+        view = FrameView.of(self.actor, frame.photograph, landmarks, skin)
+        self._skins[frame.index] = view.skin
+        return view
+
+    def smoothed(
+        self, tracked: Tracked, pictures: Pictures | None, rounds: int = LEARNING_ROUNDS
+    ) -> Tracked:
+        """One step of all frames, by their landmarks and by what their ``pictures`` said."""
+        course, size = tracked.course, POSE + len(self._low)
+        hessian = np.zeros((len(course), size, size))
+        gradient = np.zeros((len(course), size))
+        landmark_rms = np.full(len(course), np.nan)
+        for index, landmarks in enumerate(self.landmarks):
+            if landmarks is None:
+                continue
+            state = tracked.state(self.actor, index)
+            own = tracked.bias.taken_from(landmarks, state)
+            said = landmark_evidence(self.actor, own, state, tracked.bias.scale)
+            hessian[index], gradient[index] = said.hessian, said.gradient
+            landmark_rms[index] = said.rms
+        photo_rms = tracked.photo_rms
+        if pictures is not None:
+            hessian += pictures.hessian
+            gradient += pictures.gradient
+            photo_rms = pictures.rms
+        tracked = replace(tracked, landmark_rms=landmark_rms, photo_rms=photo_rms)
+        trust = np.minimum(1.0, DOUBT / np.maximum(tracked.doubts, 1e-9)) ** DOUBT_POWER
+        trust = np.nan_to_num(trust, nan=1.0)
+        hessian *= trust[:, None, None]
+        gradient *= trust[:, None]
+        each = np.arange(POSE, size)
+        hessian[:, each, each] += 1.0 / self._sigma**2
+        gradient[:, POSE:] += course.expression / self._sigma**2
+        evidence = Evidence(hessian, gradient)
+        if rounds:
+            evidence = with_honest_poses(course, evidence, self._seen_shots())
+        found = smooth(course, evidence, tracked.motion, self._low, self._high, rounds)
+        return replace(tracked, course=found.course, motion=found.motion, deviation=found.deviation)
+
+    def _seen_shots(self) -> np.ndarray:
+        """The shots, each frame without a face one of its own."""
+        lost = np.array([one is None for one in self.landmarks])
+        return np.where(lost, -1 - np.arange(len(lost)), self.shots)
+
+    def with_bias(self, tracked: Tracked) -> Tracked:
+        """With what the landmarks of all frames are off by on this person."""
+        seen = [index for index, one in enumerate(self.landmarks) if one is not None]
+        chosen = [one for one in self.landmarks if one is not None]
+        states = [tracked.state(self.actor, index) for index in seen]
+        return replace(tracked, bias=LandmarkBias.of(self.actor, chosen, states))
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """What the pictures of all frames said at one course."""
+
+    hessian: Float[np.ndarray, "frames unknowns unknowns"]
+    gradient: Float[np.ndarray, "frames unknowns"]
+    rms: Float[np.ndarray, " frames"]
+
+    @classmethod
+    def none(cls, frames: int, unknowns: int) -> Pictures:
+        """Before the first is looked at."""
+        return cls(
+            np.zeros((frames, unknowns, unknowns)),
+            np.zeros((frames, unknowns)),
+            np.full(frames, np.nan),
+        )
+
+    def add(self, index: int, said: Said | None) -> None:
+        """What the picture of one frame says."""
+        if said is not None:
+            self.hessian[index], self.gradient[index] = said.hessian, said.gradient
+            self.rms[index] = said.rms

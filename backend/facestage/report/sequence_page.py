@@ -1,0 +1,143 @@
+"""What a person looks at after a film was tracked: curves, errors, frames beside their fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from facestage.contract.files.atomic import atomic_file
+from facestage.contract.result_files import REPORT, SEQUENCE_PICTURE
+from facestage.contract.sequence import SEEN
+from facestage.contract.sequence import Sequence as Track
+from facestage.report.color import to_srgb8
+from facestage.report.figure import DARK, LIGHT, Canvas
+from facestage.report.page import STATUS_WORDS, data_uri
+from facestage.report.page_style import CSS
+
+WIDTH, HEIGHT, LEFT, RIGHT, GAP = 1080.0, 170.0, 70.0, 150.0, 56.0
+CURVES = 10  # the expressions that move most
+COLUMNS, THUMBNAIL = 6, 160.0
+ROWS_MAX = 40  # of the table of frames that need a look
+
+
+def write_sequence_report(
+    folder: Path, track: Track, thumbnails: Sequence[tuple[int, np.ndarray, np.ndarray]]
+) -> None:
+    """Write report.html and sequence.png; ``thumbnails``: a frame's number, photo and fit."""
+    if thumbnails:
+        with atomic_file(folder / SEQUENCE_PICTURE) as temporary:
+            _draw_thumbnails(temporary, thumbnails)
+    with atomic_file(folder / "curves.png") as temporary:
+        _draw_curves(temporary, track)
+    with atomic_file(folder / REPORT) as temporary:
+        temporary.write_text(_page(folder, track, bool(thumbnails)), encoding="utf-8")
+
+
+def _draw_thumbnails(path: Path, thumbnails: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> None:
+    rows = -(-len(thumbnails) // COLUMNS)
+    cell = 2 * THUMBNAIL + 34
+    canvas = Canvas(20 + COLUMNS * (THUMBNAIL + 8), 16 + rows * cell, DARK)
+    for place, (number, photo, fit) in enumerate(thumbnails):
+        left = 14 + (place % COLUMNS) * (THUMBNAIL + 8)
+        top = 28 + (place // COLUMNS) * cell
+        canvas.text(left, top - 6, f"frame {number}", 10, weight="bold")
+        for row, picture in enumerate((photo, fit)):
+            pixels = to_srgb8(np.clip(picture, 0, 1))
+            canvas.picture(left, top + row * THUMBNAIL, THUMBNAIL, THUMBNAIL, pixels)
+    canvas.save(path)
+
+
+def _draw_curves(path: Path, track: Track) -> None:
+    seconds = np.array([frame.time for frame in track.frames])
+    turn, place = _pose_curves(track)
+    moving = np.argsort(-track.expression.std(axis=0), kind="stable")[:CURVES]
+    weights = {track.expression_names[index]: track.expression[:, index] for index in moving}
+    spread = track.deviations.get("expression")
+    panels = [
+        ("Expression: the weights that move most", weights),
+        ("Turn of the head, degrees", turn),
+        ("Place of the head, mm from its mean", place),
+    ]
+    error = np.array([np.nan if f.photo_rms is None else f.photo_rms for f in track.frames])
+    if np.isfinite(error).any():
+        panels.append(("Photo minus fit, RMS, linear", {"photo": error}))
+    if spread is not None:
+        mean = spread[:, moving].mean(axis=1)
+        panels.append(("Standard deviation of these weights, mean", {"deviation": mean}))
+    canvas = Canvas(WIDTH, 40 + len(panels) * (HEIGHT + GAP), LIGHT)
+    for row, (heading, curves) in enumerate(panels):
+        top = 34 + row * (HEIGHT + GAP)
+        canvas.text(LEFT, top - 10, heading, 11, weight="bold")
+        axes = canvas.axes(LEFT, top, WIDTH - LEFT - RIGHT, HEIGHT)
+        for name, values in curves.items():
+            axes.plot(seconds, values, linewidth=1.2, label=name)
+        if len(curves) > 1:
+            axes.legend(
+                loc="upper left",
+                bbox_to_anchor=(1.0, 1.02),
+                frameon=False,
+                fontsize=7,
+                labelcolor=LIGHT.text,
+            )
+        axes.margins(x=0)
+        axes.set_xlabel("seconds", fontsize=8)
+    canvas.save(path)
+
+
+def _pose_curves(track: Track) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Angles about the camera's axes (bow, turn, tilt), and where the head is."""
+    rotation = track.model_to_camera[:, :3, :3]
+    turn = np.degrees(np.arctan2(rotation[:, 0, 2], rotation[:, 2, 2]))
+    bow = np.degrees(np.arcsin(np.clip(-rotation[:, 1, 2], -1, 1)))
+    tilt = np.degrees(np.arctan2(rotation[:, 1, 0], rotation[:, 1, 1]))
+    place = 1e3 * (track.model_to_camera[:, :3, 3] - track.model_to_camera[:, :3, 3].mean(axis=0))
+    return (
+        {"turn": turn, "bow": bow, "tilt": tilt},
+        {"right": place[:, 0], "up": place[:, 1], "towards the camera": place[:, 2]},
+    )
+
+
+def _page(folder: Path, track: Track, pictures: bool) -> str:
+    title = f"{len(track.frames)} frames of {Path(track.film).name}"
+    words = STATUS_WORDS.get(track.status, track.status)
+    figures = "".join(
+        f"<tr><td>{escape(name)}</td><td>{value:.4g}</td></tr>"
+        for name, value in (track.errors | track.timings).items()
+    )
+    doubtful = [frame for frame in track.frames if frame.status != SEEN]
+    rows = "".join(
+        f"<tr><td>{frame.number}</td><td>{frame.time:.3f} s</td>"
+        f"<td>{escape(frame.advice)}</td></tr>"
+        for frame in doubtful[:ROWS_MAX]
+    )
+    more = len(doubtful) - ROWS_MAX
+    look = (
+        f"<section>\n<h2>Frames that need a look</h2>\n"
+        f'<div class="card"><table>{rows}</table>'
+        + (f"<p>and {more} more, in sequence.json</p>" if more > 0 else "")
+        + "</div>\n</section>\n"
+        if doubtful
+        else ""
+    )
+    shown = (
+        '<section>\n<h2>Frames and fits</h2>\n<figure class="dark"><img alt="Frames above their '
+        f'fits" src="{data_uri((folder / SEQUENCE_PICTURE).read_bytes())}"></figure>\n</section>\n'
+        if pictures
+        else ""
+    )
+    curves = data_uri((folder / "curves.png").read_bytes())
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
+        f"<title>{escape(title)} – Facestage</title>\n<style>{CSS}</style>\n</head>\n"
+        '<body>\n<main>\n<header>\n<p class="eyebrow">Facestage sequence report</p>\n'
+        f'<h1>{escape(title)}</h1>\n<p class="advice"><span class="badge {escape(track.status)}">'
+        f"{escape(words)}</span>{escape(track.advice)}</p>\n</header>\n{shown}"
+        f'<section>\n<h2>Curves</h2>\n<figure><img alt="Curves" src="{curves}"></figure>\n'
+        f"</section>\n{look}"
+        f'<section>\n<h2>Numbers</h2>\n<div class="card"><table>{figures}</table></div>\n'
+        "</section>\n</main>\n</body>\n</html>\n"
+    )

@@ -1,0 +1,94 @@
+"""A small film all the way: what is found, what is written, and that a killed run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.errors import InputError
+from facestage.contract.events import PROGRESS, Event
+from facestage.contract.person import Person
+from facestage.contract.sequence import KEYFRAMES, VERTICES, Sequence
+from facestage.fit.sequence import run as run_module
+from facestage.fit.sequence.run import track_film
+from facestage.render.variant import start_renderer
+from reference.small_film import FRAMES, SmallFilm, small_film
+from reference.small_fit import QUICK, StopError
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> SmallFilm:
+    start_renderer("cpu")
+    return small_film(tmp_path_factory.mktemp("film"))
+
+
+@pytest.fixture
+def found(film: SmallFilm, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Makes landmarks found in all frames but the given ones."""
+
+    def find(*lost: int) -> None:
+        monkeypatch.setattr(run_module, "look_through", film.looker(lost))
+
+    return find
+
+
+@pytest.mark.slow
+def test_a_small_film_is_followed_and_a_killed_run_goes_on(
+    film: SmallFilm, found: Callable[..., None], tmp_path: Path
+):
+    found(4)
+    truth = film.write_truth(tmp_path / "truth.npz")
+    request = film.request(truth=truth, with_vertices=True)
+    events: list[Event] = []
+    track = track_film(request, tmp_path / "out", emit=events.append, fineness=QUICK)
+
+    assert [frame.status for frame in track.frames].count("lost") == 1
+    assert track.frames[4].status == "lost" and "No face" in track.frames[4].advice
+    assert track.frames[4].photo_rms is None and track.frames[3].photo_rms is not None
+    true = np.array([state.expression for state in film.states])
+    seen = np.arange(FRAMES) != 4
+    assert np.abs(track.expression - true)[seen].mean() < 0.1
+    spread = track.deviations["expression"].sum(axis=1)
+    assert spread[4] > spread[3] and spread[4] > spread[5]
+    assert track.errors["similarity_mm"] < 4 and track.errors["jitter_ratio"] < 2
+    fractions = [event.fraction for event in events]
+    assert fractions == sorted(fractions) and events[-1].fraction == 1.0
+
+    loaded = Sequence.load(tmp_path / "out")
+    np.testing.assert_array_equal(loaded.model_to_camera, track.model_to_camera)
+    Person.load(tmp_path / "out" / KEYFRAMES)
+    vertices = np.load(tmp_path / "out" / VERTICES)
+    assert vertices.shape == (FRAMES, len(film.scene.model.vertices), 3)
+    assert vertices.dtype == np.float32 and (vertices[..., 2] < 0).all()
+    assert (tmp_path / "out" / "albedo.exr").is_file()
+    assert "Frames that need a look" in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+    def stop(event: Event) -> None:
+        if event.kind == PROGRESS and "pass 2 of 3: frame 6" in event.message:
+            raise StopError
+
+    run_module.SAVED_EVERY, kept = 0.0, run_module.SAVED_EVERY
+    try:
+        with pytest.raises(StopError):
+            track_film(request, tmp_path / "again", emit=stop, fineness=QUICK)
+    finally:
+        run_module.SAVED_EVERY = kept
+    assert not (tmp_path / "again").exists()
+    resumed: list[Event] = []
+    again = track_film(request, tmp_path / "again", True, resumed.append, fineness=QUICK)
+    assert not any("pass 1" in event.message for event in resumed)
+    np.testing.assert_array_equal(again.expression, track.expression)
+    np.testing.assert_array_equal(again.model_to_camera, track.model_to_camera)
+    assert not (tmp_path / "again.partial").exists()
+
+
+def test_a_film_of_one_still_face_is_refused(
+    film: SmallFilm, found: Callable[..., None], tmp_path: Path
+):
+    found(*range(FRAMES - 1))
+    with pytest.raises(InputError, match="all show the same"):
+        track_film(film.request(), tmp_path / "out", fineness=QUICK)
+    assert not (tmp_path / "out").exists()
