@@ -11,6 +11,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
+from ..rig.displaced_skin import displace
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.lashes import color_lashes
 from ..rig.material import set_scattering, set_textures
@@ -62,6 +63,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     build_stage(scene, result.stage)
     place(empty, rig, result.model_to_stage, rig_axes(rig))
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
+    displace(rig, False)  # another relief: by its normal map until it is asked for
     set_scattering(rig, float(result.parameters.get("scattering", 0.0)))
     color_lashes(rig)
     if not settings.keep_camera:

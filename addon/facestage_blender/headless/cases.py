@@ -19,12 +19,13 @@ from ..synthetic.cases.recipe import RECIPES, Recipe
 from ..synthetic.cases.same_person import PHOTOS
 from ..synthetic.cases.skies import skies
 from ..synthetic.cases.tones import tones
+from ..synthetic.cases.wrinkled import wrinkled
 from .command import exit_code
 from .scan_options import SCAN_SIZE, add_options, check_alone
 
 SAMPLES, SIZE = 96, 256
 SIZE_MIN, SIZE_MAX = 16, 4096
-TONES, SKIES, BELOW = "tones", "skies", "below"
+TONES, SKIES, BELOW, RELIEF = "tones", "skies", "below", "relief"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -63,10 +64,11 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument(
         "--people",
-        choices=(TONES, SKIES, BELOW),
+        choices=(TONES, SKIES, BELOW, RELIEF),
         help="instead: tones, twelve people of six skin types, each under three lights; skies, "
         "eight people, each in one of the surroundings that Blender ships; below, four in whose "
-        "skin light wanders",
+        "skin light wanders; relief, two with grooves and bumps of known height, each under three "
+        "lights",
     )
     result.add_argument(
         "--photos",
@@ -121,6 +123,8 @@ def _chosen(options: argparse.Namespace) -> dict[str, tuple[Recipe, int | None]]
             people = {name: (recipe, None) for name, recipe in skies().items()}
         elif options.people == BELOW:
             people = {recipe.name: (recipe, None) for recipe in BELOW_RECIPES}
+        elif options.people == RELIEF:
+            people = dict(wrinkled())
         else:
             people = dict(tones())
         return {name: people[name] for name in named(people, options.only)}

@@ -13,7 +13,15 @@ import numpy as np
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
 from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX
-from facestage.contract.texture_maps import EYE_MAP, PLAIN, TEXTURE_MAPS
+from facestage.contract.texture_maps import (
+    ALBEDO,
+    EYE_MAP,
+    NORMAL,
+    PLAIN,
+    REFLECTANCE_MAPS,
+    TEXTURE_MAPS,
+    TextureMap,
+)
 
 from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
@@ -22,6 +30,7 @@ from .eye_material import show_eyes
 GROUP = "Facestage Skin"
 SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
+NORMAL_NODE = "Normal Map"
 TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
 
@@ -35,19 +44,28 @@ def skin_group() -> bpy.types.NodeTree:
     group = bpy.data.node_groups.get(GROUP)
     if group is None:
         group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-        for each in TEXTURE_MAPS:
+        for each in REFLECTANCE_MAPS:
             kind = "NodeSocketColor" if each.colored else "NodeSocketFloat"
             socket = group.interface.new_socket(each.socket, in_out="INPUT", socket_type=kind)
             socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
             if not each.colored:
                 socket.min_value, socket.max_value = 0.0, each.most
         group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
-    if SUBSURFACE not in group.interface.items_tree:  # new, or of an older version
-        for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
+    known = group.interface.items_tree
+    if SUBSURFACE in known and NORMAL.socket in known:
+        return group
+    # New, or of an older version.
+    for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
+        if name not in known:
             socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
             socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, most
-        group.nodes.clear()
-        _wire_group(group)
+    if NORMAL.socket not in known:
+        kind = "NodeSocketVector"
+        group.interface.new_socket(
+            NORMAL.socket, in_out="INPUT", socket_type=kind
+        ).hide_value = True
+    group.nodes.clear()
+    _wire_group(group)
     return group
 
 
@@ -83,6 +101,10 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     links.new(diffuse.outputs["BSDF"], body.inputs[1])
     links.new(below.outputs["BSSRDF"], body.inputs[2])
 
+    normal = _normal_or_smooth(nodes, links, inputs.outputs[NORMAL.socket])
+    for shader in (diffuse, lobe, below):
+        links.new(normal, shader.inputs["Normal"])
+
     total = body.outputs[0]
     for step in range(int(SPECULAR_MAX)):
         share = _node(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
@@ -97,6 +119,30 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
         links.new(mix.outputs[0], add.inputs[1])
         total = add.outputs[0]
     links.new(total, output.inputs["BSDF"])
+
+
+def _normal_or_smooth(
+    nodes: bpy.types.Nodes, links: bpy.types.NodeLinks, given: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
+    """The normal that is given; the mesh's own where none is, which a group's input says as 0."""
+    length = _node(nodes, "ShaderNodeVectorMath", -900, 800)
+    length.operation = "LENGTH"
+    links.new(given, length.inputs[0])
+    is_given = _node(nodes, "ShaderNodeMath", -750, 800)
+    is_given.operation = "GREATER_THAN"
+    is_given.inputs[1].default_value = 0.5
+    links.new(length.outputs["Value"], is_given.inputs[0])
+    chosen = _node(nodes, "ShaderNodeMix", -600, 800)
+    chosen.data_type = "VECTOR"
+    smooth = _node(nodes, "ShaderNodeNewGeometry", -900, 1000)
+    links.new(is_given.outputs[0], chosen.inputs["Factor"])
+    a, b = (
+        next(each for each in chosen.inputs if each.name == name and each.type == "VECTOR")
+        for name in "AB"
+    )
+    links.new(smooth.outputs["Normal"], a)
+    links.new(given, b)
+    return next(each for each in chosen.outputs if each.type == "VECTOR")
 
 
 def part_materials(parts: np.ndarray, uv_map: str = "") -> list[bpy.types.Material]:
@@ -154,17 +200,56 @@ def _part_material(name: str, uv_map: str, scatters: bool) -> bpy.types.Material
     skin[SCATTERS] = bool(scatters)
     output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(skin.outputs["BSDF"], output.inputs["Surface"])
-    for row, each in enumerate(TEXTURE_MAPS):
-        node = _node(nodes, "ShaderNodeTexImage", -400, 100 - 320 * row)
-        node.name = node.label = each.socket
-        node.interpolation, node.extension = "Linear", "EXTEND"
+    for each in TEXTURE_MAPS:
+        node = picture_node(material, each, uv_map)
         if each.required:  # others are linked where there is an image
             links.new(node.outputs["Color"], skin.inputs[each.socket])
-        if uv_map:
-            uvs = _node(nodes, "ShaderNodeUVMap", -650, 100 - 320 * row)
-            uvs.uv_map = uv_map
-            links.new(uvs.outputs["UV"], node.inputs["Vector"])
     return material
+
+
+def picture_node(
+    material: bpy.types.Material, each: TextureMap, uv_map: str
+) -> bpy.types.ShaderNodeTexImage:
+    """The material's image node of a map, made where there is none."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if each.socket in nodes:
+        return nodes[each.socket]
+    row = TEXTURE_MAPS.index(each)
+    node = _node(nodes, "ShaderNodeTexImage", -700, 100 - 320 * row)
+    node.name = node.label = each.socket
+    node.interpolation, node.extension = "Linear", "EXTEND"
+    if uv_map:
+        uvs = _node(nodes, "ShaderNodeUVMap", -950, 100 - 320 * row)
+        uvs.uv_map = uv_map
+        links.new(uvs.outputs["UV"], node.inputs["Vector"])
+    return node
+
+
+def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) -> None:
+    """Turn a material's normals as a normal map says, or no more."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if NORMAL.socket not in nodes[GROUP].inputs:
+        return  # a group that its user has made another of
+    for link in list(nodes[GROUP].inputs[NORMAL.socket].links):
+        links.remove(link)
+    if image is None:
+        return
+    uv_map = textures_uv_map(nodes)
+    node = picture_node(material, NORMAL, uv_map)
+    node.image = image
+    if NORMAL_NODE not in nodes:
+        nodes.new("ShaderNodeNormalMap").name = NORMAL_NODE
+        nodes[NORMAL_NODE].location = (-350, 100 - 320 * TEXTURE_MAPS.index(NORMAL))
+    nodes[NORMAL_NODE].uv_map = uv_map
+    links.new(node.outputs["Color"], nodes[NORMAL_NODE].inputs["Color"])
+    links.new(nodes[NORMAL_NODE].outputs["Normal"], nodes[GROUP].inputs[NORMAL.socket])
+
+
+def textures_uv_map(nodes: bpy.types.Nodes) -> str:
+    """The UV map that a material's albedo lies over; empty for the mesh's active one."""
+    picture = nodes.get(ALBEDO.socket)
+    links = () if picture is None else picture.inputs["Vector"].links
+    return next((link.from_node.uv_map for link in links), "")
 
 
 def set_textures(
@@ -182,16 +267,21 @@ def set_textures(
         setattr(face, f"{each.name}_image", images.get(each.name))
     for name, value in plain.items():
         setattr(face, name, value)
+    skin_group()  # also where it is of an older version
     for slot in rig.material_slots:
         material = slot.material
         if material is None or material.node_tree is None:
             continue
         nodes, links = material.node_tree.nodes, material.node_tree.links
         for each in TEXTURE_MAPS:
-            image = images.get(each.name)
             if each.socket in nodes:
-                nodes[each.socket].image = image
-            if each.required or GROUP not in nodes:
+                nodes[each.socket].image = images.get(each.name)
+        if GROUP not in nodes:
+            continue
+        bend_normals(material, images.get(NORMAL.name))
+        for each in REFLECTANCE_MAPS:
+            image = images.get(each.name)
+            if each.required:
                 continue
             socket = nodes[GROUP].inputs[each.socket]
             if each.plain is not None:

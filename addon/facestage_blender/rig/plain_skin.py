@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from facestage.contract.brdf import SPECULAR_MAX
-from facestage.contract.texture_maps import TEXTURE_MAPS, TextureMap
+from facestage.contract.texture_maps import NORMAL, TEXTURE_MAPS, TextureMap
 
 from ..pictures.images import DATA, image_pixels
 from ..pictures.render import save_png, srgb
@@ -22,6 +22,7 @@ INPUTS: Mapping[str, tuple[str, float]] = {
     "albedo": ("Base Color", 1.0),
     "specular": ("Specular IOR Level", 1.0 / SPECULAR_MAX),
     "roughness": ("Roughness", 1.0),
+    "normal": ("Normal", 1.0),
 }
 
 
@@ -34,7 +35,7 @@ def write_textures(rig: bpy.types.Object, folder: Path, side: int | None) -> dic
     written = {}
     for each in TEXTURE_MAPS:
         image = getattr(rig.facestage_face, f"{each.name}_image")
-        if image is None:
+        if image is None or each.name not in INPUTS:
             continue
         pixels = smaller(image_pixels(image)[..., :3], side) * INPUTS[each.name][1]
         written[each.name] = folder / f"{each.name}.png"
@@ -53,13 +54,19 @@ def plain_skin(
     nodes.clear()
     surface, output = (nodes.new("ShaderNodeBsdfPrincipled"), nodes.new("ShaderNodeOutputMaterial"))
     links.new(surface.outputs["BSDF"], output.inputs["Surface"])
-    for each in TEXTURE_MAPS:
+    for each in (each for each in TEXTURE_MAPS if each.name in INPUTS):
         socket, factor = INPUTS[each.name]
         if each.name in pictures:
             node = nodes.new("ShaderNodeTexImage")
             node.image = _picture(pictures[each.name], each)
             node.extension = "EXTEND"
-            links.new(node.outputs["Color"], surface.inputs[socket])
+            color = node.outputs["Color"]
+            if each is NORMAL:
+                bent = nodes.new("ShaderNodeNormalMap")
+                bent.uv_map = uv_map
+                links.new(color, bent.inputs["Color"])
+                color = bent.outputs["Normal"]
+            links.new(color, surface.inputs[socket])
             if uv_map:
                 uvs = nodes.new("ShaderNodeUVMap")
                 uvs.uv_map = uv_map

@@ -36,6 +36,7 @@ from ..rig.material import plain_material, set_scattering, set_textures
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place
+from .cases import relief
 from .scans.light import Surroundings, light_world, shipped
 from .sightlines import BACKGROUND as NOTHING
 from .sightlines import FACE, HEAD, NARROW_FACE, WORN, Sightlines
@@ -151,7 +152,7 @@ def _light_truth(lights: LightStage) -> dict[str, np.ndarray]:
 
 def _truth(person: Person, model: FaceModel) -> dict[str, np.ndarray]:
     """What is true of the person, as truth.npz names it."""
-    return {
+    truth = {
         "identity": person.identity,
         "expression": person.expression,
         "albedo": face_tile(person.albedo, model).astype(np.float32),
@@ -159,6 +160,9 @@ def _truth(person: Person, model: FaceModel) -> dict[str, np.ndarray]:
         "roughness": np.array(person.roughness),
         "model_to_camera": person.model_to_camera,
     }
+    if person.height is not None:
+        truth["height_mm"] = face_tile(person.height, model).astype(np.float32)
+    return truth
 
 
 def _build(
@@ -187,6 +191,8 @@ def _build(
     pose = camera_to_stage @ person.model_to_camera
     place(empty, rig, pose, frames.STAGE)
     place(empty, view, camera_to_stage, frames.CAMERA)
+    if person.height is not None:
+        _displace(scene, rig, model, person)
     if person.optics.f_number is not None:
         view.data.dof.use_dof, view.data.dof.aperture_fstop = True, person.optics.f_number
         view.data.dof.focus_distance = float(_eyes_distance(model, person))
@@ -199,6 +205,37 @@ def _build(
     if person.sky is not None:
         sky = Surroundings(person.sky.name, shipped()[person.sky.name], person.sky.turn)
         light_world(scene, sky, vertical="Z")
+
+
+def _displace(
+    scene: bpy.types.Scene, rig: bpy.types.Object, model: FaceModel, person: Person
+) -> None:
+    """Show a finely divided head with the person's relief in the place of the rig."""
+    assert person.height is not None
+    shape = model.shape(person.identity, person.expression)
+    points, normals, uvs, triangles, part = relief.displaced(model, shape, person.height)
+    mesh = bpy.data.meshes.new("Displaced")
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", frames.points_to_blender(points).astype(np.float32).ravel())
+    mesh.loops.add(triangles.size)
+    mesh.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", 3 * np.arange(len(triangles), dtype=np.int32))
+    uv = mesh.uv_layers.new(name="UVMap", do_init=False)
+    mesh.polygons.foreach_set(
+        "material_index", np.searchsorted(np.unique(model.polygon_part), part).astype(np.int32)
+    )
+    mesh.update(calc_edges=True)
+    uv.uv.foreach_set("vector", uvs[triangles].astype(np.float32).ravel())
+    mesh.shade_smooth()
+    mesh.normals_split_custom_set_from_vertices(frames.points_to_blender(normals).tolist())
+    for material in rig.data.materials:
+        mesh.materials.append(material)
+    head = bpy.data.objects.new("Displaced", mesh)
+    facestage_collection(scene).objects.link(head)
+    head.parent, head.matrix_parent_inverse = rig.parent, Matrix()
+    head.matrix_basis = rig.matrix_basis
+    rig.hide_render = True
 
 
 def _add(scene: bpy.types.Scene, empty: bpy.types.Object, item: Worn, pose: np.ndarray) -> None:

@@ -65,6 +65,7 @@ class Person:
     optics: Optics = PERFECT
     sky: Sky | None = None  # what lights the scene beside the stage
     scattering: float = 0.0  # how far light wanders below the skin (contract/scattering.py)
+    height: np.ndarray | None = None  # (S, S) mm that the skin stands off the smooth face
 
 
 def landmark_points(model: FaceModel, vertices: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from ..drawing import draw_wrapped
 from ..exchange.write_back import apply_result
 from ..preferences import backend_command
 from ..preview import live
+from ..rig.displaced_skin import displace, is_displaced
 from ..rig.face_rig import require_rig
 from ..rig.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from ..scene.frames import LIGHT_DIRECTIONS
@@ -124,6 +125,22 @@ class FACESTAGE_OT_lashes(Action, bpy.types.Operator):
             remove_lashes(rig)
 
 
+class FACESTAGE_OT_displace_skin(Action, bpy.types.Operator):
+    """Turns the displacement of the skin on and off."""
+
+    bl_idname = "facestage.displace_skin"
+    bl_label = "Displace Skin"
+    bl_description = (
+        "Give the skin its wrinkles by the height map, on a mesh that Cycles divides as finely as "
+        "the picture needs, instead of by the normal map; once more to go back"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Turn it on, or off when it is on."""
+        rig = require_rig(context.scene)
+        displace(rig, not is_displaced(rig))
+
+
 class FACESTAGE_OT_prepare_relight(BackendTask, bpy.types.Operator):
     """Have the backend trace the result under each of its lights, then show the relight preview"""
 
@@ -169,6 +186,11 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
                 "facestage.relight", "direction", text="Light From", icon="LIGHT_SPOT"
             )
             _draw_preview(layout, context, folder)
+        rig = settings.rig
+        if rig is not None and rig.facestage_face.height_image is not None:
+            layout.operator(
+                "facestage.displace_skin", icon="MOD_DISPLACE", depress=is_displaced(rig)
+            )
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
             row = layout.row()
@@ -206,6 +228,7 @@ CLASSES = (
     FACESTAGE_OT_relight,
     FACESTAGE_OT_relight_preview,
     FACESTAGE_OT_lashes,
+    FACESTAGE_OT_displace_skin,
     FACESTAGE_OT_prepare_relight,
     FACESTAGE_PT_result,
 )

@@ -171,6 +171,9 @@ class Final:
     ita: float | None = None
     true_ita: float | None = None
     chromaticity: float | None = None
+    # Degrees between found normals and true ones: the mesh's, and with the normal map.
+    mesh_normal: float | None = None
+    normal: float | None = None
 
 
 def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
@@ -199,6 +202,8 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
         errors.get("ita"),
         errors.get("true_ita"),
         errors.get("chromaticity"),
+        errors.get("mesh_normal_degrees"),
+        errors.get("normal_degrees"),
     )
 
 
@@ -208,6 +213,7 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
     head = (
         f"{'case':20}{'contender':{width}}{'seconds':>8}{'start mm':>10}"
         f"{'sim. mm':>9}{'rigid mm':>10}{'dB':>7}{'dB detail':>11}{'albedo':>8}{'light':>7}"
+        f"{'mesh deg.':>11}{'with map':>10}"
     )
     lines = [head, "-" * len(head)]
     lines += [
@@ -215,6 +221,7 @@ def final_lines(finals: Sequence[Final]) -> list[str]:
         f"{_fixed(item.start_mm, 2):>10}{item.similarity_mm:>9.2f}{item.rigid_mm:>10.2f}"
         f"{_fixed(item.psnr, 1):>7}{_fixed(item.detail_psnr, 1):>11}"
         f"{_fixed(item.albedo, 3):>8}{_fixed(item.light, 3):>7}"
+        f"{_fixed(item.mesh_normal, 2):>11}{_fixed(item.normal, 2):>10}"
         for item in finals
     ]
     return lines

@@ -26,6 +26,8 @@ class TextureMap:
     # The parameter of a result that is the map's one value where there is no map; without one it is
     # the default.
     plain: str | None = None
+    # Whether it is an input of the skin's reflectance; else it is one of its shape.
+    reflectance: bool = True
 
     @property
     def file(self) -> str:
@@ -34,8 +36,13 @@ class TextureMap:
 
     @property
     def colored(self) -> bool:
-        """Whether it has three channels."""
-        return len(self.default) == 3
+        """Whether it holds colors."""
+        return len(self.default) == 3 and self.reflectance
+
+    @property
+    def channels(self) -> int:
+        """How many."""
+        return len(self.default)
 
     @property
     def socket(self) -> str:
@@ -44,11 +51,16 @@ class TextureMap:
 
 
 ALBEDO = TextureMap("albedo", "Diffuse albedo", (0.5, 0.3, 0.2))
+NORMAL = TextureMap("normal", "Normals", (0.5, 0.5, 1.0), required=False, reflectance=False)
+HEIGHT = TextureMap("height", "Height in mm", (0.0,), required=False, reflectance=False)
 TEXTURE_MAPS = (
     ALBEDO,
     TextureMap("specular", "Specular map", (1.0,), most=SPECULAR_MAX),
     TextureMap("roughness", "Roughness", (0.45,), required=False, plain="roughness"),
+    NORMAL,
+    HEIGHT,
 )
+REFLECTANCE_MAPS = tuple(each for each in TEXTURE_MAPS if each.reflectance)
 # Of the eyes' part of the UV square alone (:func:`uv_box`), in more texels: the same albedo.
 EYE_MAP = TextureMap("eyes", "Eyes", (0.5, 0.5, 0.5), required=False)
 # The parameters of a result that stand in for maps.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.files.atomic import atomic_file
+from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.report.color import (
     clean,
@@ -241,10 +242,13 @@ def draw_colors(path: Path, values: np.ndarray, coverage: np.ndarray | None) -> 
     save_linear(path, values)
 
 
-def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:
-    """A map (s, s) over the UV square, grey, with its scale from ``least`` to a round number."""
-    values = clean(values)
-    limit = nice_limit(float(values.max()), 0.01)
+def draw_map(path: Path, values: np.ndarray, signed: bool = False) -> None:
+    """A map (s, s) over the UV square, grey, with its scale from 0, or where ``signed`` from as far
+    below, to a round number.
+    """
+    values = np.nan_to_num(values) if signed else clean(values)
+    limit = nice_limit(float(np.abs(values).max()), 0.01)
+    least = -limit if signed else 0.0
     canvas = Canvas(640, 700, DARK)
     _, artist = canvas.picture(
         0, 0, 640, 640, values, cmap="gray", vmin=least, vmax=limit, interpolation="bilinear"
@@ -254,6 +258,11 @@ def draw_map(path: Path, values: np.ndarray, least: float = 0.0) -> None:
     labels[0].set_ha("left")
     labels[-1].set_ha("right")
     canvas.save(path)
+
+
+def draw_normals(path: Path, values: np.ndarray) -> None:
+    """A normal map (s, s, 3), 0 to 1, over the UV square: its numbers are no light."""
+    save_linear(path, srgb_to_linear(shrink(values)))
 
 
 def draw_coverage(path: Path, coverage: np.ndarray) -> None:

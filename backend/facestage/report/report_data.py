@@ -69,7 +69,10 @@ class ReportData:
         for each in TEXTURE_MAPS:
             if each.name in self.maps:
                 shapes[each.name] = self.maps[each.name].shape
-                expected[each.name] = (*shapes[each.name][:2], *((3,) if each.colored else ()))
+                expected[each.name] = (
+                    *shapes[each.name][:2],
+                    *((3,) if each.channels == 3 else ()),
+                )
         for name, shape in expected.items():
             if shapes[name] != shape:
                 raise InputError(f"The report's {name} has shape {shapes[name]}, expected {shape}.")

@@ -44,6 +44,8 @@ ERRORS = {
     ),
     "landmark_px": ("Landmarks, median distance", "px"),
     "albedo": ("Albedo, RMS, best scale factored out", "linear"),
+    "mesh_normal_degrees": ("Normals of the mesh alone, mean angle", "°"),
+    "normal_degrees": ("Normals with the normal map, mean angle", "°"),
     "light": ("Irradiance, relative, best scale factored out", ""),
     "condition": ("Condition number of the last step", ""),
 }
@@ -68,6 +70,7 @@ TRUTH_WORDS = (
     "vertex",
     "vertices",
     "roughness",
+    "normal",
 )
 
 

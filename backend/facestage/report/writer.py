@@ -6,7 +6,7 @@ from pathlib import Path
 
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.result_files import REPORT
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import HEIGHT, NORMAL, TEXTURE_MAPS
 from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
@@ -21,6 +21,7 @@ from facestage.report.pictures import (
     draw_faces,
     draw_landmarks,
     draw_map,
+    draw_normals,
     save_linear,
 )
 from facestage.report.report_data import ReportData
@@ -43,10 +44,12 @@ def write_report(folder: Path, data: ReportData) -> None:
     for each in TEXTURE_MAPS:
         if each.name in data.maps:
             file, values = folder / map_file(each), data.maps[each.name]
-            if each.colored:
+            if each is NORMAL:
+                draw_normals(file, values)
+            elif each.colored:
                 draw_colors(file, values, data.texture_coverage)
             else:
-                draw_map(file, values)
+                draw_map(file, values, signed=each is HEIGHT)
     if data.texture_coverage is not None:
         draw_coverage(folder / TEXTURE_COVERAGE, data.texture_coverage)
     draw_light_probe(folder / "light_probe.png", data)

@@ -236,3 +236,24 @@ def test_the_operator_exports_and_keeps_the_selection(face, tmp_path: Path) -> N
     assert contents() == before
     assert bpy.context.view_layer.objects.active == rig
     assert [item for item in bpy.context.view_layer.objects if item.select_get()] == [light]
+
+
+def test_normals_go_along_as_numbers(face, tmp_path: Path) -> None:
+    from facestage.contract.texture_maps import PLAIN
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.pictures.images import image_pixels, load_image, texture_image
+    from facestage_blender.rig.material import set_textures
+
+    rig = face.facestage.rig
+    kept = {name: getattr(rig.facestage_face, f"{name}_image") for name in ("albedo", "specular")}
+    values = np.full((8, 8, 3), (0.6, 0.45, 0.98), np.float32)
+    plain = {name: getattr(rig.facestage_face, name) for name in PLAIN}
+    set_textures(rig, kept | {"normal": texture_image("normal", values)}, plain)
+    written = export_face(face, tmp_path / "face.obj")
+    picture = next(path for path in written if path.name == "normal.png")
+    image = load_image(picture)
+    image.colorspace_settings.name = "Non-Color"
+    np.testing.assert_allclose(image_pixels(image)[..., :3], values, atol=1 / 255)
+    there = imported(face, export_face(face, tmp_path / "face.glb")[0])
+    nodes = [node for slot in there.material_slots for node in slot.material.node_tree.nodes]
+    assert any(node.type == "NORMAL_MAP" for node in nodes)

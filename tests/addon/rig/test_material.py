@@ -227,7 +227,7 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
 
     skin, eye = part_materials(np.array([SKIN, EYES]))
     group = skin_group()
-    for name in ("Subsurface", "Scattering"):
+    for name in ("Subsurface", "Scattering", "Normal"):
         group.interface.remove(group.interface.items_tree[name])
     mesh = bpy.data.meshes.new("rig")
     for material in (skin, eye):
@@ -240,6 +240,98 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
     assert inputs[0]["Albedo"].is_linked and skin_group() == group
     output = next(node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
     assert output.inputs["BSDF"].is_linked
+
+
+TILT = 0.2  # radians
+
+
+def normal_image():
+    """A map that turns every normal towards u."""
+    from facestage_blender.pictures.images import set_color_space, texture_image
+
+    color = 0.5 + 0.5 * np.array([np.sin(TILT), 0.0, np.cos(TILT)])
+    image = texture_image("normal", np.full((4, 4, 3), color, np.float32))
+    set_color_space(image, colored=False)
+    return image
+
+
+def along_u(mesh) -> float:
+    """Whether u grows to the camera's right on the side of a ball that it sees: 1 or -1."""
+    uvs, total = mesh.uv_layers.active.data, 0.0
+    for polygon in mesh.polygons:
+        if polygon.center.y < -0.9 * RADIUS:
+            x = [mesh.vertices[k].co.x for k in polygon.vertices]
+            u = [uvs[k].uv[0] for k in polygon.loop_indices]
+            total += float(np.cov(x, u)[0, 1])
+    return math.copysign(1.0, total)
+
+
+def test_a_normal_map_turns_normals_towards_u(scene) -> None:
+    """Against the same ball with every normal turned about the vertical; and back."""
+    import bpy
+
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.rig.material import set_textures
+
+    towards = np.array([0.5, 0.4, 0.77])
+    towards /= np.linalg.norm(towards)
+    plain = render_ball(scene, (0.5, 0.5, 0.5), 0.0, 0.5, towards, textured=True)
+    ball = bpy.context.object
+    images = {
+        name: getattr(ball.facestage_face, f"{name}_image")
+        for name in ("albedo", "specular", "roughness")
+    }
+    set_textures(ball, images | {"normal": normal_image()}, {"roughness": 0.5})
+    found = render_linear(scene, 64, direct_only=True)[..., 0]
+    steps = (np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1
+    x, y = np.meshgrid(steps, -steps)
+    inside = x**2 + y**2 < 0.5
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    across = np.stack([z, 0 * x, -x], -1) / np.hypot(x, z)[..., None] * along_u(ball.data)
+    normal = np.stack([x, y, z], -1)
+    turned = np.cos(TILT) * normal + np.sin(TILT) * across
+    ratio = np.maximum(turned @ towards, 0) / np.maximum(normal @ towards, 1e-3)
+    inside &= normal @ towards > 0.3
+    error = np.abs(found - ratio * plain[..., 0])[inside].max() / found[inside].max()
+    print(f"off by {error:.2%} of the brightest pixel; 4 % allowed")
+    assert error < 0.04
+    set_textures(ball, images, {"roughness": 0.5})
+    again = render_linear(scene, 64, direct_only=True)[..., 0]
+    assert np.abs(again - plain[..., 0]).mean() < 0.01 * plain.mean()
+    skin = ball.material_slots[0].material.node_tree.nodes["Facestage Skin"]
+    assert not skin.inputs["Normal"].is_linked
+
+
+def test_displaced_skin_has_real_relief_and_goes_back(scene) -> None:
+    import bpy
+
+    from facestage.contract.errors import InputError
+    from facestage_blender.pictures.images import texture_image
+    from facestage_blender.rig.displaced_skin import displace, is_displaced
+    from facestage_blender.rig.material import set_textures
+
+    render_ball(scene, (0.5, 0.5, 0.5), 0.0, 0.5, np.array([0.0, 0.0, 1.0]), textured=True)
+    ball = bpy.context.object
+    with pytest.raises(InputError, match="no height map"):
+        displace(ball, True)
+    images = {
+        name: getattr(ball.facestage_face, f"{name}_image")
+        for name in ("albedo", "specular", "roughness")
+    }
+    height = texture_image("height", np.full((4, 4), 5.0, np.float32))
+    images |= {"normal": normal_image(), "height": height}
+    set_textures(ball, images, {"roughness": 0.5})
+    nodes = ball.material_slots[0].material.node_tree.nodes
+    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
+    skin = nodes["Facestage Skin"].inputs["Normal"]
+    assert skin.is_linked and not output.inputs["Displacement"].is_linked
+    displace(ball, True)
+    assert is_displaced(ball) and not skin.is_linked
+    assert output.inputs["Displacement"].links[0].from_node.name == "Relief"
+    assert nodes["Relief"].inputs["Scale"].default_value == pytest.approx(1e-3)
+    displace(ball, False)
+    assert not is_displaced(ball) and skin.is_linked
+    assert not output.inputs["Displacement"].is_linked and not ball.modifiers
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:

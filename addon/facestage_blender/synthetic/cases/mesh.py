@@ -45,7 +45,7 @@ def shell(
     # The meshes of heads are coarse where hair grows.
     for _ in range(SUBDIVISIONS):
         near = (points[:, 1] > edge(points[:, :3]) - 0.01)[triangles].any(axis=1)
-        points, triangles = _subdivided(points, triangles[near])
+        points, triangles = subdivided(points, triangles[near])
     position, normal = points[:, :3], points[:, 3:]
     above = position[:, 1] - edge(position)
     lift = SKIN_GAP + thickness(position) * np.clip(above / TAPER, 0, 1) ** 0.5
@@ -54,7 +54,7 @@ def shell(
     return (position + lift[:, None] * normal)[used], triangles.reshape(-1, 3)
 
 
-def _subdivided(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def subdivided(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Each triangle as four, with the midpoints of its edges; points (n, c) of any number of
     coordinates.
     """

@@ -14,12 +14,12 @@ from facestage.contract.skin_tone import from_cielab
 
 from ...pictures.texture import paint_vertices
 from ..truth import DISTANCE, FOCAL_PX, Person
-from . import skin, worn
+from . import relief, skin, worn
 from .lamps import light_stage
 from .recipe import Recipe
 from .surroundings import walls
 
-ALBEDO_SIZE, SPECULAR_SIZE = 1024, 32
+ALBEDO_SIZE, SPECULAR_SIZE, HEIGHT_SIZE = 1024, 32, 2048
 TEXTURE_MISMATCH = 0.05  # relative standard deviation of the albedo that the model cannot explain
 SMILE = {"mouthSmileLeft": 0.55, "mouthSmileRight": 0.5, "jawOpen": 0.12, "browInnerUp": 0.35}
 POSE_SPREAD = (4.0, 3.0, 3.0)  # degrees, one standard deviation of yaw, pitch and roll
@@ -89,11 +89,12 @@ def person_of(
     vertices = model.shape(identity, expression)
     things = [worn.KINDS[kind](model, vertices, rng) for kind in recipe.worn]
     tone = tuple(np.median(albedo.reshape(-1, 3), axis=0))
+    specular = _specular(own)
     return Person(
         identity,
         expression,
         np.clip(albedo, 0.005, 0.95),
-        _specular(own),
+        specular,
         float(roughness),
         _pose(angles, place),
         light_stage(recipe.lamps, rng),
@@ -104,6 +105,7 @@ def person_of(
         recipe.optics,
         recipe.sky,
         recipe.scattering,
+        relief.height_map(model, HEIGHT_SIZE, own) if recipe.relief else None,
     )
 
 

@@ -44,6 +44,7 @@ class Recipe:
     optics: Optics = PERFECT
     sky: Sky | None = None
     scattering: float = 0.0  # how far light wanders below the skin, of what is published
+    relief: bool = False  # grooves, bumps and a fine relief of known height
 
 
 RECIPES = (

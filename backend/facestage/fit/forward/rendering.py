@@ -17,6 +17,7 @@ from facestage.fit.forward.one_light import OneLightImages
 from facestage.fit.forward.reflectance import Skin
 from facestage.fit.forward.scattered_picture import LatticeLight
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+from facestage.fit.forward.surface_frame import FrameField
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
 RAY_BUDGET = 2.5e7
@@ -31,6 +32,8 @@ class Textures:
     albedo: Float[np.ndarray, "_ _ 3"]
     specular: Float[np.ndarray, "_ _"]  # c_spec
     roughness: Float[np.ndarray, "_ _"] | None = None  # None: the state's one value
+    normal: Float[np.ndarray, "_ _ 3"] | None = None  # tangent space, 0 to 1; None: the mesh's own
+    height: Float[np.ndarray, "_ _"] | None = None  # mm, what the normals are those of; not drawn
 
     @property
     def known(self) -> dict[str, Float[np.ndarray, "_ _ ..."]]:
@@ -106,6 +109,11 @@ def render_picture(
         for sub in range(grid * grid):
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
             surface = forward.surface(state, pixels + offset)
+            if textures.normal is not None:
+                frames = FrameField.of(forward.geometry, surface.model_vertices)
+                surface = frames.mapped(
+                    surface, forward.uvs(surface), textures.normal, state.rotation
+                )
             for start in range(0, len(surface.pixels), BLOCK_POINTS):
                 block = surface.part(slice(start, start + BLOCK_POINTS))
                 x, y = block.pixels.astype(int).T

@@ -9,6 +9,7 @@ from facestage.contract.light_stage import LightStage
 from facestage.contract.scan import MILLIMETRES, Scan
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
 from facestage.models.mesh.closest_alignment import closest_alignment
 from facestage.models.mesh.similarity import Similarity
 from facestage.models.mesh.surface import Surface, normals_and_areas
@@ -102,6 +103,15 @@ class ScanTruth:
 
     def tone_errors(self, texture: Float[np.ndarray, "texels texels 3"]) -> dict[str, float]:
         """Nothing, for the same reason."""
+        return {}
+
+    def normal_errors(
+        self,
+        forward: ForwardModel,
+        state: State,
+        normal_map: Float[np.ndarray, "texels texels 3"] | None,
+    ) -> dict[str, float]:
+        """Nothing: a scan's finer relief lies in a normal map of its own."""
         return {}
 
     def _surface(self, state: State) -> Surface:

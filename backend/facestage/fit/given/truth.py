@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
 from facestage.contract.files.reading import GIB
 from facestage.contract.files.storage import read_arrays
@@ -21,7 +22,7 @@ from facestage.contract.schemas.schema import FileSchema, checked
 from facestage.contract.skin_tone import chromaticity, typology_angle
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.forward.shading import ForwardModel, sample_bilinear
 from facestage.fit.given.metrics import (
     aligned_difference,
     aligned_distance,
@@ -29,11 +30,14 @@ from facestage.fit.given.metrics import (
     scaled_rmse,
 )
 from facestage.fit.given.scan_truth import ScanTruth
+from facestage.fit.given.seen_normals import SeenNormals
+from facestage.models.mesh.similarity import procrustes
 
 PROBE_NORMALS = 512
 TRUTH_ARRAYS_MAX = 1 * GIB
 TEXELS_MAX = 8192  # along a side of the albedo
 ALBEDO_MAX = 1e3
+HEIGHT_MAX = 50.0  # mm
 
 
 class TruthSchema(FileSchema):
@@ -41,10 +45,17 @@ class TruthSchema(FileSchema):
     missing.
     """
 
-    dimensions: ClassVar = {"texels": (1, TEXELS_MAX), "lights": (1, COUNT_MAX)}
+    dimensions: ClassVar = {
+        "texels": (1, TEXELS_MAX),
+        "heights": (2, TEXELS_MAX),
+        "lights": (1, COUNT_MAX),
+    }
 
     vertices = Array(("vertices", 3), minimum=-FAR, maximum=FAR)
     albedo = Array(("texels", "texels", 3), minimum=0, maximum=ALBEDO_MAX, required=False)
+    height_mm = Array(
+        ("heights", "heights"), minimum=-HEIGHT_MAX, maximum=HEIGHT_MAX, required=False
+    )
     light_position = Array(("lights", 3), minimum=-FAR, maximum=FAR, required=False)
     light_direction = Array(("lights", 3), minimum=-2, maximum=2, validate=unit, required=False)
     light_radiance = Array(("lights", 3), minimum=0, maximum=RADIANCE_MAX, required=False)
@@ -153,6 +164,31 @@ class VertexTruth:
             "true_ita": float(typology_angle(true)),
             "chromaticity": float(np.linalg.norm(chromaticity(found) - chromaticity(true))),
         }
+
+    def normal_errors(
+        self,
+        forward: ForwardModel,
+        state: State,
+        normal_map: Float[np.ndarray, "texels texels 3"] | None,
+    ) -> dict[str, float]:
+        """Mean angle in degrees between the normals that the pixels of the narrow face see and the
+        true ones, those of the known vertices with the known height on them: of the fitted mesh,
+        and with the normal map. After rotation of the face onto the truth; nothing where no height
+        is known.
+        """
+        if "height_mm" not in self.arrays:
+            return {}
+        vertices = self.arrays["vertices"][self.geometry.used].astype(np.float64)
+        seen = SeenNormals.of(forward, state, vertices, self.compared)
+        u, v, scale = self.geometry.model.face_tile
+        height = self.arrays["height_mm"].astype(np.float64)
+        true = seen.true_normals((u, v, scale), height)
+        vertices = self.geometry.at(state)[self.compared] @ state.rotation.T
+        turn = procrustes(vertices, self.vertices, rigid=True).rotation
+        errors = {"mesh_normal_degrees": seen.angle(seen.found_normals(None), true, turn)}
+        if normal_map is not None:
+            errors["normal_degrees"] = seen.angle(seen.found_normals(normal_map), true, turn)
+        return errors
 
     def _face_colors(self, texture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """(n, 3) albedo at the narrow face's texture coordinates, found and true."""

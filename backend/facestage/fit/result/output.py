@@ -26,7 +26,13 @@ from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import kept
 from facestage.fit.forward.one_light import relight_scale
-from facestage.fit.forward.rendering import Picture, face_pixels, light_probe, render_picture
+from facestage.fit.forward.rendering import (
+    Picture,
+    Textures,
+    face_pixels,
+    light_probe,
+    render_picture,
+)
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import Problem
@@ -82,7 +88,7 @@ def finish(
         by_light=_relightable(problem, forward, fitted),
     )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
-    errors = _errors(problem, fitted, refined.textures.albedo, picture, truth)
+    errors = _errors(problem, forward, fitted, refined.textures, picture, truth)
     last: dict[str, Any] = {
         "seconds": fitted.seconds + sum(timings.values()),
         "stage": DETAIL,
@@ -130,7 +136,12 @@ def _side_lights(problem: Problem, stage: LightStage) -> dict[str, np.ndarray]:
 
 
 def _errors(
-    problem: Problem, fitted: Fitted, texture: np.ndarray, picture: Picture, truth: Truth | None
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    textures: Textures,
+    picture: Picture,
+    truth: Truth | None,
 ) -> dict[str, float]:
     state, photo = fitted.state, problem.photograph
     seen = picture.fitted & photo.mask
@@ -161,8 +172,9 @@ def _errors(
         if fitted.certainty.vertices_mm is not None:
             errors |= truth.calibration(state, fitted.certainty.vertices_mm)
         errors["light"] = truth.light_error(fitted.stage, state.translation)
-        errors["albedo"] = truth.albedo_error(texture)
-        errors |= truth.tone_errors(texture)
+        errors["albedo"] = truth.albedo_error(textures.albedo)
+        errors |= truth.tone_errors(textures.albedo)
+        errors |= truth.normal_errors(forward, state, textures.normal)
     return {
         name: value for name, value in errors.items() if value is not None and np.isfinite(value)
     }

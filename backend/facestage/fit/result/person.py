@@ -5,7 +5,7 @@ and skin.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +33,8 @@ from facestage.fit.runs.joint_run import JointFitted, JointRun
 from facestage.fit.runs.place import claimed
 from facestage.fit.runs.teller import Teller
 from facestage.fit.textures.merged_maps import MergedMaps
-from facestage.fit.textures.refine import Refined, refine, texture_size
+from facestage.fit.textures.refine import Refined, refine, relief_together, texture_size
+from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import write_exr
 from facestage.render.variant import start_renderer
 from facestage.report import write_person_report
@@ -129,14 +130,26 @@ def _merged(run: JointRun, fitted: JointFitted, teller: Teller) -> Refined:
     first = next(member for member in run.members if member.joined)
     size = texture_size(max(sizes), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
+    relief = relief_together(_own_sizes(run, fitted), size)
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.painting(member.number)
         if member.joined:
             problem, one = at_own_size(member, one)
             # A texel counts by the number of pixels that show it.
             weight = (sizes[member.number - 1] / max(sizes)) ** 2
-            merged.add(refine(problem, member.view.forward, one, size), one.state, weight)
+            maps = refine(problem, member.view.forward, one, size, relief)
+            merged.add(maps, one.state, weight)
     return merged.maps()
+
+
+def _own_sizes(
+    run: JointRun, fitted: JointFitted
+) -> Iterator[tuple[Problem, ForwardModel, Fitted]]:
+    """The photos that share their skin, one after another at its own size."""
+    for member, one in zip(run.members, fitted.photos, strict=True):
+        if member.joined:
+            problem, one = at_own_size(member, one)
+            yield problem, member.view.forward, one
 
 
 def _person(

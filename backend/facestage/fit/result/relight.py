@@ -173,7 +173,7 @@ def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Lig
     folder = _folder(result)
     textures = Textures(
         **{
-            each.name: read_exr(folder / each.file)[..., slice(None) if each.colored else 0]
+            each.name: read_exr(folder / each.file)[..., slice(None) if each.channels == 3 else 0]
             for each in TEXTURE_MAPS
             if each.required or is_file(folder / each.file)
         }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.result import SEEN
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import REFLECTANCE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.rendering import Textures
@@ -29,6 +31,7 @@ class MergedMaps:
         self._weight = 0.0
         # Sums over the photos, by map; of the albedo the sum of logarithms.
         self._sums: dict[str, np.ndarray] = {}
+        self._relief: Textures | None = None
         self._coverage = np.zeros((size, size, 3), np.uint8)
         self._eyes: list[tuple[float, np.ndarray]] = []  # weights and logarithms
 
@@ -39,7 +42,7 @@ class MergedMaps:
         # logarithms.
         logs = np.log(np.maximum(textures.albedo, 1e-6))
         self._detail.add(logs, maps.coverage[..., 0] == SEEN, state, weight)
-        for each in TEXTURE_MAPS:
+        for each in REFLECTANCE_MAPS:
             own = logs if each.name == "albedo" else textures.known.get(each.name)
             if own is None:
                 value = each.default[0] if each.plain is None else getattr(state, each.plain)
@@ -48,6 +51,8 @@ class MergedMaps:
         self._weight += weight
         if maps.eyes is not None:
             self._eyes.append((weight, np.log(maps.eyes)))
+        # Of all photos together already.
+        self._relief = textures
         self._coverage = np.maximum(self._coverage, maps.coverage)
 
     def maps(self) -> Refined:
@@ -58,7 +63,10 @@ class MergedMaps:
         maps["albedo"] = np.exp(
             np.where(self._skin[..., None], self._detail.mean(), maps["albedo"])
         )
-        textures = Textures(**{name: values.astype(np.float32) for name, values in maps.items()})
+        found = {name: values.astype(np.float32) for name, values in maps.items()}
+        textures = Textures(**found)
+        if self._relief is not None:
+            textures = replace(textures, normal=self._relief.normal, height=self._relief.height)
         weight = sum(each for each, _ in self._eyes)
         eyes = np.exp(sum(each * logs for each, logs in self._eyes) / weight) if weight else None
         return Refined(textures, self._coverage, eyes)

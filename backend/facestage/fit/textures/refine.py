@@ -1,10 +1,11 @@
-"""The per-texel stage: specular and roughness maps, then albedo detail, completed by symmetry, with
-their coverage.
+"""The per-texel stage: specular and roughness maps, relief, then albedo detail, completed by
+symmetry, with their coverage.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.part_color import Look, part_colors
+from facestage.fit.textures.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
@@ -43,12 +45,17 @@ class Refined:
 
 
 def refine(
-    problem: Problem, forward: ForwardModel, fitted: Fitted, size: int | None = None
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    size: int | None = None,
+    together: ReliefSeen | None = None,
 ) -> Refined:
     """All maps of a finished fit; those that the job froze, and texels of which nothing is known,
     are as fitted.
 
-    ``size`` S of the albedo, by default what the photo holds.
+    ``size`` S of the albedo, by default what the photo holds; ``together``: what all photos of the
+    person say of the relief, by default this one alone.
     """
     atlas = Atlas.build(
         problem.geometry,
@@ -69,8 +76,15 @@ def refine(
         shown = shown.with_gloss(
             sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
         )
-    detail = eyes = None
+    detail, relief, eyes = None, None, None
     if shown is not None and "albedo" not in freeze:
+        relief = (
+            found_relief(problem, forward, fitted, shown, atlas)
+            if together is None
+            else together.found
+        )
+        if relief is not None:
+            shown = relief.lit(shown, forward.geometry, fitted.state)
         half = (
             small
             if 2 * small.size == atlas.size
@@ -93,7 +107,38 @@ def refine(
     if eyes is not None:
         albedo = eyes_painted(albedo, atlas, problem.geometry, eyes)
     textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss))
+    if relief is not None:
+        textures = replace(textures, normal=relief.normal, height=relief.height)
     return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes)
+
+
+def found_relief(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, shown: Shown, atlas: Atlas
+) -> Relief | None:
+    """What one photo says of the relief, unless the job holds the shape as it is."""
+    if "relief" in problem.job.freeze:
+        return None
+    seen = ReliefSeen(forward.geometry, atlas)
+    seen.add(shown, fitted.state)
+    return seen.found
+
+
+def relief_together(
+    photos: Iterable[tuple[Problem, ForwardModel, Fitted]], size: int
+) -> ReliefSeen | None:
+    """What several photos of one skin say of its relief, for textures of ``size`` texels; None
+    where the jobs hold it.
+    """
+    seen = None
+    for problem, forward, fitted in photos:
+        if {"albedo", "relief"} & set(problem.job.freeze):
+            return None
+        if seen is None:
+            seen = ReliefSeen(forward.geometry, Atlas.build(forward.geometry, size))
+        shown = what_is_shown(problem, forward, fitted)
+        if shown is not None:
+            seen.add(shown, fitted.state)
+    return seen
 
 
 def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:

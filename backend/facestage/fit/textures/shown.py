@@ -113,7 +113,12 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES)
     )
     terms = forward.light_terms(
-        fitted.state, surface, fitted.stage, samples, problem.job.seed, Asked(by_roughness=True)
+        fitted.state,
+        surface,
+        fitted.stage,
+        samples,
+        problem.job.seed,
+        Asked(by_roughness=True, by_surface=True),
     )
     image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
     column, row = surface.pixels.astype(int).T

@@ -1,0 +1,137 @@
+"""What photos say of pigment and height: residuals of log radiance, and how slopes change it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from facestage.contract.arrays import Bool, Float
+from facestage.fit.face.state import State
+from facestage.fit.forward.surface_frame import FrameField
+from facestage.fit.textures.albedo_detail import DOUBTS, LIT_FULL
+from facestage.fit.textures.shown import Shown
+
+MILLIMETRES = 1e3
+NOISE = 0.03  # of the logarithm, one pixel: sensor, compression, resampling
+# How far red, green and blue count where shading is asked for, which changes all alike: pigment
+# changes red least. From the covariance of a scan's colors, finer than 4 mm.
+CHANNELS = np.array([0.55, 0.26, 0.19])
+LOG_MAX = 0.6  # of a residual; what is farther off is no skin
+# Where the log radiance changes more than so by the normal, light grazes: there it is no linear
+# function of the slopes.
+STEEPEST = 2.5
+# Longer waves than this, in mm, are the mesh's own shape, or light that is wrong.
+LONGEST = 30.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Sums over pixels, for each texel t: with the weight w, the residual y of the log radiance and
+    its derivatives g by the height's differences to the right and below (per mm).
+    """
+
+    weight: Float[np.ndarray, "rows columns"]  # w
+    value: Float[np.ndarray, "rows columns"]  # w y
+    slope: Float[np.ndarray, "2 rows columns"]  # w g
+    slope_value: Float[np.ndarray, "2 rows columns"]  # w y g
+    slopes: Float[np.ndarray, "3 rows columns"]  # w g g: both to the right, mixed, both below
+    paint: Float[np.ndarray, "rows columns"]  # how far log albedo may depart there
+
+    def __add__(self, other: Evidence) -> Evidence:
+        """Of the photos of both."""
+        return Evidence(
+            **{
+                name: np.maximum(mine, getattr(other, name))
+                if name == "paint"
+                else mine + getattr(other, name)
+                for name, mine in vars(self).items()
+            }
+        )
+
+    def part(self, rows: slice, columns: slice) -> Evidence:
+        """Of a part of the texture."""
+        return Evidence(**{name: each[..., rows, columns] for name, each in vars(self).items()})
+
+
+def by_normal(shown: Shown) -> Float[np.ndarray, "pixels 3"]:
+    """The log radiance's derivative by the unit normal, along the surface, in the camera frame;
+    the channels weighed as CHANNELS says.
+    """
+    image = shown.image
+    skin, terms = image.skin, image.terms
+    total = np.zeros_like(image.surface.normals)
+    color = np.maximum(image.color, 1e-6)
+    for axis in range(3):
+        change = skin.matte(terms.diffuse_by_normal[..., axis].astype(np.float64))
+        change += skin.gloss(terms.specular_by_normal[..., axis].astype(np.float64))
+        total[:, axis] = (change / color) @ CHANNELS
+    normals = image.surface.normals
+    return total - normals * np.einsum("px,px->p", total, normals)[:, None]
+
+
+def evidence(
+    shown: Shown,
+    state: State,
+    frames: FrameField,
+    spacing: Float[np.ndarray, "size size"],
+    inner: Bool[np.ndarray, "size size"],
+) -> Evidence:
+    """Of one photo, over a texture of ``size`` texels ``spacing`` mm apart.
+
+    ``inner``: texels whose neighbours are skin too. Waves longer than LONGEST are taken out.
+    """
+    size = len(inner)
+    surface = shown.image.surface
+    column, row = (size * shown.uvs[:, 0]).astype(int), (size * (1 - shown.uvs[:, 1])).astype(int)
+    texel = row.clip(0, size - 1) * size + column.clip(0, size - 1)
+
+    def summed(values: Float[np.ndarray, " pixels"]) -> Float[np.ndarray, "size size"]:
+        return np.bincount(texel, values, size * size).reshape(size, size)
+
+    weight = _weight(shown) * inner.ravel()[texel]
+    by_slope = by_normal(shown)
+    turned = by_slope @ state.rotation  # into the model's frame
+    by_u, by_v = frames.at(surface.triangle, surface.weights).gradients
+    # The normal turns against the slope; a texel is 1 / size of the texture, rows run down.
+    right = -np.einsum("px,px->p", turned, by_u) * size / MILLIMETRES
+    below = np.einsum("px,px->p", turned, by_v) * size / MILLIMETRES
+    residual = _residual(shown)
+    total = summed(weight)
+    width = LONGEST / 4 / float(np.median(spacing[inner]))
+    low = gaussian_filter(summed(weight * residual), width)
+    low /= np.maximum(gaussian_filter(total, width), 1e-6)
+    residual = residual - low.ravel()[texel]
+    weight *= 1.0 / (1.0 + (residual / LOG_MAX) ** 4)
+    weight *= 1.0 / (1.0 + ((by_slope**2).sum(axis=1) / STEEPEST**2) ** 2)
+    counts = np.maximum(summed(np.ones(len(texel))), 1.0)
+    return Evidence(
+        summed(weight),
+        summed(weight * residual),
+        np.stack([summed(weight * right), summed(weight * below)]),
+        np.stack([summed(weight * residual * right), summed(weight * residual * below)]),
+        np.stack(
+            [summed(weight * a * b) for a, b in ((right, right), (right, below), (below, below))]
+        ),
+        summed(shown.feature) / counts,
+    )
+
+
+def _residual(shown: Shown) -> Float[np.ndarray, " pixels"]:
+    color = np.log(np.maximum(shown.photo, 1e-5)) - np.log(np.maximum(shown.image.color, 1e-5))
+    return np.clip(color @ CHANNELS, -2.0, 2.0)
+
+
+def _weight(shown: Shown) -> Float[np.ndarray, " pixels"]:
+    """Inverse variance of a pixel's residual by all that is neither pigment nor height: the doubts
+    that hold the albedo back.
+    """
+    matte, gloss = shown.diffuse.mean(axis=1), shown.specular.mean(axis=1)
+    body = np.maximum((shown.diffuse * shown.albedo).mean(axis=1), 1e-9)
+    shading = DOUBTS.shading_shift * shown.change_over_shift(matte) / np.maximum(matte, 1e-9)
+    moved = DOUBTS.highlight_shift * shown.change_over_shift(gloss)
+    highlight = np.hypot(DOUBTS.highlight * gloss, moved) / body
+    lit = matte / max(float(np.percentile(matte, 90)), 1e-9)
+    variance = NOISE**2 + shading**2 + highlight**2 + shown.doubt**2
+    return shown.weight * np.minimum(lit / LIT_FULL, 1.0) ** 3 / variance

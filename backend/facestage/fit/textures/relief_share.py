@@ -1,0 +1,121 @@
+"""How much of what a photo shows beyond its model is relief: asked of the directions it runs in.
+
+Pigment has no direction. Height is seen by its slope towards the light: of its waves those along
+the light's direction s over the skin, those across not at all. If both fields have no direction of
+their own, the residual y = a + |g| h_s of log radiance has mean squares of its derivatives along
+and across s
+
+    <y_s^2> = P + 3 Q |g|^2,  <y_t^2> = P + Q |g|^2,
+
+because cos^4 has the mean 3/8 and cos^2 sin^2 has 1/8. Least squares over the texels give Q, and
+what is left P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from facestage.contract.arrays import Float
+from facestage.fit.textures.height_field import PIGMENT_SIGMA, Spread, difference
+from facestage.fit.textures.relief_evidence import Evidence
+
+# Millimetres: the waves that are looked at, and as many texels as the shortest have at least.
+SHORTEST, LONGEST, TEXELS = 2.0, 12.0, 4.0
+# Gaussians of this share of a wave's length let it pass, about.
+WIDTH = 1.0 / 6.0
+PLAIN = 0.3  # log albedo up to which paint does not count as such
+TEXELS_MIN = 2000  # below which a photo tells nothing of this
+# What is found of the slopes' amplitude on skin of known relief, because log radiance is no linear
+# function of steep slopes, and highlights on them run in all directions.
+FOUND = 0.4
+# Root mean square slope of an octave: of a scan's skin (0.49 mm a texel) 0.016 to 0.025, of deep
+# wrinkles as much as this.
+SLOPE_MAX = 0.06
+SHARE_MIN = 0.1  # below which all is taken for pigment
+PIGMENT_MIN = 0.005  # that skin always has
+
+
+@dataclass(frozen=True)
+class Found:
+    """Of one photo, in an octave of wavelengths; variances may be negative by chance."""
+
+    pigment: float  # variance of log albedo
+    slope: float  # variance of both slopes together
+    sensitivity: float  # mean square of the log radiance's derivative by the slope
+    texels: int
+
+    @property
+    def share(self) -> float:
+        """Of the residual's variance that is relief."""
+        relief = 0.5 * self.slope * self.sensitivity
+        return relief / max(relief + self.pigment, 1e-30)
+
+
+def share_of(seen: Evidence, spacing: Float[np.ndarray, "size size"]) -> Found:
+    """What one photo says."""
+    known = seen.weight > 0
+    if not known.any():
+        return Found(0.0, 0.0, 0.0, 0)
+    weight = np.minimum(seen.weight, 2 * np.median(seen.weight[known]))
+    texel = float(np.median(spacing[known]))
+    shortest = max(SHORTEST, TEXELS * texel)
+    narrow, wide = WIDTH * shortest / texel, WIDTH * LONGEST / texel
+    value = weight * seen.value / np.maximum(seen.weight, 1e-9)
+
+    def smooth(width: float) -> Float[np.ndarray, "size size"]:
+        return gaussian_filter(value, width) / np.maximum(gaussian_filter(weight, width), 1e-9)
+
+    band = smooth(narrow) - smooth(wide)
+    density = gaussian_filter(known.astype(float), narrow)
+    dense = (density > 0.3 * np.median(density[known])).astype(float)
+    counted = known & (gaussian_filter(dense, wide) > 0.95) & (seen.paint < PLAIN)
+    if counted.sum() < TEXELS_MIN or shortest >= LONGEST / 2:
+        return Found(0.0, 0.0, 0.0, int(counted.sum()))
+    slope = (seen.slope / np.maximum(seen.weight, 1e-9))[:, counted]
+    steep = np.hypot(*slope)
+    along = slope / np.maximum(steep, 1e-9)
+    by_place = np.stack([difference(band, 1)[counted], difference(band, 0)[counted]])
+    with_light = (along * by_place).sum(axis=0) ** 2
+    beside = (along[0] * by_place[1] - along[1] * by_place[0]) ** 2
+    # By the slope: differences between texels are so many mm for it.
+    square, share = (steep * texel) ** 2, weight[counted] / weight[counted].sum()
+    relief = float((share * square * (with_light - beside)).sum()) / max(
+        2 * float((share * square**2).sum()), 1e-30
+    )
+    both = float((share * (with_light + beside)).sum())
+    octaves = np.log2(LONGEST / shortest)
+    waves = both / max(float((share * band[counted] ** 2).sum()), 1e-30) * octaves
+    sensitivity = float((share * square).sum())
+    return Found(
+        (both - 4 * relief * sensitivity) / max(waves, 1e-30),
+        # One direction has half of the slopes' variance.
+        2 * 4 * relief / max(waves, 1e-30),
+        sensitivity,
+        int(counted.sum()),
+    )
+
+
+def spread_of(found: Sequence[Found]) -> Spread | None:
+    """How pigment and slopes vary, by all photos of one skin; None where there is no relief to
+    speak of.
+    """
+    usable = [each for each in found if each.texels >= TEXELS_MIN]
+    if not usable:
+        return None
+    # A photo tells as much of the slopes as it changes by them.
+    texels = np.array([each.texels for each in usable], float)
+    told = texels * np.array([each.sensitivity for each in usable])
+    pigment = float(np.average([each.pigment for each in usable], weights=texels))
+    slope = float(np.average([each.slope for each in usable], weights=np.maximum(told, 1e-9)))
+    sensitivity = float(np.average([each.sensitivity for each in usable], weights=texels))
+    by_relief = 0.5 * slope * sensitivity
+    if by_relief < SHARE_MIN * (by_relief + max(pigment, 0.0)):
+        return None
+    return Spread(
+        float(np.sqrt(np.clip(pigment, PIGMENT_MIN**2, PIGMENT_SIGMA**2))),
+        min(float(np.sqrt(slope)) / FOUND, SLOPE_MAX),
+    )

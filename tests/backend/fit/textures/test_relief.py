@@ -1,0 +1,138 @@
+"""Relief of a painted face: light on it, and what paint alone must not become."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.fit.forward.surface_frame import FrameField, turned
+from facestage.fit.given.seen_normals import SeenNormals
+from facestage.fit.textures.height_field import Spread, difference
+from facestage.fit.textures.relief import Relief, ReliefSeen, normal_map
+from facestage.fit.textures.shown import Shown
+from facestage.render.light_terms import Asked
+from reference.painted_face import PaintedFace, painted_face
+
+TEXELS = 256
+
+
+@pytest.fixture(scope="module")
+def face(renderer: str) -> PaintedFace:
+    return painted_face(texels=TEXELS, key_side=0.3)
+
+
+def frames_of(face: PaintedFace) -> FrameField:
+    return FrameField.of(face.forward.geometry, face.forward.geometry.at(face.state))
+
+
+def bumps(face: PaintedFace) -> Relief:
+    """Waves of 12 mm with slopes of a tenth."""
+    atlas, geometry = face.atlas, face.forward.geometry
+    place = 1e3 * atlas.bake(geometry.at(face.state))
+    height = 0.14 * np.sin(place[..., 0] * 2 * np.pi / 12) * np.sin(place[..., 1] * np.pi / 6)
+    height = np.where(atlas.skin, height, 0.0).astype(np.float32)
+    frames = frames_of(face).at(atlas.triangle, atlas.weights.astype(np.float64))
+    return Relief(height, normal_map(atlas, frames, height))
+
+
+def shown(face: PaintedFace, surface_map: np.ndarray | None, color: np.ndarray | None) -> Shown:
+    """The photo of the relief, or of ``color``, as a fit sees it that knows neither."""
+    surface = face.surface
+    asked = Asked(by_roughness=True, by_surface=True)
+    plain_terms = face.forward.light_terms(face.state, surface, face.stage, 16, 5, asked)
+    plain = face.forward.shade(face.state, surface, plain_terms)
+    photo = plain.color if color is None else plain.color * np.exp(color)
+    uvs = face.forward.uvs(surface)
+    if surface_map is not None:
+        bent = frames_of(face).mapped(surface, uvs, surface_map, face.state.rotation)
+        terms = face.forward.light_terms(face.state, bent, face.stage, 16, 5, asked)
+        photo = face.forward.shade(face.state, bent, terms).color
+    return replace(face.shown(photo), image=plain)
+
+
+def test_light_on_the_relief_is_the_picture_that_is_traced_again(face: PaintedFace):
+    relief = bumps(face)
+    seen = shown(face, relief.normal, None)
+    lit = relief.lit(seen, face.forward.geometry, face.state)
+    error = np.abs(lit.image.color - seen.photo).sum()
+    change = np.abs(seen.image.color - seen.photo).sum()
+    print(f"to first order, {error / change:.3f} of the change is missed; 0.2 allowed")
+    assert error < 0.2 * change
+
+
+def test_relief_is_found_where_light_tells_of_it(
+    face: PaintedFace, monkeypatch: pytest.MonkeyPatch
+):
+    """At 1.3 mm a pixel the waves are too long for the share of relief to be asked for."""
+    monkeypatch.setattr(
+        "facestage.fit.textures.relief.spread_of", lambda _found: Spread(0.01, 0.06)
+    )
+    relief = bumps(face)
+    seen = ReliefSeen(face.forward.geometry, face.atlas)
+    seen.add(shown(face, relief.normal, None), face.state)
+    found = seen.found
+    assert found is not None
+    assert seen._seen is not None
+    inner = seen._seen.weight > 0.3 * np.median(seen._seen.weight[seen._seen.weight > 0])
+    right, true = (difference(each, 1)[inner] for each in (found.height, relief.height))
+    alike = float(right @ true / np.sqrt((right @ right) * (true @ true)))
+    print(f"slopes to the right {alike:.2f} alike")
+    assert alike > 0.6
+    # The normals that pixels see are nearer to the true ones than the mesh's.
+    geometry = face.forward.geometry
+    pixels = SeenNormals.of(
+        face.forward,
+        face.state,
+        geometry.at(face.state) + face.state.translation,
+        np.arange(len(geometry.mean)),
+    )
+    vertices = frames_of(face).at(pixels.surface.triangle, pixels.surface.weights)
+    assert np.abs(vertices.normals - pixels.found_normals(None)).max() < 1e-9
+    true_normals = pixels.found_normals(relief.normal)
+    flat, mapped = (
+        pixels.angle(pixels.found_normals(each), true_normals, np.eye(3))
+        for each in (None, found.normal)
+    )
+    print(f"normals off by {flat:.2f} degrees, with the map {mapped:.2f}")
+    assert mapped < 0.85 * flat
+
+
+def test_blotches_are_no_relief(face: PaintedFace):
+    """Whatever its contrast, what has no direction stays pigment."""
+    rng = np.random.default_rng(0)
+    spots = np.zeros(len(face.surface.pixels))
+    for centre in face.surface.points[rng.choice(len(spots), 150)]:
+        distance = np.linalg.norm(face.surface.points - centre, axis=1)
+        spots -= 0.2 * np.exp(-0.5 * (distance / 0.002) ** 2)
+    seen = ReliefSeen(face.forward.geometry, face.atlas)
+    seen.add(shown(face, None, spots[:, None] * np.array([0.8, 1.0, 1.1])), face.state)
+    found = seen.found
+    slope = 0.0 if found is None else np.abs(found.normal[..., :2] - 0.5).max()
+    print(f"largest slope engraved {2 * slope:.3f}")
+    assert slope < 0.01
+
+
+def test_a_normal_map_is_that_of_its_height(face: PaintedFace):
+    relief, atlas = bumps(face), face.atlas
+    frames = frames_of(face).at(atlas.triangle, atlas.weights.astype(np.float64))
+    axes = (*frames.tangents, frames.normals)
+    values = 2 * relief.normal[atlas.covered].astype(np.float64) - 1
+    normals = sum(values[:, k, None] * axis for k, axis in enumerate(axes))
+    place = 1e3 * face.forward.geometry.at(face.state)[atlas.corners]
+    x, y = np.einsum("ti,tix->tx", atlas.weights, place)[:, :2].T
+    k = 2 * np.pi / 12
+    slope = np.stack(
+        [
+            0.14 * k * np.cos(k * x) * np.sin(k * y),
+            0.14 * k * np.sin(k * x) * np.cos(k * y),
+            np.zeros_like(x),
+        ],
+        axis=1,
+    )
+    slope -= frames.normals * np.einsum("tx,tx->t", slope, frames.normals)[:, None]
+    cosine = np.einsum("tx,tx->t", normals, turned(frames.normals, slope))
+    error = np.degrees(np.arccos(np.clip(cosine, -1, 1)))[atlas.skin[atlas.covered]]
+    print(f"median {np.median(error):.3f} degrees off, slopes of 4 degrees")
+    assert np.median(error) < 0.3
