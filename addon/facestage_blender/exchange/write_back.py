@@ -19,6 +19,7 @@ from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
 from ..rig.relief_key import check_relief, write_relief
+from ..rig.uneven_skin import set_curvature
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
@@ -64,7 +65,12 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     place(empty, rig, result.model_to_stage, rig_axes(rig))
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     displace(rig, False)  # another relief: by its normal map until it is asked for
-    set_scattering(rig, float(result.parameters.get("scattering", 0.0)))
+    scattering, translucency = (
+        float(result.parameters.get(name, 0.0)) for name in ("scattering", "translucency")
+    )
+    set_scattering(rig, scattering, translucency)
+    if translucency > 0:
+        set_curvature(rig, result.vertices)
     color_lashes(rig)
     if not settings.keep_camera:
         camera = ensure_camera(scene, facestage_collection(scene))

@@ -12,7 +12,7 @@ import numpy as np
 
 from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
-from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX
+from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX, TRANSLUCENCY_MAX
 from facestage.contract.texture_maps import (
     ALBEDO,
     EYE_MAP,
@@ -26,17 +26,20 @@ from facestage.contract.texture_maps import (
 from ..pictures.images import texture_image
 from ..pictures.texture import paint_vertices
 from .eye_material import show_eyes
+from .uneven_skin import emerging
 
 GROUP = "Facestage Skin"
 SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
+TRANSLUCENCY = "Translucency"  # how unevenly light comes out where the switch is off
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 NORMAL_NODE = "Normal Map"
 TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
 
 def skin_group() -> bpy.types.NodeTree:
-    """The shared node group: diffuse K_DIFFUSE * albedo, which comes out of the skin elsewhere
-    where subsurface scattering is switched on, plus c_spec times a GGX lobe with Schlick's F0.
+    """The shared node group: diffuse K_DIFFUSE * albedo, more of it at a slant and of bulges
+    (contract/scattering.py); where subsurface scattering is switched on light comes out of the skin
+    elsewhere, and as unevenly by itself; plus c_spec times a GGX lobe with Schlick's F0.
 
     A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its
     base color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
@@ -52,13 +55,14 @@ def skin_group() -> bpy.types.NodeTree:
                 socket.min_value, socket.max_value = 0.0, each.most
         group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
     known = group.interface.items_tree
-    if SUBSURFACE in known and NORMAL.socket in known:
+    below = {SUBSURFACE: 1.0, SCATTERING: STRENGTH_MAX, TRANSLUCENCY: TRANSLUCENCY_MAX}
+    missing = [name for name in below if name not in known]
+    if not missing and NORMAL.socket in known:
         return group
     # New, or of an older version.
-    for name, most in ((SUBSURFACE, 1.0), (SCATTERING, STRENGTH_MAX)):
-        if name not in known:
-            socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
-            socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, most
+    for name in missing:
+        socket = group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
+        socket.default_value, socket.min_value, socket.max_value = 0.0, 0.0, below[name]
     if NORMAL.socket not in known:
         kind = "NodeSocketVector"
         group.interface.new_socket(
@@ -82,7 +86,9 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     links.new(inputs.outputs["Albedo"], scale.inputs[0])
     diffuse = _node(nodes, "ShaderNodeBsdfDiffuse", -350, 250)
     diffuse.inputs["Roughness"].default_value = 0.0
-    links.new(scale.outputs["Vector"], diffuse.inputs["Color"])
+    normal = _normal_or_smooth(nodes, links, inputs.outputs[NORMAL.socket])
+    uneven = emerging(group, inputs.outputs[TRANSLUCENCY], normal, scale.outputs["Vector"])
+    links.new(uneven, diffuse.inputs["Color"])
 
     lobe = _node(nodes, "ShaderNodeBsdfPrincipled", -600, 0)
     lobe.distribution = "GGX"
@@ -101,7 +107,6 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     links.new(diffuse.outputs["BSDF"], body.inputs[1])
     links.new(below.outputs["BSSRDF"], body.inputs[2])
 
-    normal = _normal_or_smooth(nodes, links, inputs.outputs[NORMAL.socket])
     for shader in (diffuse, lobe, below):
         links.new(normal, shader.inputs["Normal"])
 
@@ -296,9 +301,9 @@ def set_textures(
             bpy.data.images.remove(image)
 
 
-def set_scattering(rig: bpy.types.Object, strength: float) -> None:
+def set_scattering(rig: bpy.types.Object, strength: float, translucency: float = 0.0) -> None:
     """Let light wander below the skin of a rig ``strength`` times as far as published; 0: switch
-    it off.
+    it off, so that light comes out where it went in, as unevenly as ``translucency`` says.
     """
     skin_group()  # also where it is of an older version
     for slot in rig.material_slots:
@@ -307,6 +312,7 @@ def set_scattering(rig: bpy.types.Object, strength: float) -> None:
         # Older versions named the parts' materials alone.
         if node is not None and node.get(SCATTERS, slot.material.name.startswith(GROUP)):
             node.inputs[SUBSURFACE].default_value = float(strength > 0)
+            node.inputs[TRANSLUCENCY].default_value = translucency
             if strength > 0:
                 node.inputs[SCATTERING].default_value = strength
 

@@ -177,7 +177,7 @@ def run_adam(problem: Problem, truth: Truth, settings: AdamSettings, detail: boo
         blocks = tuple(name for name in BLOCKS if name not in BELOW)
         phase = Phase("adam", blocks, FINE_FACE_PX * settings.resolution, 0, WEIGHT_SAMPLES)
         # Mitsuba differentiates direct light.
-        direct = replace(start.state, interreflection=0.0)
+        direct = replace(start.state, interreflection=0.0, translucency=0.0)
         passage = Passage.prepared(run.view, phase, direct)
         if passage is None:
             raise InputError("Everything is frozen; there is nothing to compare.")

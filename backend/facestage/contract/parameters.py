@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
-from facestage.contract.scattering import STRENGTH_MAX
+from facestage.contract.scattering import STRENGTH_MAX, TRANSLUCENCY_MAX
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Checked, Number
 
@@ -82,6 +82,11 @@ TABLE: Mapping[str, Parameter] = MappingProxyType(
         ),
         "scattering": Parameter(
             "Keep how far light wanders below the skin", Values((), 0, STRENGTH_MAX), required=False
+        ),
+        "translucency": Parameter(
+            "Keep how much more light comes out of slanting and bulging skin",
+            Values((), 0, TRANSLUCENCY_MAX),
+            required=False,
         ),
     }
 )

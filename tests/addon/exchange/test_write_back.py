@@ -243,3 +243,30 @@ def test_what_is_missing_is_said(scene, ready, stand_in, tmp_path: Path) -> None
     ready.facestage.photo = ""
     with pytest.raises(InputError, match="Choose Photo"):
         read_job(ready)
+
+
+def test_skin_knows_how_light_comes_out_of_it(ready, stand_in, tmp_path: Path) -> None:
+    """As much as the fit found, of the shape that it found; older results say nothing of it."""
+    from facestage.contract.curvature import Curvature
+    from facestage_blender.exchange.write_back import apply_result
+
+    result = fitted(ready, stand_in, tmp_path)
+    older = {name: value for name, value in result.further.items() if name != "translucency"}
+    apply_result(ready, replace(result, further=older | {"translucency": np.array(0.7)}))
+    rig = ready.facestage.rig
+    skin, eyes = (
+        next(
+            slot.material.node_tree.nodes["Facestage Skin"].inputs["Translucency"]
+            for slot in rig.material_slots
+            if slot.material.name == name
+        )
+        for name in ("Facestage Skin", "Facestage Eyes")
+    )
+    assert (skin.default_value, eyes.default_value) == (pytest.approx(0.7), 0.0)
+    shown = np.empty(len(rig.data.vertices), np.float32)
+    rig.data.attributes["facestage_curvature"].data.foreach_get("value", shown)
+    wanted = Curvature(result.triangles, len(result.vertices)).of(result.vertices)
+    np.testing.assert_allclose(shown, wanted, atol=1.0)
+    assert np.ptp(wanted) > 30
+    apply_result(ready, replace(result, further=older))
+    assert skin.default_value == 0.0

@@ -13,6 +13,7 @@ import pytest
 from facestage.contract.brdf import F0, K_DIFFUSE, K_SPECULAR
 from facestage.contract.face_model import EYES, OTHER, SKIN
 from facestage.contract.light_stage import ON, LightStage
+from facestage.contract.scattering import BULGE, DISTANCE_MM, METRES, SLANT
 
 RADIUS, DISTANCE, SIDE, PIXELS = 0.05, 0.8, 0.02, 48
 
@@ -219,6 +220,36 @@ def test_light_wanders_below_the_skin_alone(scene) -> None:
     np.testing.assert_allclose(render_linear(scene, 512, direct_only=True)[..., :3], plain)
 
 
+def test_light_comes_out_unevenly(scene) -> None:
+    """At a slant and of bulges, as the contract has it; random walks do so by themselves."""
+    import bpy
+
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.rig.material import set_scattering
+    from facestage_blender.rig.uneven_skin import set_curvature
+
+    albedo = (0.5, 0.3, 0.2)
+    plain = render_ball(scene, albedo, 0.0, 0.5, np.array([0.3, 0.2, 0.9]) / np.sqrt(0.94))
+    ball = bpy.context.object
+    set_scattering(ball, 0.0, 0.8)
+    set_curvature(ball, np.array([vertex.co for vertex in ball.data.vertices]))
+    steps = (np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1
+    x, y = np.meshgrid(steps, -steps)
+    inside = (x**2 + y**2 < 0.9**2) & (plain[..., 0] > 0.1 * plain[..., 0].max())
+    cosine = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    # A sphere's mean curvature is one over its radius.
+    excess = SLANT * (2 / 3 - cosine)[..., None] + BULGE * METRES * np.array(DISTANCE_MM) / RADIUS
+    wanted = plain * (1 + 0.8 * (1 - K_DIFFUSE * np.array(albedo)) * excess)
+    shown = render_linear(scene, 512, direct_only=True)[..., :3]
+    worst = np.abs(shown / np.maximum(wanted, 1e-9) - 1)[inside].max()
+    print(f"off by {worst:.1e}, of {np.abs(shown / np.maximum(plain, 1e-9) - 1)[inside].max():.2f}")
+    assert worst < 5e-3
+    set_scattering(ball, 0.5, 0.8)
+    walked = render_linear(scene, 64, direct_only=True)[..., :3]
+    set_scattering(ball, 0.5)
+    np.testing.assert_allclose(walked, render_linear(scene, 64, direct_only=True)[..., :3])
+
+
 def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
     """Its group had neither switch nor strength; its look, images and links stay."""
     import bpy
@@ -227,7 +258,7 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
 
     skin, eye = part_materials(np.array([SKIN, EYES]))
     group = skin_group()
-    for name in ("Subsurface", "Scattering", "Normal"):
+    for name in ("Subsurface", "Scattering", "Translucency", "Normal"):
         group.interface.remove(group.interface.items_tree[name])
     mesh = bpy.data.meshes.new("rig")
     for material in (skin, eye):

@@ -19,6 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.contract.face_model import SKIN
+from facestage.contract.scattering import BULGE_M, SLANT
 from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
@@ -77,6 +79,7 @@ class Jacobian:
         chosen = active.copy()
         shape = layout.shape
         self._deforms = bool(active[shape].any())
+        self._bulges = None if image.excess is None else forward.bulges(image.surface)
         if self._deforms:
             self._prepare_shape(chosen, shape, all_columns)
         if self._moves:
@@ -122,21 +125,45 @@ class Jacobian:
         modes = np.flatnonzero(chosen[shape])
         self._local = np.cumsum(seen) - 1
         self._seen_count = int(seen.sum())
+        turning = seen | geometry.bends.around(seen) if self._bulges is not None else seen
+        around = np.zeros(len(geometry.mean), bool)
+        around[geometry.triangles[turning[geometry.triangles].any(axis=1)]] = True
         basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[around][:, :, modes]
-        rows = (3 * np.flatnonzero(seen)[:, None] + np.arange(3)).ravel()
+        rows = (3 * np.flatnonzero(turning)[:, None] + np.arange(3)).ravel()
         columns = (3 * np.flatnonzero(around)[:, None] + np.arange(3)).ravel()
-        operator = geometry.normal_operator(surface.model_vertices, seen)[rows][:, columns]
+        operator = geometry.normal_operator(surface.model_vertices, turning)[rows][:, columns]
         # No mode at all is a shape that reshape cannot guess.
-        positions = basis[seen[around]].reshape(3 * self._seen_count, len(modes))
-        basis = basis.reshape(3 * int(around.sum()), len(modes))
+        moved = basis[turning[around]].reshape(3 * int(turning.sum()), len(modes))
+        turned = operator @ basis.reshape(3 * int(around.sum()), len(modes))
         # (6 seen vertices, modes)
-        self._shape_basis = np.concatenate([positions, operator @ basis])
+        shown = np.repeat(seen[turning], 3)
+        parts = [moved[shown], turned[shown]]
+        if self._bulges is not None:
+            parts.append(self._bent(seen, turning, moved, turned))  # (seen vertices, modes)
+        self._shape_basis = np.concatenate(parts)
         if self.edges is not None:
             basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][
                 :, :, modes
             ]
             # (3 vertices that cast shadows, modes)
             self._edge_basis = basis.reshape(3 * len(basis), len(modes))
+
+    def _bent(
+        self,
+        seen: Bool[np.ndarray, " vertices"],
+        turning: Bool[np.ndarray, " vertices"],
+        moved: Float[np.ndarray, "coordinates modes"],
+        turned: Float[np.ndarray, "coordinates modes"],
+    ) -> Float[np.ndarray, "seen modes"]:
+        """How the curvature at the ``seen`` vertices changes as the ``turning`` ones are ``moved``
+        and their unnormalised normals ``turned``.
+        """
+        surface, geometry = self.image.surface, self.geometry
+        normals = geometry.vertex_normals(surface.model_vertices)[0]
+        near = np.repeat(geometry.bends.around(seen)[turning], 3)
+        return geometry.bends.change(
+            surface.model_vertices, normals, surface.normal_scale, seen, moved[near], turned[near]
+        )
 
     def blocks(self, size: int = BLOCK_PIXELS) -> Iterator[JacobianBlock]:
         """All pixels, ``size`` at a time."""
@@ -169,6 +196,8 @@ class Jacobian:
             parts.append(self._interreflection(part))
         if active["scattering"]:
             parts.append(self._scattering(part))
+        if active["translucency"]:
+            parts.append(self._translucency(part))
         dense = np.zeros((CHANNELS, end - start, len(self.dense_columns)), np.float32)
         if parts:
             np.concatenate(parts, axis=2, out=dense, casting="same_kind")
@@ -198,6 +227,9 @@ class Jacobian:
         skin = image.skin.part(part)
         by_depth = skin.radiance(terms.diffuse_by_depth[part], terms.specular_by_depth[part])
         by_unit = skin.radiance(terms.diffuse_by_normal[part], terms.specular_by_normal[part])
+        if image.excess is not None:
+            by_slant = SLANT * self._by_excess(part)
+            by_unit = by_unit + by_slant[..., None] * surface.rays[part][:, None]
         # Through the normalisation of the interpolated normal: tangential part only, over its
         # length.
         normal, length = surface.normals[part], surface.normal_length[part]
@@ -223,9 +255,23 @@ class Jacobian:
             )
             spec_change = np.einsum("px,px->p", gradient, uvs[:, edge] - uvs[:, 0])
             change += by_c_spec(image.specular[part]) * spec_change[:, None]
+            if self._bulges is not None:
+                bend = self._bulges[surface.corners[part]]
+                change += self._by_bulge(part) * (bend[:, edge] - bend[:, 0])[:, None]
             by_edge.append(change)
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
+
+    def _by_excess(self, part: slice) -> Float[np.ndarray, "pixels 3"]:
+        """By how unevenly light comes out at strength 1."""
+        image = self.image
+        skin = self.geometry.triangle_part[image.surface.triangle[part]] == SKIN
+        by_excess = image.skin.part(part).by_excess(image.diffuse[part])
+        return self.state.translucency * skin[:, None] * by_excess
+
+    def _by_bulge(self, part: slice) -> Float[np.ndarray, "pixels 3"]:
+        """By mean curvature."""
+        return np.array(BULGE_M) * self._by_excess(part)
 
     def _pose(
         self,
@@ -274,20 +320,24 @@ class Jacobian:
         corners, weights = surface.corners[part], surface.weights[part]
         count = len(corners)
         # position or normal, corner, xyz
-        coefficients = np.empty((CHANNELS, count, 2, 3, 3), np.float32)
-        coefficients[:, :, 0] = (slide @ rotation).transpose(1, 0, 2)[:, :, None] * weights[
-            :, :, None
-        ]
+        motion = np.empty((CHANNELS, count, 2, 3, 3), np.float32)
+        motion[:, :, 0] = (slide @ rotation).transpose(1, 0, 2)[:, :, None] * weights[:, :, None]
         # (B, channel, corner, xyz)
         turned = (by_normal @ rotation)[:, :, None] * weights[:, None, :, None]
         unit = (surface.corner_normals[part] @ rotation)[:, None]
         turned -= (turned * unit).sum(-1, keepdims=True) * unit
         turned /= np.maximum(surface.normal_scale[corners], 1e-20)[:, None, :, None]
-        coefficients[:, :, 1] = turned.transpose(1, 0, 2, 3)
+        motion[:, :, 1] = turned.transpose(1, 0, 2, 3)
         column = 3 * self._local[corners][:, None, :, None] + np.arange(3)
-        column = (column + 3 * self._seen_count * np.arange(2)[:, None, None]).astype(np.int32)
-        column = np.broadcast_to(column, coefficients.shape).ravel()
-        pointer = np.arange(0, CHANNELS * count * 18 + 1, 18)
+        column = column + 3 * self._seen_count * np.arange(2)[:, None, None]
+        coefficients, column = motion.reshape(CHANNELS, count, 18), column.reshape(count, 18)
+        if self._bulges is not None:  # of each corner
+            by_bulge = self._by_bulge(part).T[..., None] * weights
+            coefficients = np.concatenate([coefficients, by_bulge.astype(np.float32)], axis=2)
+            column = np.concatenate([column, self._local[corners] + 6 * self._seen_count], axis=1)
+        width = column.shape[1]
+        column = np.broadcast_to(column.astype(np.int32), coefficients.shape).ravel()
+        pointer = np.arange(0, CHANNELS * count * width + 1, width)
         shape = (CHANNELS * count, len(self._shape_basis))
         product = (
             sp.csr_matrix((coefficients.ravel(), column, pointer), shape=shape) @ self._shape_basis
@@ -389,6 +439,15 @@ class Jacobian:
         if not isinstance(image.spread, Scattering):
             return None
         return image.spread.by_strength(image.terms.diffuse @ image.radiance)
+
+    def _translucency(self, part: slice) -> Float[np.ndarray, "3 pixels 1"]:
+        """By how unevenly light comes out of the skin; a fit at none of it can come back."""
+        by_excess = self.image.skin.part(part).by_excess(self.image.diffuse[part])
+        return (by_excess * self._unevenness[part]).T[..., None]
+
+    @cached_property
+    def _unevenness(self) -> Float[np.ndarray, "pixels 3"]:
+        return self.forward.unevenness(self.image.surface)
 
     def _texels(self, part: slice) -> sp.csr_matrix:
         """(B, texels): bilinear weights."""

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Float32, Float64, Int
 from facestage.contract.face_model import OTHER, SKIN, FaceModel
+from facestage.fit.face.curvature import MovingCurvature
 from facestage.fit.face.state import State
 
 # Metres per standard deviation or unit weight: a mode that moves a vertex less does not move it.
@@ -118,6 +119,17 @@ class FaceGeometry:
                 )
         length = np.linalg.norm(total, axis=1)
         return total / np.maximum(length, 1e-20)[:, None], length
+
+    def curvature(
+        self, vertices: Float[np.ndarray, "vertices 3"]
+    ) -> Float[np.ndarray, " vertices"]:
+        """Mean curvature, 1 / m, convex positive."""
+        return self.bends.at(vertices, self.vertex_normals(vertices)[0])
+
+    @cached_property
+    def bends(self) -> MovingCurvature:
+        """The mean curvature of the rendered mesh in any shape."""
+        return MovingCurvature(self.triangles, len(self.mean))
 
     def normal_operator(
         self, vertices: Float[np.ndarray, "vertices 3"], wanted: Bool[np.ndarray, " vertices"]

@@ -33,6 +33,8 @@ class State:
     interreflection: float = 0.0
     # how far light wanders below the skin: 0 not at all, 1 as published (contract/scattering.py)
     scattering: float = 0.0
+    # how much more light comes out at a slant and of bulges: 0 of opaque skin, 1 of a random walk
+    translucency: float = 0.0
 
     @property
     def shape_weights(self) -> Float[np.ndarray, " modes"]:

@@ -46,6 +46,9 @@ INTERREFLECTION_MAX = 1.5
 # How far light wanders below the skin: about as far as published (1), not at all where the photo
 # does not say.
 SCATTERING_SIGMA, SCATTERING_MAX = 1.0, 3.0
+# How unevenly light comes out of the skin: between opaque (0) and as of a random walk (1).
+TRANSLUCENCY_MEAN, TRANSLUCENCY_SIGMA = 0.5, 0.5
+TRANSLUCENCY_MAX = 1.5
 
 
 @dataclass(frozen=True)
@@ -238,6 +241,14 @@ UNKNOWNS = (
         "below",
         bounds=(0.0, SCATTERING_MAX),
         priors={"scattering": normal(0.0, SCATTERING_SIGMA)},
+        counted=False,
+    ),
+    Unknown(
+        "translucency",
+        "skin",
+        bounds=(0.0, TRANSLUCENCY_MAX),
+        priors={"translucency": normal(TRANSLUCENCY_MEAN, TRANSLUCENCY_SIGMA)},
+        mean=TRANSLUCENCY_MEAN,
         counted=False,
     ),
 )

@@ -17,6 +17,7 @@ from numpy.typing import DTypeLike
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Float, Shaped
+from facestage.contract.scattering import emerging
 from facestage.fit.face.light_parameters import CHANNELS
 
 # Eyes and teeth are wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the
@@ -33,20 +34,30 @@ class Skin:
 
     albedo: Float[np.ndarray, "points 3"]  # 0..ALBEDO_MAX
     c_spec: Float[np.ndarray, " points"]  # 0..SPECULAR_MAX
+    # how unevenly light comes out from below (contract/scattering.py); None: evenly
+    excess: Float[np.ndarray, "points 3"] | None = None
 
     def part(self, where: Shaped[np.ndarray, " _"] | slice) -> Skin:
         """Some of the points (a mask, indices or a slice)."""
-        return Skin(self.albedo[where], self.c_spec[where])
+        excess = None if self.excess is None else self.excess[where]
+        return Skin(self.albedo[where], self.c_spec[where], excess)
 
     def dimmed(self, share: float) -> Skin:
         """Skin that sends back ``share`` of the light."""
-        return Skin(share * self.albedo, share * self.c_spec)
+        return Skin(share * self.sent, share * self.c_spec)
+
+    @property
+    def sent(self) -> Float[np.ndarray, "points 3"]:
+        """The albedo of opaque skin that sends as much to the viewer."""
+        return (
+            self.albedo if self.excess is None else self.albedo * emerging(self.albedo, self.excess)
+        )
 
     def matte(
         self, irradiance: Float[np.ndarray, "points ..."]
     ) -> Float[np.ndarray, "points 3 ..."]:
         """Radiance from below the surface; ``irradiance`` (P, 3, ...)."""
-        return brdf.matte(_beside(self.albedo, irradiance), irradiance)
+        return brdf.matte(_beside(self.sent, irradiance), irradiance)
 
     def gloss(self, lobe: Float[np.ndarray, "points ..."]) -> Float[np.ndarray, "points ..."]:
         """Radiance from the surface; ``lobe`` (P, 3, ...)."""
@@ -108,7 +119,7 @@ class Skin:
         out: np.ndarray,
     ) -> np.ndarray:
         """``out``, where one channel's radiance is put."""
-        white = brdf.matte(self.albedo[:, channel], 1.0).astype(out.dtype)
+        white = brdf.matte(self.sent[:, channel], 1.0).astype(out.dtype)
         np.multiply(_beside(white, irradiance), irradiance, out=out)
         out += glossy
         if indirect is not None and indirect.size:
@@ -120,7 +131,14 @@ class Skin:
         self, irradiance: Float[np.ndarray, "points ..."]
     ) -> Float[np.ndarray, "points 3"]:
         """The radiance's derivative by log albedo before :func:`albedo_of` limits it."""
-        return self.matte(irradiance) * (self.albedo < brdf.ALBEDO_MAX)
+        by_log = brdf.matte(self.albedo, irradiance) * (self.albedo < brdf.ALBEDO_MAX)
+        if self.excess is not None:
+            by_log *= emerging(2.0 * self.albedo, self.excess)
+        return by_log
+
+    def by_excess(self, irradiance: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
+        """The radiance's derivative by how unevenly light comes out."""
+        return brdf.matte(self.albedo, irradiance) * (1.0 - brdf.K_DIFFUSE * self.albedo)
 
 
 def by_albedo(irradiance: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:

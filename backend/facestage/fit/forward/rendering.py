@@ -128,7 +128,8 @@ def render_picture(
                 )
                 spread = None if below is None else below.at(block)
                 if images is not None:
-                    images.add(x, y, 1.0 / grid**2, terms, Skin(albedo, c_spec), spread)
+                    skin = Skin(albedo, c_spec, forward.excess(state, block))
+                    images.add(x, y, 1.0 / grid**2, terms, skin, spread)
                 for name, radiance in radiances.items():
                     image = forward.shade(state, block, terms, albedo, radiance, c_spec, spread)
                     colors[name][y, x] += image.color / grid**2

@@ -10,6 +10,7 @@ from facestage.contract.arrays import Bool, Float, Float32, Int, Shaped
 from facestage.contract.camera import Camera
 from facestage.contract.face_model import SKIN
 from facestage.contract.light_stage import LightStage
+from facestage.contract.scattering import BULGE_M, MEAN_COSINE, SLANT
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -62,11 +63,12 @@ class Image:
     specular: Float[np.ndarray, "pixels 3"]
     color: Float[np.ndarray, "pixels 3"]
     spread: Spread | None = None  # of the irradiance below the skin; None: it stays where it is
+    excess: Float[np.ndarray, "pixels 3"] | None = None  # see Skin
 
     @property
     def skin(self) -> Skin:
         """What the pixels see is made of."""
-        return Skin(self.albedo, self.c_spec)
+        return Skin(self.albedo, self.c_spec, self.excess)
 
     @property
     def scattered(self) -> Float32[np.ndarray, "3 pixels lights"] | None:
@@ -243,8 +245,27 @@ class ForwardModel:
         if terms.indirect.size:
             indirect = np.einsum("cpn,nc->pc", terms.indirect, radiance)
             diffuse, specular = diffuse + indirect, specular + uniform_lobe(indirect)
-        color = Skin(albedo, c_spec).radiance(diffuse, specular)
-        return Image(surface, terms, albedo, c_spec, radiance, diffuse, specular, color, spread)
+        excess = self.excess(state, surface)
+        color = Skin(albedo, c_spec, excess).radiance(diffuse, specular)
+        return Image(
+            surface, terms, albedo, c_spec, radiance, diffuse, specular, color, spread, excess
+        )
+
+    def excess(self, state: State, surface: Surface) -> Float[np.ndarray, "pixels 3"] | None:
+        """How unevenly light comes out of the skin that the pixels see; None: evenly."""
+        return state.translucency * self.unevenness(surface) if state.translucency else None
+
+    def unevenness(self, surface: Surface) -> Float[np.ndarray, "pixels 3"]:
+        """The same of a random walk: the terms of contract/scattering.py, on skin."""
+        skin = self.geometry.triangle_part[surface.triangle] == SKIN
+        cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
+        bulge = np.einsum("pi,pi->p", surface.weights, self.bulges(surface)[surface.corners])
+        slant = SLANT * (MEAN_COSINE - cosine)
+        return skin[:, None] * (slant[:, None] + bulge[:, None] * np.array(BULGE_M))
+
+    def bulges(self, surface: Surface) -> Float[np.ndarray, " vertices"]:
+        """Mean curvature of the whole mesh, 1 / m, convex positive."""
+        return self.geometry.curvature(surface.model_vertices)
 
     def scattering(
         self, surface: Surface, strength: float, among: Bool[np.ndarray, " pixels"] | None = None

@@ -140,6 +140,12 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
             "the photo shows none of it",
             "its rays, and one column of the Jacobian",
         )
+    if fitted.state.translucency == 0 and "translucency" not in problem.job.freeze:
+        add(
+            "light that comes out of the skin unevenly",
+            "the photo shows none of it",
+            "one column of the Jacobian",
+        )
     if fitted.below is not None and not fitted.below.joined:
         add("light below the skin", fitted.below.words, "its sums, and a column of the Jacobian")
     if problem.lights.uniform:

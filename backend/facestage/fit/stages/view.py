@@ -40,6 +40,7 @@ WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 # Of all the light that skin sends to skin, which adds about 5 % to direct light (root mean square,
 # docs/transport.md): less than half a percent is left out.
 INTERREFLECTION, INTERREFLECTION_MIN = {"interreflection"}, 0.1
+TRANSLUCENCY, TRANSLUCENCY_MIN = {"translucency"}, 0.1
 
 
 @dataclass(frozen=True)
@@ -238,6 +239,8 @@ class View:
         held = layout.mask(self.frozen())
         if not state.interreflection:
             held |= layout.mask(INTERREFLECTION)
+        if not state.translucency:
+            held |= layout.mask(TRANSLUCENCY)
         if not state.scattering:
             held |= layout.mask(BELOW)
         held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
@@ -280,10 +283,15 @@ class View:
         return self.camera_to_stage
 
     def without_next_to_nothing(self, state: State) -> State:
-        """Before a phase: without light from skin to skin where the photo has shown hardly any."""
-        if state.interreflection >= INTERREFLECTION_MIN or INTERREFLECTION & self.frozen():
-            return state
-        return replace(state, interreflection=0.0)
+        """Before a phase: without light from skin to skin, and light that comes out of it unevenly,
+        where the photo has shown hardly any.
+        """
+        frozen = self.frozen()
+        if state.interreflection < INTERREFLECTION_MIN and not INTERREFLECTION & frozen:
+            state = replace(state, interreflection=0.0)
+        if state.translucency < TRANSLUCENCY_MIN and not TRANSLUCENCY & frozen:
+            state = replace(state, translucency=0.0)
+        return state
 
     def with_scattering(self, phase: Phase, state: State) -> State:
         """Before a phase that says how far light wanders below the skin: with some of it, where the

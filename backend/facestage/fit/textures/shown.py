@@ -59,7 +59,8 @@ class Shown:
     @property
     def diffuse(self) -> Float[np.ndarray, "pixels 3"]:
         """Radiance of a white diffuser."""
-        return by_albedo(self.image.diffuse)
+        skin = self.image.skin
+        return by_albedo(self.image.diffuse) * skin.sent / skin.albedo
 
     @property
     def albedo(self) -> Float[np.ndarray, "pixels 3"]:
@@ -82,7 +83,7 @@ class Shown:
         specular = np.maximum(
             image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0
         )
-        color = Skin(image.albedo, changed).radiance(image.diffuse, specular)
+        color = Skin(image.albedo, changed, image.excess).radiance(image.diffuse, specular)
         return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
 
     def change_over_shift(

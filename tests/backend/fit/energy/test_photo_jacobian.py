@@ -150,9 +150,10 @@ def check(scene: Scene, block: str, bound: float = BOUND) -> None:
 
 
 # Light from skin to skin and below the skin is zero in the scene, and no unknown then.
-@pytest.mark.parametrize(
-    "block", [name for name in BLOCKS if name not in ("interreflection", "scattering")]
-)
+INDIRECT = ("interreflection", "scattering")
+
+
+@pytest.mark.parametrize("block", [name for name in BLOCKS if name not in INDIRECT])
 def test_every_parameter(scene: Scene, unshadowed: None, block: str):
     # A longer lens also turns the view and shifts the lit point sideways; the derivative leaves
     # both out. The derivative by a light's place is itself a difference, over a turn ten times as
@@ -186,6 +187,16 @@ def test_light_below_the_skin(scene: Scene, unshadowed: None, block: str):
 def test_light_below_moving_skin(scene: Scene, unshadowed: None, block: str):
     """What the surface's motion changes is not spread: off by little of it where light is soft."""
     check(replace(scene, state=replace(scene.state, scattering=1.0)), block, 0.12)
+
+
+@pytest.mark.parametrize("block", [name for name in BLOCKS if name not in INDIRECT])
+def test_light_that_comes_out_unevenly(scene: Scene, unshadowed: None, block: str):
+    """By its strength, and by all that changes how the surface slants and bulges."""
+    state = replace(scene.state, translucency=0.8)
+    uneven, pixels = replace(scene, state=state), interior(scene)
+    change = picture(uneven, state, pixels).color - picture(scene, scene.state, pixels).color
+    assert np.abs(change).max() > 5e-3
+    check(uneven, block, {"focal": 0.15, "light_position": 0.06}.get(block, BOUND))
 
 
 def test_lights_of_one_color(uniform_scene: Scene, unshadowed: None):

@@ -147,6 +147,7 @@ FROZEN_VALUES: dict[str, Callable[[Result], Any]] = {
     "roughness": lambda result: result.roughness,
     "interreflection": lambda result: result.parameters["interreflection"],
     "scattering": lambda result: result.parameters["scattering"],
+    "translucency": lambda result: result.parameters["translucency"],
     "lights": lambda result: result.stage.radiance,
     "pose": lambda result: result.model_to_camera,
     "focal": lambda result: result.camera.focal_px,
@@ -161,6 +162,7 @@ INITIAL = {
     "roughness": np.array(0.33),
     "interreflection": np.array(0.7),
     "scattering": np.array(0.7),
+    "translucency": np.array(0.7),
     "specular": np.full((6, 6), 0.6),
     "model_to_camera": np.array(
         [[1, 0, 0, 0.012], [0, 1, 0, -0.008], [0, 0, 1, -0.6], [0, 0, 0, 1]]
