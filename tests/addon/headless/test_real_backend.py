@@ -82,10 +82,11 @@ def test_fit_is_written_back_as_the_fit_saw_it(
     assert result.errors["similarity_mm"] < 4.0
 
 
+@pytest.mark.parametrize("name", ["scattering", "translucency"])
 def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
-    case: Path, backend: list[str], tmp_path: Path
+    case: Path, backend: list[str], tmp_path: Path, name: str
 ) -> None:
-    """By a random walk in Cycles, by the fit's own profile in its render."""
+    """By a random walk in Cycles, or nodes, by the fit's own formulas in its render."""
     import bpy
 
     from facestage_blender.backend.process import BackendProcess
@@ -99,15 +100,16 @@ def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
     pipeline.prepare_scene(scene, order, backend, lambda _event: None)
     job, out = tmp_path / "job", tmp_path / "result"
     given = read_job(scene)
-    initial = {**given.initial, "scattering": np.array(1.0)}
-    replace(given, freeze=("scattering", "specular"), initial=initial, quality="draft").save(job)
+    initial = {**given.initial, name: np.array(1.0)}
+    replace(given, freeze=(name, "specular"), initial=initial, quality="draft").save(job)
     assert BackendProcess(fit_command(backend, [job], out)).wait().ok
     result = Result.load(out)
     apply_result(scene, result)
     group = bpy.data.materials["Facestage Skin"].node_tree.nodes["Facestage Skin"]
-    assert group.inputs["Subsurface"].default_value == 1.0
+    assert group.inputs["Subsurface"].default_value == float(name == "scattering")
+    assert group.inputs[name.capitalize()].default_value == 1.0
     match = demo.agreement(scene, result, render.Crop((0, 0, SIZE, SIZE)), samples=512)
-    print(f"Cycles' random walk against the fit's renderer: {match:.1f} dB, at least 32")
+    print(f"Cycles' {name} against the fit's renderer: {match:.1f} dB, at least 32")
     assert match >= 32.0
 
 
