@@ -14,11 +14,13 @@ from typing import TextIO
 from facestage.bench.adam import run_adam
 from facestage.bench.cases import Case, find_cases
 from facestage.bench.harmonics import run_harmonics
+from facestage.bench.parts import part_gains, part_lines
 from facestage.bench.relighting import bench_relighting
 from facestage.bench.report import PAGE, Bench, text_lines, write_bench
 from facestage.bench.settings import (
     ALONE_LINEUP,
     HARMONICS,
+    PARTS_LINEUP,
     QUICK_LINEUP,
     WHOLE_LINEUP,
     AdamSettings,
@@ -49,6 +51,7 @@ def run_bench(
     device: str = "auto",
     seed: int = 0,
     alone: bool = False,
+    parts: bool = False,
     lineup: Lineup | None = None,
     fineness: Fineness = USUAL,
     face_region: Path | None = None,
@@ -56,13 +59,15 @@ def run_bench(
     """Measure, print to ``stream`` and write the folder ``out``. Raises InputError before anything
     is measured.
 
-    ``alone``: the fit by itself, nothing to compare it with. ``lineup``: who runs, instead of what
+    ``alone``: the fit by itself, nothing to compare it with. ``parts``: beside it the fits without
+    each part of the light's model. ``lineup``: who runs, instead of what
     these two say. ``face_region``: which vertices of the cases' scans are the face.
     """
     _make_folder(out)
     variant = start_renderer(device)
     if lineup is None:
         lineup = QUICK_LINEUP if quick else ALONE_LINEUP if alone else WHOLE_LINEUP
+        lineup = PARTS_LINEUP if parts else lineup
     contenders, qualities, sweep = lineup.main, lineup.qualities, lineup.sweep
     main = tuple(contender.name for contender in contenders)
     rows: list[Row] = []
@@ -107,7 +112,7 @@ def run_bench(
     write_bench(out, bench)
     write_qualities(out, finals, machine)
     _say(stream, "")
-    for line in text_lines(bench):
+    for line in (*text_lines(bench), *part_lines(part_gains(rows, finals))):
         _say(stream, line)
     _say(stream, f"Written: {out / PAGE}")
     return EXIT_DONE

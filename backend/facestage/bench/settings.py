@@ -26,6 +26,8 @@ class SolverSettings:
     quality: str = GOOD
     # whether the derivatives know how cast shadows move; None: as a fit does
     shadow_edges: bool | None = None
+    # which part of the light's model is left out, of PARTS
+    without: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,13 @@ class AdamSettings:
     family: str = ADAM
 
 
+SURROUND = "surround"
+# The parts of the light's model that a fit can do without: lights behind the face, and unknowns.
+PARTS = {
+    SURROUND: "no light from behind",
+    "interreflection": "no light from skin to skin",
+    "scattering": "no light below the skin",
+}
 Contender = SolverSettings | AdamSettings
 DEFAULT = SolverSettings("Facestage")
 # On every case: what the quality names of a budget buy.
@@ -100,3 +109,6 @@ QUICK: tuple[Contender, ...] = (DEFAULT, AdamSettings("Adam", budget=30.0), HARM
 WHOLE_LINEUP = Lineup()
 QUICK_LINEUP = Lineup(QUICK, (), ())
 ALONE_LINEUP = Lineup((DEFAULT,), (), ())
+PARTS_LINEUP = Lineup(
+    (DEFAULT, *(SolverSettings(words, without=name) for name, words in PARTS.items())), (), ()
+)

@@ -7,8 +7,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from facestage.bench.settings import SolverSettings
+import numpy as np
+
+from facestage.bench.settings import SURROUND, SolverSettings
 from facestage.bench.trace import Snapshot, Track
+from facestage.contract.job import WITHOUT, Job
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
@@ -42,6 +45,7 @@ def run_solver(
         lit = progress.evaluation is not None
         snapshots.append(Snapshot(progress.seconds, progress.phase, progress.state, lit))
 
+    problem = replace(problem, job=without_part(problem.job, settings.without))
     forward = ForwardModel(problem.geometry, problem.lights)
     schedule = default_schedule(
         replace(problem.job, quality=settings.quality), problem.fineness.steps_max
@@ -56,6 +60,18 @@ def run_solver(
     # Lights behind the face may have joined.
     track = Track(snapshots, run.view.forward, fitted.stage, run.view.placed_stage)
     return finished_track(track, run.view.problem, truth, fitted) if detail else track
+
+
+def without_part(job: Job, part: str) -> Job:
+    """The job without a part of the light's model, of PARTS; as it is where that is empty."""
+    if not part:
+        return job
+    if part == SURROUND:
+        return replace(job, surround=WITHOUT)
+    # From a start at nothing it cannot leave.
+    return replace(
+        job, freeze=(*job.freeze, part), initial=dict(job.initial) | {part: np.array(0.0)}
+    )
 
 
 def finished_track(track: Track, problem: Problem, truth: Truth, fitted: Fitted) -> Track:

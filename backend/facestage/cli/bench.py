@@ -73,6 +73,13 @@ def add_command(commands: Any) -> None:
         "landmark stage",
     )
     bench.add_argument(
+        "--parts",
+        action="store_true",
+        help="fit the cases by Facestage alone, whole and without each part of the light's model "
+        "(lights behind the face, light from skin to skin, below the skin), and say what each "
+        "costs a step and gains",
+    )
+    bench.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)"
     )
     bench.add_argument(
@@ -87,6 +94,11 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             "--face-region is about the scans of cases; give the cases with --case, or leave it "
             "out."
+        )
+    if options.parts and (options.alone or options.quick or options.plan):
+        raise InputError(
+            "bench --parts says by itself which fits it compares; leave out --alone, --quick and "
+            "--plan."
         )
     if options.plan and options.case:
         raise InputError(
@@ -109,5 +121,6 @@ def run(options: argparse.Namespace) -> int:
         device=options.device,
         seed=options.seed,
         alone=options.alone,
+        parts=options.parts,
         face_region=options.face_region,
     )
