@@ -65,6 +65,7 @@ PARTS = {
     SURROUND: "no light from behind",
     "interreflection": "no light from skin to skin",
     "scattering": "no light below the skin",
+    "translucency": "light out of the skin evenly",
 }
 Contender = SolverSettings | AdamSettings
 DEFAULT = SolverSettings("Facestage")

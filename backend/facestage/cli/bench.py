@@ -76,8 +76,8 @@ def add_command(commands: Any) -> None:
         "--parts",
         action="store_true",
         help="fit the cases by Facestage alone, whole and without each part of the light's model "
-        "(lights behind the face, light from skin to skin, below the skin), and say what each "
-        "costs a step and gains",
+        "(lights behind the face, light from skin to skin, below the skin, unevenly out of it), "
+        "and say what each costs a step and gains",
     )
     bench.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of the light samples (default 0)"
