@@ -14,7 +14,6 @@ from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
 from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX, TRANSLUCENCY_MAX
 from facestage.contract.texture_maps import (
-    ALBEDO,
     EYE_MAP,
     NORMAL,
     PLAIN,
@@ -251,10 +250,8 @@ def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) ->
 
 
 def textures_uv_map(nodes: bpy.types.Nodes) -> str:
-    """The UV map that a material's albedo lies over; empty for the mesh's active one."""
-    picture = nodes.get(ALBEDO.socket)
-    links = () if picture is None else picture.inputs["Vector"].links
-    return next((link.from_node.uv_map for link in links), "")
+    """The UV map that a material's pictures lie over; empty for the mesh's active one."""
+    return next((node.uv_map for node in nodes if node.type == "UVMAP"), "")
 
 
 def set_textures(

@@ -270,3 +270,32 @@ def test_skin_knows_how_light_comes_out_of_it(ready, stand_in, tmp_path: Path) -
     assert np.ptp(wanted) > 30
     apply_result(ready, replace(result, further=older))
     assert skin.default_value == 0.0
+
+
+def test_relief_comes_with_a_result_and_goes_with_an_older_one(
+    ready, stand_in: Callable[[str], list[str]], tmp_path: Path
+) -> None:
+    """Beside eyes of their own, whose material places its picture by further nodes."""
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.pictures.render import save_exr
+    from facestage_blender.rig.displaced_skin import displace, is_displaced
+
+    result = fitted(ready, stand_in, tmp_path)
+    folder = known(result.folder)
+    save_exr(folder / "normal.exr", np.full((8, 8, 3), (0.6, 0.5, 0.99), np.float32))
+    save_exr(folder / "height.exr", np.full((8, 8, 3), 0.1, np.float32))
+    save_exr(folder / "eyes.exr", np.full((8, 8, 3), 0.2, np.float32))
+    rig = ready.facestage.rig
+    skins = [slot.material.node_tree.nodes.get("Facestage Skin") for slot in rig.material_slots]
+    normals = [node.inputs["Normal"] for node in skins if node is not None]
+    for _ in range(2):
+        apply_result(ready, result)
+        assert len(normals) > 1 and all(each.is_linked for each in normals)
+        assert rig.facestage_face.normal_image.colorspace_settings.name == "Non-Color"
+        displace(rig, True)
+        assert is_displaced(rig) and not any(each.is_linked for each in normals)
+    for name in ("normal", "height", "eyes"):
+        (folder / f"{name}.exr").unlink()
+    apply_result(ready, result)
+    assert not is_displaced(rig) and not any(each.is_linked for each in normals)
+    assert rig.facestage_face.height_image is None
