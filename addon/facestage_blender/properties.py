@@ -21,6 +21,8 @@ from facestage.contract.job import (
     DEVICES,
     LIGHT_COLORS,
     MODEL_FORMS,
+    TEXTURE_SIZES,
+    USUAL_TEXTURE_SIZE,
     WITH,
     WITHOUT,
 )
@@ -317,6 +319,17 @@ class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
             (AUTO, "Where Needed", "Lights behind the face where the photo shows light from there"),
             (WITH, "Always", "Lights behind the face, whatever the photo shows"),
             (WITHOUT, "Never", "The lights of the stage alone"),
+        ],
+    )
+    texture_size: EnumProperty(
+        name="Textures",
+        description="The most pixels along the textures of the next fit; as many as the photo "
+        "fills are made",
+        items=[("0", "2048, as usual", "Textures of 2048 pixels at most")]
+        + [
+            (str(size), str(size), f"Textures of {size} pixels at most")
+            for size in TEXTURE_SIZES
+            if size != USUAL_TEXTURE_SIZE
         ],
     )
     exposure_known: BoolProperty(

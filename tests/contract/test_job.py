@@ -104,6 +104,7 @@ def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, j
         ({"face": 0}, ["face", "0", "1"]),
         ({"plan": "some"}, ["plan", "some", "lean", "full"]),
         ({"surround": "some"}, ["surround", "some", "auto, on, off"]),
+        ({"texture_size": 1000}, ["texture size", "1000", "512, 1024, 2048, 4096"]),
         ({"exposure": "some"}, ["exposure", "some", "known, unknown"]),
         ({"seed": 2**40}, ["seed", str(2**40), "0 to"]),
     ],
@@ -262,6 +263,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "surround": "auto",
         "exposure": "known",
         "white_balance": None,
+        "texture_size": None,
     }
     (folder / "job.json").write_text(json.dumps({"schema": 1, "image": "photo.png"}))
     assert_same(replace(Job.load(folder), image=photo), Job(photo))

@@ -72,6 +72,7 @@ def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
         quality=settings.quality,
         seed=settings.seed,
         device=settings.device,
+        texture_size=int(settings.texture_size) or None,
     )
 
 

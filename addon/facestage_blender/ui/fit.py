@@ -128,6 +128,7 @@ class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "start_from_rig")
         layout.prop(settings, "quality")
         layout.prop(settings, "budget")
+        layout.prop(settings, "texture_size")
         layout.prop(settings, "device")
         layout.prop(settings, "seed")
         layout.prop(settings, "output")

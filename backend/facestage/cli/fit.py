@@ -106,6 +106,13 @@ def add_command(commands: Any) -> None:
         "the light, and with it the skin's, is a guess",
     )
     fit.add_argument(
+        "--texture-size",
+        type=int,
+        choices=(512, 1024, 2048, 4096),
+        help="the most texels along the textures (default 2048); as many as the photo fills are "
+        "made: 4096 takes a face of 700 pixels and more, several times the time and up to 3 GB",
+    )
+    fit.add_argument(
         "--light-color",
         choices=("multi", "uniform"),
         help="a color for each light (default), or one for all",

@@ -44,6 +44,7 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             "surround",
             "environment",
             "white_balance",
+            "texture_size",
             "seed",
             "device",
             "face",
@@ -147,6 +148,7 @@ def _image_job(
         seed=options.seed or 0,
         device=options.device or "auto",
         face=options.face,
+        texture_size=options.texture_size,
     )
 
 

@@ -59,6 +59,7 @@ PLANS = (LEAN, FULL)
 # Lights behind the face, beside those of the stage: where the photo needs them | always | never
 AUTO, WITH, WITHOUT = "auto", "on", "off"
 SURROUNDS = (AUTO, WITH, WITHOUT)
+TEXTURE_SIZES, USUAL_TEXTURE_SIZE = (512, 1024, 2048, 4096), 2048
 # What is known of the radiance of lights that are held: all | all but one factor, the photo's
 # exposure
 KNOWN, UNKNOWN = "known", "unknown"
@@ -116,6 +117,8 @@ class Job:
     exposure: str = KNOWN  # of the lights that are held: one of EXPOSURES
     # Something grey in the photo: its pixel (x, y), or what it shows, linear (red, green, blue)
     white_balance: tuple[float, ...] | None = None
+    # the most texels along the textures, one of TEXTURE_SIZES; None: 2048
+    texture_size: int | None = None
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -129,6 +132,11 @@ class Job:
         if self.surround not in SURROUNDS:
             raise InputError(
                 f"The surround is '{self.surround}'; expected one of {', '.join(SURROUNDS)}."
+            )
+        if self.texture_size is not None and self.texture_size not in TEXTURE_SIZES:
+            known = ", ".join(map(str, TEXTURE_SIZES))
+            raise InputError(
+                f"The texture size is {self.texture_size}; expected one of {known}, or none."
             )
         if self.exposure not in EXPOSURES:
             raise InputError(
@@ -193,6 +201,7 @@ class Job:
             "surround": self.surround,
             "exposure": self.exposure,
             "white_balance": None if self.white_balance is None else list(self.white_balance),
+            "texture_size": self.texture_size,
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -251,6 +260,7 @@ class Job:
             surround=found["surround"],
             exposure=found["exposure"],
             white_balance=found["white_balance"],
+            texture_size=found["texture_size"],
         )
 
 
@@ -285,6 +295,7 @@ class JobSchema(HandWritten):
     surround = Choice(SURROUNDS, load_default=AUTO)
     exposure = Choice(EXPOSURES, load_default=KNOWN)
     white_balance = Items(Number(0, RADIANCE_MAX), 2, 3, load_default=None)
+    texture_size = Whole(TEXTURE_SIZES[0], TEXTURE_SIZES[-1], load_default=None)
 
 
 class JobArrays(FileSchema):

@@ -59,6 +59,11 @@ class RayTracer:
         )
         self._scene_parameters.update()
 
+    @staticmethod
+    def release() -> None:
+        """Give back the memory that the renderer keeps for what it traces next."""
+        dr.flush_malloc_cache()
+
     def first_hits(self, origin: np.ndarray, directions: np.ndarray) -> Hits:
         """First triangle along unit ``directions`` (P, 3) from ``origin`` (3,) or (P, 3)."""
         if len(directions) == 0:

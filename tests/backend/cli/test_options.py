@@ -32,6 +32,7 @@ from reference.synthetic_case import Case
         (["--focal-px", "333"], lambda job: job.camera.focal_px, 333.0),
         (["--plan", "full"], lambda job: job.plan, "full"),
         (["--surround", "on"], lambda job: job.surround, "on"),
+        (["--texture-size", "4096"], lambda job: job.texture_size, 4096),
         (["--white-balance", "12,40.5"], lambda job: job.white_balance, (12.0, 40.5)),
         (["--white-balance", "1,.9,0.8"], lambda job: job.white_balance, (1.0, 0.9, 0.8)),
         (["--face", "2"], lambda job: job.face, 2),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+# Texels along the atlas per pixel of the face: the face fills about half of it.
+TEXELS_PER_FACE_PX = 3.0
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,18 @@ class Fineness:
     # A phase that ends at its last step has settled when this lowered the photo's residual by less
     # than this share.
     settled_share: float = 0.05
+
+    def limited(self, texture_size: int | None) -> Fineness:
+        """The same with ``texture_size`` texels along the albedo at most; None: as it is."""
+        if texture_size is None:
+            return self
+        least = min(self.texture_min, texture_size)
+        return replace(self, texture_max=texture_size, texture_min=least)
+
+    @property
+    def painted_face_px(self) -> float:
+        """Pixels of a face that fill the largest texture."""
+        return max(self.face_px, self.texture_max / TEXELS_PER_FACE_PX)
 
 
 USUAL = Fineness()

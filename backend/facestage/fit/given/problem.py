@@ -318,6 +318,7 @@ def read_problem(
     told of it. ``geometry`` is that of the job's model, when another photo of the same person has
     read it already.
     """
+    fineness = fineness.limited(job.texture_size)
     photograph = read_photograph(job.image)
     width, height = photograph.size
     own = photograph.focal

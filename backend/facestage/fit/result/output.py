@@ -37,6 +37,7 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
+from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.result.left_out import left_out
 from facestage.fit.runs.trace import DETAIL
 from facestage.fit.stereo.stereo_term import StereoTerm
@@ -75,7 +76,12 @@ def finish(
     ``shared``: the maps, where several photos have made them.
     """
     started = time.monotonic()
-    refined = refine(problem, forward, fitted) if shared is None else shared
+    if shared is None:
+        finer, finely = finer_photo(problem, fitted)
+        refined = refine(finer, forward, finely)
+        del finer, finely
+    else:
+        refined = shared
     detail_seconds = time.monotonic() - started
     started = time.monotonic()
     picture = render_picture(

@@ -12,7 +12,7 @@ import numpy as np
 
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
-from facestage.contract.job import Job
+from facestage.contract.job import USUAL_TEXTURE_SIZE, Job
 from facestage.contract.person import PHOTOS_MAX
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.given.fineness import USUAL, Fineness
@@ -32,6 +32,7 @@ COMMON = {
     "plan": "the plan",
     "seed": "the seed",
     "device": "the device",
+    "texture_size": "the size of textures",
 }
 
 
@@ -42,6 +43,11 @@ def check_jobs(jobs: Sequence[Job]) -> None:
             f"{len(jobs)} photo{'' if len(jobs) == 1 else 's'} of one person given; expected 2 to "
             f"{PHOTOS_MAX}. Leave out --same-person for one photo; of many, choose those that "
             "differ most in pose and light."
+        )
+    if any((job.texture_size or 0) > USUAL_TEXTURE_SIZE for job in jobs):
+        raise InputError(
+            f"Textures of several photos have {USUAL_TEXTURE_SIZE} pixels at most; ask for no "
+            "more, or fit the photos one by one."
         )
     for name, words in COMMON.items():
         for number, job in enumerate(jobs[1:], 2):

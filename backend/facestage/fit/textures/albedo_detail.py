@@ -12,7 +12,7 @@ from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.shown import Shown
-from facestage.fit.textures.texel_field import Field, doubled, solve_field
+from facestage.fit.textures.texel_field import Field, solve_field
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
 # Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a
@@ -67,7 +67,7 @@ def albedo_detail(
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
 
-    ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide; None: no symmetry.
+    ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide or less; None: no symmetry.
     Where neither side is seen, the detail decays to zero.
 
     ``painted``: what the model paints on the skin (painted_features.py). Where the skin is known it
@@ -85,13 +85,17 @@ def albedo_detail(
     seen = (known > KNOWN) & atlas.skin
     if half_mirror is None or not seen.any():
         return AlbedoDetail(_without(found, known, painted, atlas), seen, np.zeros_like(seen))
-    change, known_too = _completion(field.halved(), half_mirror)
-    # What is seen stays as it is; the rest of the change is smooth, so that half the texels are
+    while len(field.texels) > len(half_mirror):
+        field = field.halved()
+    # What is seen stays as it is; the rest of the change is smooth, so that fewer texels are
     # enough for it.
-    found = np.where(
-        atlas.skin[..., None], found + (1 - known)[..., None] * doubled(change), 0.0
-    ).astype(np.float32)
-    mirrored = doubled(known_too[..., None])[..., 0]
+    change, known_too = _completion(field, half_mirror)
+    times = atlas.size // len(change)
+    for row in range(len(change)):
+        rows = slice(times * row, times * (row + 1))
+        added = (1 - known[rows])[..., None] * np.repeat(change[row], times, axis=0)
+        found[rows] = np.where(atlas.skin[rows][..., None], found[rows] + added, 0.0)
+    mirrored = np.repeat(np.repeat(known_too, times, axis=0), times, axis=1)
     return AlbedoDetail(
         _without(found, known + (1 - known) * mirrored, painted, atlas),
         seen,
@@ -106,10 +110,13 @@ def _without(
     atlas: Atlas,
 ) -> Float32[np.ndarray, "size size 3"]:
     """What was ``found`` instead of the model's paint, as what is to be added to it."""
-    if painted is None:
-        return np.asarray(found, np.float32)
-    share = np.where(atlas.skin, known, 0.0)[..., None]
-    return np.asarray(found - share * atlas.bake(painted), np.float32)
+    result = np.asarray(found, np.float32)
+    if painted is not None:
+        share = np.where(atlas.skin, known, 0.0)
+        for rows, drawn in atlas.baked(painted):
+            covered = atlas.covered[rows]
+            result[rows][covered] -= share[rows][covered][:, None] * drawn
+    return result
 
 
 def _completion(

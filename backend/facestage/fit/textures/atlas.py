@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.render.tracer import Hits, RayTracer
+
+BLOCK = 2**20  # texels that are worked on at once
 
 
 @dataclass(frozen=True)
@@ -29,10 +32,17 @@ class Atlas:
     @classmethod
     def build(cls, geometry: FaceGeometry, size: int) -> Atlas:
         """Rasterise the UV triangles by tracing one ray through each texel's centre."""
-        v, u = np.mgrid[:size, :size]
-        hits = shown_at(geometry, (u + 0.5) / size, 1.0 - (v + 0.5) / size)
-        covered = (hits.triangle >= 0).reshape(size, size)
-        triangle = hits.triangle[hits.triangle >= 0]
+        centre = (np.arange(size) + 0.5) / size
+        rows = max(BLOCK // size, 1)
+        blocks = [
+            shown_at(geometry, *np.meshgrid(centre, 1.0 - centre[start : start + rows]))
+            for start in range(0, size, rows)
+        ]
+        every = np.concatenate([block.triangle for block in blocks])
+        shows = every >= 0
+        triangle, covered = every[shows], shows.reshape(size, size)
+        weights = np.concatenate([each.barycentric[each.triangle >= 0] for each in blocks])
+        del blocks, every
         skin = np.zeros((size, size), bool)
         skin[covered] = geometry.triangle_part[triangle] == SKIN
         nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
@@ -40,10 +50,10 @@ class Atlas:
             size,
             covered,
             skin,
-            geometry.triangles[triangle],
-            hits.barycentric[hits.triangle >= 0],
+            geometry.triangles.astype(np.int32)[triangle],
+            weights,
             triangle,
-            (nearest[0], nearest[1]),
+            (nearest[0].astype(np.int16), nearest[1].astype(np.int16)),
         )
 
     def bake(
@@ -51,8 +61,21 @@ class Atlas:
     ) -> Float32[np.ndarray, "size size channels"]:
         """Texture of vertex values; uncovered texels repeat the nearest covered one."""
         texture = np.zeros((self.size, self.size, values.shape[1]), np.float32)
-        texture[self.covered] = np.einsum("ti,tic->tc", self.weights, values[self.corners])
+        for rows, found in self.baked(values):
+            texture[rows][self.covered[rows]] = found
         return texture[self.nearest]
+
+    def baked(
+        self, values: Float[np.ndarray, "vertices channels"]
+    ) -> Iterator[tuple[slice, Float[np.ndarray, "_ channels"]]]:
+        """Vertex values of the covered texels, some rows of the texture after others."""
+        step = max(BLOCK // self.size, 1)
+        first = np.concatenate([[0], np.cumsum(self.covered.sum(axis=1))])
+        for start in range(0, self.size, step):
+            end = min(start + step, self.size)
+            part = slice(first[start], first[end])
+            found = np.einsum("ti,tic->tc", self.weights[part], values[self.corners[part]])
+            yield slice(start, end), found
 
 
 def shown_at(

@@ -140,4 +140,6 @@ def eyes_painted(
         painted[row, column, channel] = map_coordinates(
             picture[..., channel], at, order=1, mode="nearest"
         )
-    return painted[atlas.nearest]
+    away = ~atlas.covered
+    painted[away] = painted[tuple(each[away] for each in atlas.nearest)]
+    return painted

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float
-from facestage.contract.face_model import EYES, TEETH
+from facestage.contract.face_model import EYES, SKIN, TEETH
 from facestage.contract.files.color import REC709
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.eye_white import IRIS_MAX
@@ -19,6 +19,7 @@ from facestage.render.light_terms import PLAIN
 
 LUMINANCE = np.array(REC709)
 SAMPLES = 16
+BLOCK_PIXELS = 2**19
 PUPIL_MAX = 0.02  # albedo of what the model paints as pupil, at most
 # Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.
 PRIOR_PIXELS, PIXELS_MIN = 10.0, 6
@@ -98,9 +99,7 @@ def _albedo_by_part(
     """Of each part the albedo that the photo's pixels inside it say, and the model's own
     there.
     """
-    y, x = np.nonzero(look.usable)
-    surface = forward.surface(state, np.stack([x, y], axis=1) + 0.5)
-    surface = surface.part(np.isin(forward.geometry.triangle_part[surface.triangle], (EYES, TEETH)))
+    surface = forward.surface(state, _pixels_of_parts(forward, state, look))
     if not parts or not len(surface.pixels):
         return [(np.zeros((0, 3)), np.zeros((0, 3))) for _ in parts]
     rough, c_spec = (
@@ -118,6 +117,21 @@ def _albedo_by_part(
         lit = light > LIT_MIN * (np.percentile(light[inside], 90) if inside.any() else 0.0)
         result.append((albedo[inside & lit], image.albedo[inside & lit]))
     return result
+
+
+def _pixels_of_parts(
+    forward: ForwardModel, state: State, look: Look
+) -> Float[np.ndarray, "pixels 2"]:
+    """The usable pixels that show eyes or teeth, looked for in blocks: a photo has millions."""
+    y, x = np.nonzero(look.usable)
+    found = []
+    for start in range(0, max(len(x), 1), BLOCK_PIXELS):
+        block = slice(start, start + BLOCK_PIXELS)
+        pixels = np.stack([x[block], y[block]], axis=1) + 0.5
+        triangle = forward.hits(state, pixels).triangle
+        part = np.where(triangle >= 0, forward.geometry.triangle_part[triangle], SKIN)
+        found.append(pixels[np.isin(part, (EYES, TEETH))])
+    return np.concatenate(found)
 
 
 def _log_change(

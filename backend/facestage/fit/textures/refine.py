@@ -16,7 +16,7 @@ from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, by_c_spec
 from facestage.fit.forward.rendering import Textures
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
-from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.fineness import TEXELS_PER_FACE_PX, USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
@@ -30,8 +30,8 @@ from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
 
-# Texels along the atlas per pixel of the face: the face fills about half of it.
-TEXELS_PER_FACE_PX = 3.0
+# Texels along the atlas on which mirror images are looked up, and relief is, at most.
+MIRROR_SIZE, RELIEF_SIZE = 1024, 2048
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,8 @@ def refine(
     ``size`` S of the albedo, by default what the photo holds; ``together``: what all photos of the
     person say of the relief, by default this one alone.
     """
-    atlas = Atlas.build(
-        problem.geometry,
-        texture_size(problem.face_size_px, problem.fineness) if size is None else size,
-    )
     # Specular and roughness are found on half as many texels.
     small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
-    logs = atlas.bake(forward.log_albedo(fitted.state))
     freeze = set(problem.job.freeze)
     shown = (
         None
@@ -76,20 +71,27 @@ def refine(
         shown = shown.with_gloss(
             sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
         )
+    if size is None:
+        size = texture_size(problem.face_size_px, problem.fineness)
+    # The largest atlas and the light on each pixel of a large photo would not fit together.
+    coarse = Atlas.build(problem.geometry, min(size, RELIEF_SIZE))
     detail, relief, eyes = None, None, None
     if shown is not None and "albedo" not in freeze:
         relief = (
-            found_relief(problem, forward, fitted, shown, atlas)
+            found_relief(problem, forward, fitted, shown, coarse)
             if together is None
             else together.found
         )
         if relief is not None:
             shown = relief.lit(shown, forward.geometry, fitted.state)
-        half = (
-            small
-            if 2 * small.size == atlas.size
-            else Atlas.build(problem.geometry, atlas.size // 2)
-        )
+    if shown is not None:
+        shown = shown.without_lights()
+    atlas = coarse if coarse.size == size else Atlas.build(problem.geometry, size)
+    del coarse
+    logs = atlas.bake(forward.log_albedo(fitted.state))
+    if shown is not None and "albedo" not in freeze:
+        wide = min(atlas.size // 2, MIRROR_SIZE)
+        half = small if small.size == wide else Atlas.build(problem.geometry, wide)
         detail = albedo_detail(
             atlas,
             shown,
@@ -101,7 +103,8 @@ def refine(
             photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
-        logs = logs + detail.log_albedo + atlas.bake(parts)
+        logs += detail.log_albedo
+        logs += atlas.bake(parts)
         eyes = eye_picture(problem.geometry, forward.log_albedo(fitted.state) + parts)
     albedo = painted(logs)
     if eyes is not None:

@@ -16,12 +16,12 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import brow_pixels
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
-from facestage.render.light_terms import Asked
+from facestage.render.light_terms import PLAIN, Asked, LightTerms
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6
-# Of a face of more pixels across than any texture shows, only every second, third, ... is looked
-# at.
+# Of a face of more pixels across than this, and than the largest texture shows, only every second,
+# third, ... is looked at.
 PIXELS_ACROSS = 1000.0
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it
 # counts in full.
@@ -86,6 +86,11 @@ class Shown:
         color = Skin(image.albedo, changed, image.excess).radiance(image.diffuse, specular)
         return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
 
+    def without_lights(self) -> Shown:
+        """The same without what each light does alone, which is most of the memory."""
+        terms = LightTerms.dark(0, 0, PLAIN)
+        return replace(self, image=replace(self.image, terms=terms, spread=None))
+
     def change_over_shift(
         self, values: Float[np.ndarray, " pixels"]
     ) -> Float[np.ndarray, " pixels"]:
@@ -105,7 +110,8 @@ class Shown:
 
 def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Shown | None:
     """The pixels of the photo that show skin; None where there are none."""
-    step = int(np.ceil(problem.face_size_px / PIXELS_ACROSS))
+    across = max(PIXELS_ACROSS, problem.fineness.painted_face_px)
+    step = int(np.ceil(problem.face_size_px / across))
     y, x = np.nonzero(problem.photograph.mask[::step, ::step])
     surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
@@ -122,6 +128,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         Asked(by_roughness=True, by_surface=True),
     )
     image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
+    forward.tracer.release()
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
     face = np.zeros(problem.paintable.shape, bool)

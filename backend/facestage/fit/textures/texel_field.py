@@ -73,7 +73,8 @@ def solve_field(
     if size > COARSEST and size % 2 == 0:
         known_and_values = doubled(np.dstack(solve_field(field.halved())))
         wanted = field.texels & (known_and_values[..., -1] > NEGLIGIBLE)
-        start, steps = np.where(field.texels[..., None], known_and_values, 0.0), STEPS_FINE
+        known_and_values[~field.texels] = 0.0
+        start, steps = known_and_values, STEPS_FINE
     else:
         wanted, steps = field.texels, STEPS_COARSE
         start = np.zeros((size, size, channels + 1), np.float32)
@@ -93,7 +94,7 @@ def _normal_equations(
     are all 1.
     """
     size = len(wanted)
-    compact = np.full(size * size, -1)
+    compact = np.full(size * size, -1, np.int32)
     compact[texels] = np.arange(len(texels))
     used = field.weight > 0
     pick = texel_rows(field.uvs[used], compact, len(texels))
@@ -113,8 +114,12 @@ def _normal_equations(
         right += guess_weight[:, None] * np.concatenate(
             [guess, np.ones((len(texels), 1))], axis=1
         ).astype(np.float32)
+    system = pick.T @ weighted
+    del pick, weighted, observed  # of large photos each is as large as the system
     laplacian = neighbour_laplacian(compact.reshape(size, size), len(texels))
-    return (pick.T @ weighted + field.smoothness * laplacian + sp.diags(diagonal)).tocsr(), right
+    system = system + field.smoothness * laplacian
+    del laplacian
+    return (system + sp.diags(diagonal)).tocsr(), right
 
 
 def texel_rows(

@@ -345,6 +345,7 @@ Change = Callable[[list[Job]], list[Job]]
         (lambda jobs: [jobs[0], jobs[0]], "same file"),
         (lambda jobs: [jobs[0], replace(jobs[1], model="default")], "differ in the face model"),
         (lambda jobs: [jobs[0], replace(jobs[1], freeze=("albedo",))], "differ in what is frozen"),
+        (lambda jobs: [replace(job, texture_size=4096) for job in jobs], "2048 pixels at most"),
         (
             lambda jobs: [jobs[0], replace(jobs[1], image=Path("missing.png"))],
             "Photo 2 of 2 .'missing.png'",

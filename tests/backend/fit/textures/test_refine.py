@@ -13,7 +13,9 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.refine import Refined, refine, texture_size
 from facestage.fit.trust.certainty import Certainty
@@ -35,8 +37,13 @@ def problem(case: Case) -> Problem:
 
 def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
     """The truth, refined against the photo."""
+    given = replace(problem, job=replace(problem.job, freeze=freeze))
+    return refine(given, scene.forward, at_truth(scene, problem))
+
+
+def at_truth(scene: Scene, problem: Problem) -> Fitted:
     brightest = scene.render(samples=16)[0].max()
-    fitted = Fitted(
+    return Fitted(
         state=scene.state,
         start=scene.state,
         camera_to_stage=np.eye(4),
@@ -56,7 +63,6 @@ def refined(scene: Scene, problem: Problem, *freeze: str) -> Refined:
         lens=None,
         landmark_statistic=0.0,
     )
-    return refine(replace(problem, job=replace(problem.job, freeze=freeze)), scene.forward, fitted)
 
 
 def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
@@ -102,3 +108,31 @@ def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
 
 def test_the_texture_s_size_follows_the_face():
     assert [texture_size(px) for px in (50, 170, 171, 342, 5000)] == [512, 512, 1024, 2048, 2048]
+
+
+def test_textures_have_the_texels_that_were_asked_for_where_the_photo_has_them():
+    assert texture_size(3000.0) == 2048
+    assert texture_size(3000.0, USUAL.limited(4096)) == 4096
+    assert texture_size(300.0, USUAL.limited(4096)) == 1024
+    assert texture_size(3000.0, USUAL.limited(512)) == 512
+    assert USUAL.limited(None) == USUAL
+    assert USUAL.painted_face_px == pytest.approx(2048 / 3)
+    assert USUAL.limited(4096).painted_face_px == pytest.approx(4096 / 3)
+
+
+def test_a_photo_is_painted_finer_than_it_was_fitted(scene: Scene, problem: Problem):
+    wide = replace(SMALL, photo_pixels=100, face_px=24.0, texture_max=144)
+    small = read_problem(problem.job, geometry=problem.geometry, fineness=wide)
+    state = replace(scene.state, camera=small.camera)
+    fitted = replace(
+        at_truth(scene, small), state=state, hidden=np.ones(small.photograph.mask.shape, bool)
+    )
+    finer, finely = finer_photo(small, fitted)
+    ratio = finer.window.factor / small.window.factor
+    assert ratio == pytest.approx(2.0, rel=0.05)
+    assert finer.face_size_px == pytest.approx(ratio * small.face_size_px)
+    assert finely.state.camera.focal_px == pytest.approx(ratio * state.camera.focal_px)
+    assert finely.state.camera.width == finer.photograph.size[0]
+    assert finely.hidden.shape == finer.photograph.mask.shape
+    assert finely.hidden.all()
+    assert finer_photo(problem, fitted) == (problem, fitted)  # as large as the photo is
