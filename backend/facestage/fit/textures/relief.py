@@ -15,7 +15,6 @@ from facestage.contract.arrays import Bool, Float, Float32
 from facestage.contract.texture_maps import NORMAL
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import Skin
 from facestage.fit.forward.surface_frame import FrameField, Frames, turned
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.height_field import difference, solved
@@ -53,7 +52,7 @@ class Relief:
 
         diffuse = moved(image.diffuse, image.terms.diffuse_by_normal)
         specular = moved(image.specular, image.terms.specular_by_normal)
-        color = Skin(image.albedo, image.c_spec).radiance(diffuse, specular)
+        color = image.skin.radiance(diffuse, specular)
         image = replace(image, surface=bent, diffuse=diffuse, specular=specular, color=color)
         return replace(shown, image=image)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facestage.contract.texture_maps import NORMAL
 from facestage.fit.forward.surface_frame import FrameField, turned
 from facestage.fit.given.seen_normals import SeenNormals
 from facestage.fit.textures.height_field import Spread, difference
@@ -60,6 +61,20 @@ def test_light_on_the_relief_is_the_picture_that_is_traced_again(face: PaintedFa
     change = np.abs(seen.image.color - seen.photo).sum()
     print(f"to first order, {error / change:.3f} of the change is missed; 0.2 allowed")
     assert error < 0.2 * change
+
+
+def test_no_relief_changes_no_light(face: PaintedFace):
+    """Whatever the skin's own way of sending light back: what leaves it unevenly too."""
+    state = replace(face.state, translucency=0.8)
+    asked = Asked(by_roughness=True, by_surface=True)
+    terms = face.forward.light_terms(state, face.surface, face.stage, 4, 5, asked)
+    image = face.forward.shade(state, face.surface, terms)
+    assert image.excess is not None
+    seen = replace(face.shown(image.color), image=image)
+    flat = np.broadcast_to(NORMAL.default, (8, 8, 3)).astype(np.float32)
+    relief = Relief(np.zeros((8, 8), np.float32), flat)
+    lit = relief.lit(seen, face.forward.geometry, state)
+    np.testing.assert_allclose(lit.image.color, image.color, rtol=1e-4, atol=1e-6)
 
 
 def test_relief_is_found_where_light_tells_of_it(
