@@ -110,7 +110,7 @@ def add_command(commands: Any) -> None:
         type=int,
         choices=(512, 1024, 2048, 4096),
         help="the most texels along the textures (default 2048); as many as the photo fills are "
-        "made: 4096 takes a face of 700 pixels and more, several times the time and up to 3 GB",
+        "made: 4096 takes a face of 700 pixels and more, several times the time and 3.3 GB",
     )
     fit.add_argument(
         "--light-color",
