@@ -34,6 +34,7 @@ FILES = frozenset(
         sequence.FILE,
         sequence.ARRAYS,
         sequence.VERTICES,
+        sequence.LIVE_LINK,
         SEQUENCE_PICTURE,
     }
 )

@@ -34,6 +34,7 @@ from facestage.contract.schemas.schema import FileSchema, check_version, checked
 
 SCHEMA_VERSION = 1
 FILE, ARRAYS, VERTICES = "sequence.json", "sequence.npz", "vertices.npy"
+LIVE_LINK = "live_link.csv"  # where the model's expressions are ARKit's
 KEYFRAMES = "keyframes"  # the folder of the person that the keyframes show, see person.py
 FRAMES_MAX = 200_000
 NUMBER_MAX = 10**9

@@ -119,12 +119,11 @@ def _shown_parts(model: FaceModel) -> UInt8[np.ndarray, " polygons"]:
     face = np.zeros(len(model.vertices), bool)
     face[model.regions["face"]] = True
     corners = np.where(model.polygons < 0, model.polygons[:, :1], model.polygons)
+    marked = np.zeros(len(model.vertices), bool)
+    for table in model.landmarks.values():
+        marked[table[:, :3][table[:, 3:] != 0].astype(int)] = True
     shown = face[corners].all(axis=1) | (model.polygon_part == EYES)
-    used = np.zeros(len(model.vertices), bool)
-    used[model.polygons[shown, :3]] = True
-    marked = [table[:, :3][table[:, 3:] != 0] for table in model.landmarks.values()]
-    if not used[np.concatenate(marked).astype(int)].all():
-        return model.polygon_part
+    shown |= marked[corners].any(axis=1)
     return np.where(shown, model.polygon_part, OTHER).astype(np.uint8)
 
 

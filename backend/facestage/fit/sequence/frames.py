@@ -27,7 +27,7 @@ TOGETHER_PLACE, TOGETHER = 0.005, 0.01
 FACE_PX = 112.0
 SAMPLES = 1  # of each light, a pixel
 # What of a frame is kept around the landmarks, in sizes of the face.
-MARGIN = 0.3
+MARGIN = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,7 @@ STRIDE = 2.0
 GROUP_NAMES = ("rotation", "place", "depth", "mouth", "lids", "gaze", "rest")
 WORDS = {
     MOUTH: ("jaw", "mouth", "lip", "tongue", "chin"),
-    LIDS: ("blink", "squint", "wide", "lid"),
+    LIDS: ("blink", "wink", "squint", "wide", "lid"),
     GAZE: ("eyelook", "gaze", "eye_look", "pupil"),
 }
 

@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facestage import __version__
 from facestage.contract.face_model import FaceModel
@@ -18,9 +19,18 @@ from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES
 from facestage.contract.person import Person
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
 from facestage.contract.sequence import KEYFRAMES as KEYFRAMES_FOLDER
-from facestage.contract.sequence import LOST, SEEN, UNSURE, VERTICES, Sequence, SequenceFrame
+from facestage.contract.sequence import (
+    LIVE_LINK,
+    LOST,
+    SEEN,
+    UNSURE,
+    VERTICES,
+    Sequence,
+    SequenceFrame,
+)
 from facestage.contract.texture_maps import TEXTURE_MAPS
 from facestage.fit.sequence.course import POSE
+from facestage.fit.sequence.live_link import live_link_csv
 from facestage.fit.sequence.motion import GROUP_NAMES
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sightings import Sightings
@@ -85,6 +95,15 @@ def write_sequence(
         with suppress(FileNotFoundError):
             first = folder / KEYFRAMES_FOLDER / found.person.photos[0].folder
             shutil.copyfile(first / each.file, folder / each.file)
+    csv = live_link_csv(
+        track.expression_names,
+        track.expression,
+        frames,
+        Rotation.from_matrix(tracked.course.rotation).as_euler("YXZ"),
+        track.frame_rate,
+    )
+    if csv is not None:
+        (folder / LIVE_LINK).write_text(csv, encoding="utf-8", newline="")
     if request.with_vertices:
         _write_vertices(folder / VERTICES, tracker, tracked)
     write_sequence_report(folder, track, list(_thumbnails(found, tracker)))

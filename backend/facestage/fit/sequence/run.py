@@ -39,7 +39,7 @@ from facestage.fit.sequence.output import Found, write_sequence
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sequence_truth import SequenceTruth
 from facestage.fit.sequence.sightings import Sightings, look_through
-from facestage.fit.sequence.tracking import Pictures, Tracked, Tracker
+from facestage.fit.sequence.tracking import LANDMARK_PASSES, Pictures, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr, write_png
 from facestage.models.registry import load_model
@@ -120,8 +120,8 @@ class SequenceRun:
         request = self.request
         self.tell(STARTED, "", 0.0, f"Reading {self.film.path.name}")
         model = load_model(request.model)
-        print_origin = f"Face model: {model.name}; licence: {model.license}; {model.source}"
-        self.tell(PROGRESS, "model", 0.0, print_origin)
+        origin = f"Face model: {model.name}; licence: {model.license}; {model.source}"
+        self.tell(PROGRESS, "model", 0.0, origin)
         deadline = np.inf
         if request.budget_seconds is not None:
             deadline = self._began + request.budget_seconds
@@ -223,13 +223,16 @@ class SequenceRun:
     ) -> Person:
         """The keyframes as photos of one person."""
         folder = self.partial / KEYFRAMES
+        pictures = [self._picture(frame) for frame in frames]
         if resume and (folder / PERSON).is_file():
-            return Person.load(folder)
+            person = Person.load(folder)
+            if [Path(photo.image) for photo in person.photos] == pictures:
+                return person
         budget = self.request.budget_seconds
         request = self.request
         jobs = [
             Job(
-                image=self._picture(frame),
+                image=picture,
                 model=request.model,
                 landmarks=own,
                 camera=camera,
@@ -239,7 +242,7 @@ class SequenceRun:
                 device=request.device,
                 budget_seconds=None if budget is None else KEYFRAME_SHARE * budget,
             )
-            for frame, own in zip(frames, landmarks, strict=True)
+            for picture, own in zip(pictures, landmarks, strict=True)
         ]
 
         def tell(event: Event) -> None:
@@ -295,7 +298,7 @@ class SequenceRun:
 
     def _by_landmarks(self, chosen: Sequence[int], states: Sequence[State]) -> Tracked:
         def tell(number: int) -> None:
-            fraction = FITTED + (FOLLOWED - FITTED) * number / 6
+            fraction = FITTED + (FOLLOWED - FITTED) * number / LANDMARK_PASSES
             self.tell(PROGRESS, "smoothing", fraction, f"Smoothing the landmarks: round {number}")
 
         return self.tracker.by_landmarks(chosen, states, tell)
