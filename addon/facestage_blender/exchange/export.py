@@ -26,10 +26,10 @@ from ..pictures.render import quiet
 from ..rig.face_rig import IDENTITY, require_rig
 from ..rig.own_record import OwnMesh
 from ..rig.own_sliders import SHAPE_KEY
-from ..rig.plain_eyes import plain_eyes, shows_eyes, spread_uvs, write_eyes
-from ..rig.plain_skin import is_facestage_skin, plain_skin, write_textures
 from ..rig.relief_key import NAME as RELIEF_KEY
 from ..scene.user_state import preserved
+from ..skin.plain_eyes import plain_eyes, shows_eyes, spread_uvs, write_eyes
+from ..skin.plain_skin import is_facestage_skin, plain_skin, write_textures
 
 SIDE_MIN = 16
 NAME = "Face"  # as other programs call it

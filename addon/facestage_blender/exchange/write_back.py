@@ -11,18 +11,18 @@ from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
-from ..rig.displaced_skin import displace
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
-from ..rig.lashes import color_lashes
-from ..rig.material import set_scattering, set_textures
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
 from ..rig.relief_key import check_relief, write_relief
-from ..rig.uneven_skin import set_curvature
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
+from ..skin.displaced_skin import displace
+from ..skin.lashes import color_lashes
+from ..skin.material import set_scattering, set_textures
+from ..skin.uneven_skin import set_curvature
 from .result_textures import load_textures
 
 

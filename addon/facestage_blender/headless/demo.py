@@ -222,7 +222,7 @@ def _pictures(
 def _close_ups(scene: bpy.types.Scene, folder: Path, samples: int) -> Path:
     """The contact sheet of the head from close by and all around, now with lashes."""
     from ..rig.face_rig import require_rig
-    from ..rig.lashes import grow_lashes
+    from ..skin.lashes import grow_lashes
     from .close_ups import close_ups
     from .contact_sheet import contact_sheet
 

@@ -13,9 +13,9 @@ from facestage.contract.face_model import FaceModel
 
 from ..scene import frames
 from ..scene.stage import facestage_collection
+from ..skin.lashes import remember_lids, renew_lashes
+from ..skin.material import part_materials, show_model
 from . import relief_key
-from .lashes import remember_lids, renew_lashes
-from .material import part_materials, show_model
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
 

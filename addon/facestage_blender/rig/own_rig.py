@@ -12,7 +12,7 @@ from facestage.contract.face_model import OTHER, PARTS, FaceModel
 from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
-from .material import GROUP, part_materials, show_model
+from ..skin.material import GROUP, part_materials, show_model
 from .own_marks import slot_parts
 from .own_mesh import model_frame, read_mesh
 from .own_record import OwnMesh

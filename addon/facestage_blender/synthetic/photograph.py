@@ -32,10 +32,10 @@ from facestage.contract.light_stage import LightStage
 from ..pictures.images import texture_image
 from ..pictures.render import read_pixels, render_linear, save_exr, save_jpeg, save_png, srgb
 from ..rig.face_rig import build_rig, set_weights
-from ..rig.material import plain_material, set_scattering, set_textures
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place
+from ..skin.material import plain_material, set_scattering, set_textures
 from .cases import relief
 from .scans.light import Surroundings, light_world, shipped
 from .sightlines import BACKGROUND as NOTHING

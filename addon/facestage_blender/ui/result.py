@@ -18,12 +18,12 @@ from ..drawing import draw_wrapped
 from ..exchange.write_back import apply_result
 from ..preferences import backend_command
 from ..preview import live
-from ..rig.displaced_skin import displace, is_displaced
 from ..rig.face_rig import require_rig
-from ..rig.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.paths import result_folder
 from ..scene.relight import relight, restore_lights
+from ..skin.displaced_skin import displace, is_displaced
+from ..skin.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from .action import Action
 from .backend_task import BackendTask
 from .sidebar import SidebarPanel, draw_task, existing, line_width

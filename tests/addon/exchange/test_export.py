@@ -140,9 +140,9 @@ def test_eyes_keep_their_own_picture(face, head: FaceModel, tmp_path: Path) -> N
     from facestage.contract.texture_maps import EYE_MAP
     from facestage_blender.exchange.export import export_face
     from facestage_blender.pictures.images import image_pixels, texture_image
-    from facestage_blender.rig.eye_material import material_uvs
     from facestage_blender.rig.face_rig import build_rig
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.eye_material import material_uvs
+    from facestage_blender.skin.material import set_textures
 
     part = head.polygon_part.copy()
     part[700:900] = EYES
@@ -242,7 +242,7 @@ def test_normals_go_along_as_numbers(face, tmp_path: Path) -> None:
     from facestage.contract.texture_maps import PLAIN
     from facestage_blender.exchange.export import export_face
     from facestage_blender.pictures.images import image_pixels, load_image, texture_image
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.material import set_textures
 
     rig = face.facestage.rig
     kept = {name: getattr(rig.facestage_face, f"{name}_image") for name in ("albedo", "specular")}

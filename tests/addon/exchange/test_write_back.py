@@ -278,7 +278,7 @@ def test_relief_comes_with_a_result_and_goes_with_an_older_one(
     """Beside eyes of their own, whose material places its picture by further nodes."""
     from facestage_blender.exchange.write_back import apply_result
     from facestage_blender.pictures.render import save_exr
-    from facestage_blender.rig.displaced_skin import displace, is_displaced
+    from facestage_blender.skin.displaced_skin import displace, is_displaced
 
     result = fitted(ready, stand_in, tmp_path)
     folder = known(result.folder)

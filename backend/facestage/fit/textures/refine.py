@@ -24,7 +24,7 @@ from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.part_color import Look, part_colors
-from facestage.fit.textures.relief import Relief, ReliefSeen
+from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled

@@ -39,7 +39,7 @@ def shown(item: Any) -> np.ndarray:
 
 def hairs(lashes: Any) -> np.ndarray:
     """(hairs, sections, 3) the middle of each section."""
-    from facestage_blender.rig.lashes import SECTIONS, SIDES
+    from facestage_blender.skin.lashes import SECTIONS, SIDES
 
     return shown(lashes).reshape(-1, SECTIONS, SIDES, 3).mean(axis=2)
 
@@ -54,7 +54,7 @@ def centre(points: np.ndarray) -> np.ndarray:
 
 
 def test_they_grow_from_the_lids_away_from_the_eyeballs(rig) -> None:
-    from facestage_blender.rig.lashes import grow_lashes
+    from facestage_blender.skin.lashes import grow_lashes
 
     lines = hairs(grow_lashes(rig))
     assert len(lines) == 2 * (90 + 55)
@@ -78,7 +78,7 @@ def test_they_grow_from_the_lids_away_from_the_eyeballs(rig) -> None:
 
 
 def test_they_follow_the_lids(rig) -> None:
-    from facestage_blender.rig.lashes import grow_lashes
+    from facestage_blender.skin.lashes import grow_lashes
 
     lashes = grow_lashes(rig)
     before = hairs(lashes)
@@ -100,8 +100,8 @@ def test_they_follow_the_lids(rig) -> None:
 
 def test_they_are_as_dark_as_the_brows(rig) -> None:
     from facestage_blender.pictures.images import texture_image
-    from facestage_blender.rig.lashes import color_lashes, grow_lashes
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.lashes import color_lashes, grow_lashes
+    from facestage_blender.skin.material import set_textures
 
     lashes = grow_lashes(rig)
 
@@ -136,7 +136,7 @@ def test_the_switch_leaves_nothing_behind(scene, rig) -> None:
 
 def test_a_rebuilt_rig_keeps_them_where_it_can(scene, rig, default, head: FaceModel) -> None:
     from facestage_blender.rig.face_rig import build_rig
-    from facestage_blender.rig.lashes import grow_lashes, lashes_of
+    from facestage_blender.skin.lashes import grow_lashes, lashes_of
 
     grow_lashes(rig)
     build_rig(scene, default, "default", rig.parent)

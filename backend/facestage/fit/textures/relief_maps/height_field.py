@@ -16,7 +16,7 @@ import scipy.fft
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from facestage.contract.arrays import Bool, Float
-from facestage.fit.textures.relief_evidence import LONGEST, Evidence
+from facestage.fit.textures.relief_maps.relief_evidence import LONGEST, Evidence
 
 STEPS, TOLERANCE = 40, 0.02
 PAD = 8  # texels around what is seen: the fields wrap around

@@ -17,9 +17,9 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.surface_frame import FrameField, Frames, turned
 from facestage.fit.textures.atlas import Atlas
-from facestage.fit.textures.height_field import difference, solved
-from facestage.fit.textures.relief_evidence import MILLIMETRES, Evidence, evidence
-from facestage.fit.textures.relief_share import Found, share_of, spread_of
+from facestage.fit.textures.relief_maps.height_field import difference, solved
+from facestage.fit.textures.relief_maps.relief_evidence import MILLIMETRES, Evidence, evidence
+from facestage.fit.textures.relief_maps.relief_share import Found, share_of, spread_of
 from facestage.fit.textures.shown import Shown
 
 SIZE_MAX = 1024  # texels along a side

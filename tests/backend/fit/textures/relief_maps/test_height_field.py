@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facestage.fit.textures.height_field import Spread, _Fields, difference, solved
-from facestage.fit.textures.relief_evidence import Evidence
-from facestage.fit.textures.relief_share import share_of, spread_of
+from facestage.fit.textures.relief_maps.height_field import Spread, _Fields, difference, solved
+from facestage.fit.textures.relief_maps.relief_evidence import Evidence
+from facestage.fit.textures.relief_maps.relief_share import share_of, spread_of
 
 SIZE, TEXEL = 128, 0.5  # mm
 SPACING = np.full((SIZE, SIZE), TEXEL)

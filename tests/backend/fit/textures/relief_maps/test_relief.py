@@ -10,8 +10,8 @@ import pytest
 from facestage.contract.texture_maps import NORMAL
 from facestage.fit.forward.surface_frame import FrameField, turned
 from facestage.fit.given.seen_normals import SeenNormals
-from facestage.fit.textures.height_field import Spread, difference
-from facestage.fit.textures.relief import Relief, ReliefSeen, normal_map
+from facestage.fit.textures.relief_maps.height_field import Spread, difference
+from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen, normal_map
 from facestage.fit.textures.shown import Shown
 from facestage.render.light_terms import Asked
 from reference.painted_face import PaintedFace, painted_face
@@ -82,7 +82,7 @@ def test_relief_is_found_where_light_tells_of_it(
 ):
     """At 1.3 mm a pixel the waves are too long for the share of relief to be asked for."""
     monkeypatch.setattr(
-        "facestage.fit.textures.relief.spread_of", lambda _found: Spread(0.01, 0.06)
+        "facestage.fit.textures.relief_maps.relief.spread_of", lambda _found: Spread(0.01, 0.06)
     )
     relief = bumps(face)
     seen = ReliefSeen(face.forward.geometry, face.atlas)

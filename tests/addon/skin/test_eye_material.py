@@ -52,7 +52,7 @@ def looked_up(rig, uv: tuple[float, float]) -> np.ndarray:
 
 
 def test_the_box_of_the_eyes_fills_the_picture(eyed) -> None:
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.material import set_textures
 
     given = images()
     set_textures(eyed, given, PLAIN)
@@ -65,7 +65,7 @@ def test_the_box_of_the_eyes_fills_the_picture(eyed) -> None:
 def test_an_older_result_shows_its_albedo_there(eyed) -> None:
     import bpy
 
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.material import set_textures
 
     older = images()
     del older["eyes"]

@@ -55,9 +55,9 @@ def render_ball(scene, albedo, c_spec, roughness, towards, textured: bool = Fals
 
     from facestage_blender.pictures.images import texture_image
     from facestage_blender.pictures.render import render_linear
-    from facestage_blender.rig.material import part_materials, set_textures, skin_group
     from facestage_blender.scene.camera import set_resolution
     from facestage_blender.scene.stage import build_stage
+    from facestage_blender.skin.material import part_materials, set_textures, skin_group
 
     build_stage(scene, small_light(towards))
     bpy.ops.mesh.primitive_uv_sphere_add(segments=256, ring_count=128, radius=RADIUS)
@@ -181,7 +181,7 @@ def test_colors_are_linear_colors_and_survive_saving(scene, tmp_path) -> None:
 def test_the_node_group_is_shared(scene) -> None:
     import bpy
 
-    from facestage_blender.rig.material import part_materials, skin_group
+    from facestage_blender.skin.material import part_materials, skin_group
 
     materials = part_materials(np.arange(OTHER))
     assert (
@@ -197,7 +197,7 @@ def test_light_wanders_below_the_skin_alone(scene) -> None:
     import bpy
 
     from facestage_blender.pictures.render import render_linear
-    from facestage_blender.rig.material import part_materials, set_scattering
+    from facestage_blender.skin.material import part_materials, set_scattering
 
     towards = np.array([1.0, 0.0, 0.2]) / np.linalg.norm([1.0, 0.0, 0.2])
     plain = render_ball(scene, (0.5, 0.5, 0.5), 0.0, 0.5, towards)
@@ -225,8 +225,8 @@ def test_light_comes_out_unevenly(scene) -> None:
     import bpy
 
     from facestage_blender.pictures.render import render_linear
-    from facestage_blender.rig.material import set_scattering
-    from facestage_blender.rig.uneven_skin import set_curvature
+    from facestage_blender.skin.material import set_scattering
+    from facestage_blender.skin.uneven_skin import set_curvature
 
     albedo = (0.5, 0.3, 0.2)
     plain = render_ball(scene, albedo, 0.0, 0.5, np.array([0.3, 0.2, 0.9]) / np.sqrt(0.94))
@@ -254,7 +254,7 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
     """Its group had neither switch nor strength; its look, images and links stay."""
     import bpy
 
-    from facestage_blender.rig.material import part_materials, set_scattering, skin_group
+    from facestage_blender.skin.material import part_materials, set_scattering, skin_group
 
     skin, eye = part_materials(np.array([SKIN, EYES]))
     group = skin_group()
@@ -302,7 +302,7 @@ def test_a_normal_map_turns_normals_towards_u(scene) -> None:
     import bpy
 
     from facestage_blender.pictures.render import render_linear
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.material import set_textures
 
     towards = np.array([0.5, 0.4, 0.77])
     towards /= np.linalg.norm(towards)
@@ -338,8 +338,8 @@ def test_displaced_skin_has_real_relief_and_goes_back(scene) -> None:
 
     from facestage.contract.errors import InputError
     from facestage_blender.pictures.images import texture_image
-    from facestage_blender.rig.displaced_skin import displace, is_displaced
-    from facestage_blender.rig.material import set_textures
+    from facestage_blender.skin.displaced_skin import displace, is_displaced
+    from facestage_blender.skin.material import set_textures
 
     render_ball(scene, (0.5, 0.5, 0.5), 0.0, 0.5, np.array([0.0, 0.0, 1.0]), textured=True)
     ball = bpy.context.object
@@ -366,7 +366,7 @@ def test_displaced_skin_has_real_relief_and_goes_back(scene) -> None:
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
-    from facestage_blender.rig.material import part_materials
+    from facestage_blender.skin.material import part_materials
 
     (material,) = part_materials(np.array([OTHER]))
     output = next(

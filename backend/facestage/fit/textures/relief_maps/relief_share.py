@@ -20,8 +20,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Float
-from facestage.fit.textures.height_field import PIGMENT_SIGMA, Spread, difference
-from facestage.fit.textures.relief_evidence import Evidence
+from facestage.fit.textures.relief_maps.height_field import PIGMENT_SIGMA, Spread, difference
+from facestage.fit.textures.relief_maps.relief_evidence import Evidence
 
 # Millimetres: the waves that are looked at, and as many texels as the shortest have at least.
 SHORTEST, LONGEST, TEXELS = 2.0, 12.0, 4.0
