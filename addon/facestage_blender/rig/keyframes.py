@@ -25,8 +25,6 @@ def write_keys(
 ) -> None:
     """Key sliders of the rig at ``frames``, which grow; what they had from the first to the last of
     these is replaced.
-
-    Whole curves are written at a time: key by key an hour of video would take minutes.
     """
     shapes = rig.data.shape_keys
     for name, values in weights.items():
@@ -34,19 +32,26 @@ def write_keys(
         key.slider_min = min(key.slider_min, float(values.min()))
         key.slider_max = max(key.slider_max, float(values.max()))
         key.keyframe_insert("value", frame=float(frames[0]))  # makes action, slot and curve
-        curve = _curve(shapes, f'key_blocks["{bpy.utils.escape_identifier(name)}"].value')
-        _write(curve, frames, values)
+        path = f'key_blocks["{bpy.utils.escape_identifier(name)}"].value'
+        write_curve(shapes, path, 0, frames, values)
 
 
-def _curve(shapes: bpy.types.Key, path: str) -> bpy.types.FCurve:
-    """The curve of ``path``, which has a key."""
-    action = shapes.animation_data.action
+def write_curve(
+    owner: bpy.types.ID,
+    path: str,
+    index: int,
+    frames: Float[np.ndarray, " keys"],
+    values: Float[np.ndarray, " keys"],
+) -> None:
+    """Key what has a key already, in straight lines; what it had meanwhile is replaced.
+
+    The whole curve is written at once: key by key an hour of video would take minutes.
+    """
+    action = owner.animation_data.action
     if hasattr(action, "fcurve_ensure_for_datablock"):  # Blender 5.0
-        return action.fcurve_ensure_for_datablock(shapes, path)
-    return action.fcurves.find(path)
-
-
-def _write(curve: bpy.types.FCurve, frames: np.ndarray, values: np.ndarray) -> None:
+        curve = action.fcurve_ensure_for_datablock(owner, path, index=index)
+    else:
+        curve = action.fcurves.find(path, index=index)
     points = curve.keyframe_points
     old = np.empty(2 * len(points))
     points.foreach_get("co", old)

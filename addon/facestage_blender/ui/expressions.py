@@ -3,13 +3,16 @@
 from typing import ClassVar
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.live_link import read_recording
 from facestage.contract.result import Result
+from facestage.contract.sequence import Sequence
 
 from ..exchange.live_link import key_recording
+from ..exchange.performance import apply_performance
+from ..landmarks.photo_view import look_through_camera
 from ..preferences import expression_folder
 from ..rig.expressions import FURTHER, REGIONS, as_fitted, expression_keys, mirror, neutral
 from ..rig.face_rig import require_rig
@@ -131,6 +134,30 @@ class FACESTAGE_OT_import_live_link(Action, bpy.types.Operator, ImportHelper):
         context.scene.frame_end = max(context.scene.frame_end, last)
 
 
+class FACESTAGE_OT_import_performance(Action, bpy.types.Operator):
+    """Asks for a folder of facestage track."""
+
+    bl_idname = "facestage.import_performance"
+    bl_label = "Import Performance"
+    bl_description = (
+        "Put the person of a film and the whole performance into the scene, from the present frame "
+        "on: the folder that 'facestage track' wrote. Expressions and head become keyframes"
+    )
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Load the sequence and key it."""
+        apply_performance(context.scene, Sequence.load(absolute(self.directory)))
+        look_through_camera(context)
+
+
 class FACESTAGE_MT_expressions(bpy.types.Menu):
     """Expressions by name."""
 
@@ -177,6 +204,7 @@ class FACESTAGE_PT_expressions(SidebarPanel, bpy.types.Panel):
         row = self.layout.row(align=True)
         row.operator("facestage.key_expression", icon="KEY_HLT")
         row.operator("facestage.import_live_link", icon="IMPORT", text="Live Link Face")
+        self.layout.operator("facestage.import_performance", icon="FILE_MOVIE")
 
 
 class _Region:
@@ -214,6 +242,7 @@ CLASSES = (
     FACESTAGE_OT_forget_expression,
     FACESTAGE_OT_key_expression,
     FACESTAGE_OT_import_live_link,
+    FACESTAGE_OT_import_performance,
     FACESTAGE_MT_expressions,
     FACESTAGE_PT_expressions,
     *(_panel(region) for region in (*REGIONS, FURTHER)),

@@ -1,0 +1,123 @@
+"""A performance that was tracked in a film, as keyframes: expression, head, camera and film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from facestage.contract.arrays import Float
+from facestage.contract.errors import InputError
+from facestage.contract.files.paths import is_file, is_folder
+from facestage.contract.person import Person
+from facestage.contract.result import Result
+from facestage.contract.sequence import KEYFRAMES, Sequence
+
+from ..rig.expressions import expression_keys
+from ..rig.face_rig import key_name, require_rig, rig_axes
+from ..rig.keyframes import write_curve, write_keys
+from ..rig.own_record import OwnMesh
+from ..scene import frames
+from ..scene.camera import ensure_camera
+from ..scene.stage import facestage_collection, require_stage
+from .write_back import apply_result
+
+PLACES = ("location", "rotation_euler", "scale")
+
+
+def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
+    """Put a film's person into the scene and key the whole performance from the present frame on.
+
+    Person, light and camera are those of the first keyframe; scene and film run at the film's rate.
+    The last frame is returned. Raises InputError before anything changes when the rig is of another
+    model.
+    """
+    rig = require_rig(scene)
+    if rig.facestage_face.model != sequence.model or OwnMesh.of(rig) is not None:
+        raise InputError(
+            f"The film was tracked with the face model '{sequence.model}', the rig is of "
+            f"'{rig.facestage_face.model}'; build the rig of the film's model first."
+        )
+    sliders = {key.name for keys in expression_keys(rig).values() for key in keys}
+    weights = {key_name(name): column for name, column in _columns(sequence)}
+    lacking = sorted(weights.keys() - sliders)
+    if lacking:
+        raise InputError(
+            f"The face rig has no slider '{lacking[0]}', which the film moves; build it again."
+        )
+    result = _keyframe(sequence)
+    apply_result(scene, result)
+    _set_rate(scene, sequence.frame_rate)
+    first = scene.frame_current
+    times = first + np.array([each.time for each in sequence.frames]) * sequence.frame_rate
+    write_keys(rig, times, weights)
+    _key_head(scene, rig, times, result.camera_to_stage @ sequence.model_to_camera)
+    _show_film(scene, sequence, first)
+    last = int(np.ceil(times[-1] - 1e-3))
+    scene.frame_start, scene.frame_end = min(scene.frame_start, first), max(scene.frame_end, last)
+    scene.frame_set(first)
+    return last
+
+
+def _columns(sequence: Sequence) -> list[tuple[str, np.ndarray]]:
+    return list(zip(sequence.expression_names, sequence.expression.T, strict=True))
+
+
+def _keyframe(sequence: Sequence) -> Result:
+    """The first keyframe's result. Raises InputError where it is gone."""
+    folder = Path(sequence.folder or "") / KEYFRAMES
+    return Result.load(folder / Person.load(folder).photos[0].folder)
+
+
+def _set_rate(scene: bpy.types.Scene, rate: float) -> None:
+    scene.render.fps = max(1, round(rate))
+    scene.render.fps_base = scene.render.fps / rate
+
+
+def _key_head(
+    scene: bpy.types.Scene,
+    rig: bpy.types.Object,
+    times: Float[np.ndarray, " frames"],
+    to_stage: Float[np.ndarray, "frames 4 4"],
+) -> None:
+    """Key where the rig is, whatever its parent is."""
+    rig.rotation_mode = "XYZ"
+    parent = Matrix() if rig.parent is None else rig.parent.matrix_world @ rig.matrix_parent_inverse
+    base = parent.inverted() @ require_stage(scene).matrix_world
+    axes, poses = rig_axes(rig), []
+    turned = rig.rotation_euler.copy()
+    for each in to_stage:
+        place, turn, scale = (base @ Matrix(frames.local_matrix(each, axes).tolist())).decompose()
+        turned = turn.to_euler("XYZ", turned)  # next to the last one, not a whole turn away
+        poses.append((place, turned, scale))
+    for path, values in zip(PLACES, zip(*poses, strict=True), strict=True):
+        setattr(rig, path, values[0])
+        rig.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
+        for axis, column in enumerate(np.array([list(each) for each in values]).T):
+            write_curve(rig, path, axis, times, column)
+
+
+def _show_film(scene: bpy.types.Scene, sequence: Sequence, first: int) -> None:
+    """Show the film behind the camera, if it is still there."""
+    film = Path(sequence.film)
+    if is_folder(film):
+        film /= sequence.frames[0].name
+    if not is_file(film):
+        return
+    try:
+        image = bpy.data.images.load(str(film), check_existing=True)
+    except RuntimeError:  # a film that this Blender cannot decode
+        return
+    if image.source == "FILE" and len(sequence.frames) > 1:
+        image.source = "SEQUENCE"
+    data = ensure_camera(scene, facestage_collection(scene)).data
+    data.show_background_images = True
+    background = next(iter(data.background_images), None) or data.background_images.new()
+    background.image, background.frame_method = image, "FIT"
+    background.display_depth = "BACK"
+    user = background.image_user
+    user.frame_start, user.frame_duration = first, len(sequence.frames)
+    user.frame_offset = sequence.frames[0].number - 1
+    user.use_auto_refresh = True

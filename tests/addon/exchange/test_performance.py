@@ -1,0 +1,160 @@
+"""A tracked film becomes an animation: every frame's vertices are where the film's were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.ui.refusal import refused
+from facestage.contract.camera import Camera
+from facestage.contract.result import CONVERGED
+from facestage.contract.sequence import KEYFRAMES, SEEN, Sequence, SequenceFrame
+
+RATE, FRAMES = 29.97, 12
+WIDTH, HEIGHT = 64, 48
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    """A folder of grey pictures, number 5 and on."""
+    import bpy
+
+    folder = tmp_path / "my film"
+    folder.mkdir()
+    for number in range(5, 5 + FRAMES):
+        image = bpy.data.images.new("grey", WIDTH, HEIGHT)
+        image.filepath_raw, image.file_format = str(folder / f"{number:04}.png"), "PNG"
+        image.save()
+        bpy.data.images.remove(image)
+    return folder
+
+
+@pytest.fixture
+def ready(scene, stand_in, film: Path, tmp_path: Path):
+    import bpy
+
+    stand_in("works")
+    scene.facestage.output, scene.facestage.light_count = str(tmp_path / "work"), 4
+    for answer in (
+        bpy.ops.facestage.choose_photo(filepath=str(film / "0005.png")),
+        bpy.ops.facestage.build_stage(),
+        bpy.ops.facestage.build_rig(),
+    ):
+        assert answer == {"FINISHED"}
+    return scene
+
+
+@pytest.fixture
+def sequence(ready, head, film: Path, tmp_path: Path) -> Sequence:
+    """A head that turns twice round while its jaw opens, written as the backend writes it."""
+    from addon import stand_in_results
+    from facestage_blender.exchange.scene_read import read_job
+
+    folder = tmp_path / "track"
+    folder.mkdir()
+    job = replace(read_job(ready), camera=Camera.default(WIDTH, HEIGHT))
+    job.save(tmp_path / "job")
+    stand_in_results.fit_person([tmp_path / "job", tmp_path / "job"], folder / KEYFRAMES)
+    rng = np.random.default_rng(0)
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    for pose, angle in zip(poses, np.linspace(0, 4 * np.pi, FRAMES), strict=True):
+        cos, sin = np.cos(angle), np.sin(angle)
+        pose[:3, :3] = [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]
+        pose[:3, 3] = (0.1 * sin, 0.02, -1.1 + 0.1 * cos)
+    result = Sequence(
+        CONVERGED,
+        "All is well.",
+        str(film),
+        "default",
+        Camera.default(WIDTH, HEIGHT),
+        RATE,
+        tuple(
+            SequenceFrame(5 + place, place / RATE, f"{5 + place:04}.png", SEEN)
+            for place in range(FRAMES)
+        ),
+        (5, 9),
+        head.identity_names,
+        head.expression_names,
+        np.zeros(len(head.identity_names)),
+        rng.uniform(0, 1, (FRAMES, len(head.expression_names))),
+        poses,
+        {},
+        {},
+        {},
+        {},
+    )
+    result.write_into(folder)
+    return Sequence.load(folder)
+
+
+def in_camera(scene) -> np.ndarray:
+    """(n, 3) the rig's vertices as they are shown, in the camera's frame."""
+    import bpy
+
+    graph = bpy.context.evaluated_depsgraph_get()
+    shown = scene.facestage.rig.evaluated_get(graph)
+    flat = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", flat)
+    camera = np.linalg.inv(np.array(scene.camera.evaluated_get(graph).matrix_world))
+    matrix = camera @ np.array(shown.matrix_world)
+    return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def test_every_frame_is_where_the_film_has_it(ready, sequence: Sequence, head) -> None:
+    import bpy
+
+    from facestage.contract.person import Person
+    from facestage.contract.result import Result
+
+    ready.frame_set(101)
+    assert bpy.ops.facestage.import_performance(directory=str(sequence.folder)) == {"FINISHED"}
+    assert ready.render.fps / ready.render.fps_base == pytest.approx(RATE)
+    assert ready.frame_current == 101 and ready.frame_end == 250
+    folder = Path(str(sequence.folder)) / KEYFRAMES
+    person = Result.load(folder / Person.load(folder).photos[0].folder)
+    for place in range(FRAMES):
+        ready.frame_set(101 + place)
+        wanted = head.shape(person.identity, sequence.expression[place])
+        pose = sequence.model_to_camera[place]
+        wanted = wanted @ pose[:3, :3].T + pose[:3, 3]
+        assert np.abs(in_camera(ready) - wanted).max() < 2e-5, place
+
+
+def test_between_frames_the_head_turns_the_short_way(ready, sequence: Sequence) -> None:
+    import bpy
+
+    bpy.ops.facestage.import_performance(directory=str(sequence.folder))
+    first, rig, turns = ready.frame_current, ready.facestage.rig, []
+    for half in range(2 * FRAMES - 1):
+        ready.frame_set(first + half // 2, subframe=0.5 * (half % 2))
+        turns.append(np.array(rig.rotation_euler))
+    assert np.abs(np.diff(turns, axis=0)).max() < 0.6 * 4 * np.pi / (FRAMES - 1)
+
+
+def test_the_film_plays_behind_the_camera(ready, sequence: Sequence, film: Path) -> None:
+    import bpy
+
+    ready.frame_set(11)
+    bpy.ops.facestage.import_performance(directory=str(sequence.folder))
+    background = ready.camera.data.background_images[0]
+    assert background.image.source == "SEQUENCE"
+    assert Path(background.image.filepath).name == "0005.png"
+    user = background.image_user
+    assert (user.frame_start, user.frame_duration, user.frame_offset) == (11, FRAMES, 4)
+    assert ready.render.resolution_x == WIDTH
+
+
+def test_another_models_rig_is_left_alone(ready, sequence: Sequence, tmp_path: Path) -> None:
+    import bpy
+
+    other = tmp_path / "other"
+    other.mkdir()
+    replace(sequence, model="ict:somewhere").write_into(other)
+    fps = ready.render.fps
+    refused(bpy.ops.facestage.import_performance, "build the rig", directory=str(other))
+    refused(bpy.ops.facestage.import_performance, "facestage track", directory=str(tmp_path / "no"))
+    assert ready.render.fps == fps
+    assert ready.facestage.rig.data.shape_keys.animation_data is None
