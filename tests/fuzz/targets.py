@@ -54,6 +54,20 @@ TARGETS = {
             "person", f"{CONTRACT}.person", seeds_contract.person_folders, files.read_person, 60
         ),
         _target(
+            "sequence",
+            f"{CONTRACT}.sequence",
+            seeds_contract.sequence_folders,
+            files.read_sequence,
+            60,
+        ),
+        _target(
+            "sequence-truth",
+            "facestage.fit.sequence.sequence_truth",
+            seeds_contract.sequence_truths,
+            files.read_sequence_truth,
+            40,
+        ),
+        _target(
             "landmarks",
             f"{CONTRACT}.landmarks",
             seeds_contract.landmark_files,

@@ -22,7 +22,6 @@ from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend
 from ..scene.frames import LIGHT_DIRECTIONS
-from ..scene.paths import RESULT_FOLDER
 from .command import exit_code
 
 
@@ -200,6 +199,7 @@ def run(options: argparse.Namespace) -> None:
     truths = _for_each(options.truth, "--truth", count)
     backend = find_backend()
     from ..exchange.export import export_face, format_of  # loads Blender
+    from ..scene.paths import RESULT_FOLDER
     from . import pipeline
 
     for path in options.export:

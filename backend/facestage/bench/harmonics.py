@@ -113,7 +113,7 @@ def run_harmonics(problem: Problem, settings: SolverSettings) -> Track:
         start = landmark_start(run, snapshots)
         began = time.monotonic() - start.seconds
         deadline = began + (float("inf") if settings.budget is None else settings.budget)
-        state = start.state
+        state = replace(start.state, translucency=0.0)  # Lambert's skin sends as much everywhere
         for whole in schedule.photo_phases:
             if whole.name == PhaseName.SPECULAR:
                 continue

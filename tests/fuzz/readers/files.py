@@ -101,6 +101,26 @@ def read_person(folder: Path) -> None:
     )
 
 
+def read_sequence(folder: Path) -> None:
+    from facestage.contract.sequence import Sequence
+
+    found = Sequence.load(folder)
+    check_dataclass(found, but=("deviations",))
+    count = len(found.frames)
+    require(found.expression.shape == (count, len(found.expression_names)), "other expressions")
+    require(found.model_to_camera.shape == (count, 4, 4), "other poses")
+
+
+def read_sequence_truth(folder: Path) -> None:
+    from facestage.fit.sequence.sequence_truth import SequenceTruth
+    from fuzz.seeds.contract import tiny_model
+
+    model = tiny_model()
+    found = SequenceTruth(folder / "truth.npz", model, 2)
+    check_array(found.vertices, "vertices")
+    require(found.vertices.shape == (2, len(found.region), 3), "other vertices")
+
+
 def read_landmarks(folder: Path) -> None:
     from facestage.contract.landmarks import Landmarks
 

@@ -22,6 +22,7 @@ from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.rig_file import RigFile
+from facestage.contract.sequence import FRAME_STATUSES, Sequence, SequenceFrame
 from fuzz.case import Case
 from fuzz.damage.archives import zip_bytes, zip_members
 from fuzz.seeds.images import exr
@@ -139,6 +140,39 @@ def person_folders() -> list[Case]:
         {"fit": 1.0},
     )
     return [written(person.write_into)]
+
+
+def sequence_folders() -> list[Case]:
+    frames = tuple(
+        SequenceFrame(number, number / 24, f"{number}.png", status, "", 1, 0.01, 0.5)
+        for number, status in enumerate(FRAME_STATUSES, 1)
+    )
+    sequence = Sequence(
+        CONVERGED,
+        "Converged.",
+        "film.mp4",
+        "default",
+        camera(),
+        24.0,
+        frames,
+        (1, 3),
+        ("a", "b"),
+        ("jawOpen",),
+        numbers(1, 2),
+        np.abs(numbers(2, len(frames), 1)),
+        np.tile(np.eye(4), (len(frames), 1, 1)),
+        {"expression": np.ones((len(frames), 1)), "pose": np.ones((len(frames), 6))},
+        {"jaw": 0.1},
+        {"similarity_mm": 1.0},
+        {"total": 2.0},
+    )
+    return [written(sequence.write_into)]
+
+
+def sequence_truths() -> list[Case]:
+    vertices = np.stack([tiny_model().vertices - [0, 0, 0.6]] * 2).astype(np.float32)
+    arrays = {"vertices": vertices, "expression": np.zeros((2, 1)), "names": np.array(["jawOpen"])}
+    return [written(lambda folder: np.savez(folder / "truth.npz", **arrays))]
 
 
 def landmark_files() -> list[Case]:

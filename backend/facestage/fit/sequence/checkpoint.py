@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.errors import InputError
 from facestage.contract.files.partial import SEQUENCE_CHECKPOINT
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.fit.sequence.course import Course
@@ -54,10 +56,20 @@ class PassCheckpoint:
 
     @classmethod
     def load(cls, folder: Path) -> PassCheckpoint | None:
-        """The one that an earlier run left, if any."""
-        if not (folder / SEQUENCE_CHECKPOINT).is_file():
+        """The one that an earlier run left, if any. Raises InputError when it is damaged."""
+        path = folder / SEQUENCE_CHECKPOINT
+        if not path.is_file():
             return None
-        found = read_arrays(folder / SEQUENCE_CHECKPOINT, "checkpoint")
+        found = read_arrays(path, "checkpoint")
+        try:
+            return cls._of(found)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"The checkpoint '{path}' is damaged ({error}); start again without --resume."
+            ) from error
+
+    @classmethod
+    def _of(cls, found: Mapping[str, np.ndarray]) -> PassCheckpoint:
         course = Course(found["rotation"], found["translation"], found["expression"])
         triples = Triples(found["triples"], found["factors"])
         motion = Motion(triples, found["groups"], found["scales"], found["weights"])

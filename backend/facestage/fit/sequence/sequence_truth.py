@@ -65,7 +65,7 @@ class SequenceTruth:
             vertices = vertices * 1e-3
         self.region, self.vertices = narrow, vertices
         self.expression = found.get("expression")
-        self.names = () if names is None else tuple(str(name) for name in names)
+        self.names = () if names is None else tuple(map(str, np.ravel(names)))
 
     def errors(self, model: FaceModel, course: Course) -> dict[str, float]:
         """Over the narrow face, ``model`` being the person's own: mean distances in mm after one

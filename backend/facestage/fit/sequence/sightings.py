@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -88,10 +88,23 @@ class Sightings:
 
     @classmethod
     def load(cls, folder: Path, fingerprint: str) -> Sightings:
-        """Those that an earlier run left, if any. Raises InputError for another film's."""
-        if not (folder / SEQUENCE_LANDMARKS).is_file():
+        """Those that an earlier run left, if any.
+
+        Raises InputError for another film's, and for what is damaged.
+        """
+        path = folder / SEQUENCE_LANDMARKS
+        if not path.is_file():
             return cls()
-        arrays = read_arrays(folder / SEQUENCE_LANDMARKS, "checkpoint")
+        arrays = read_arrays(path, "checkpoint")
+        try:
+            return cls._of(arrays, folder, fingerprint)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"The checkpoint '{path}' is damaged ({error}); start again without --resume."
+            ) from error
+
+    @classmethod
+    def _of(cls, arrays: Mapping[str, np.ndarray], folder: Path, fingerprint: str) -> Sightings:
         if str(arrays["fingerprint"]) != fingerprint:
             raise InputError(
                 f"The checkpoint in '{folder}' is of another film, or of other options; start "

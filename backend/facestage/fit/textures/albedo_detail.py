@@ -11,6 +11,7 @@ import numpy as np
 from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, solve_field
 
@@ -62,7 +63,7 @@ def albedo_detail(
     shown: Shown,
     half_mirror: Int[np.ndarray, "half half"] | None,
     doubts: Doubts = DOUBTS,
-    painted: Float[np.ndarray, "vertices 3"] | None = None,
+    paint: Paint | None = None,
 ) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
@@ -70,13 +71,15 @@ def albedo_detail(
     ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide or less; None: no symmetry.
     Where neither side is seen, the detail decays to zero.
 
-    ``painted``: what the model paints on the skin (painted_features.py). Where the skin is known it
-    is taken away, and the photo's own brows and lips are found whole: pixels that are coarser than
-    the paint could not take it off its texels.
+    ``paint``: of the model on the skin. Where the skin is known it is taken away as far as the
+    photo contradicts it, and the photo's own brows and lips are found whole: pixels that are
+    coarser than the paint could not take it off its texels.
     """
     weight, target = albedo_observations(shown, doubts)
-    if painted is not None:
+    painted = None
+    if paint is not None:
         surface = shown.image.surface
+        painted = paint.contradicted(surface, target, weight)
         target = target + np.einsum("pi,pic->pc", surface.weights, painted[surface.corners])
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)

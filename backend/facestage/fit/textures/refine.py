@@ -96,7 +96,7 @@ def refine(
             atlas,
             shown,
             mirrored_texels(half, problem.geometry),
-            painted=painted_features(problem.geometry),
+            paint=painted_features(problem.geometry),
         )
         photo = problem.photograph
         look = Look(
