@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,8 +40,9 @@ from facestage.fit.stages.visible import VisiblePhoto, resized_mask
 WIDE_LIGHT, SAMPLES_FACTOR_MAX = 0.5, 8.0
 # Of all the light that skin sends to skin, which adds about 5 % to direct light (root mean square,
 # docs/transport.md): less than half a percent is left out.
-INTERREFLECTION, INTERREFLECTION_MIN = {"interreflection"}, 0.1
-TRANSLUCENCY, TRANSLUCENCY_MIN = {"translucency"}, 0.1
+INTERREFLECTION_MIN, TRANSLUCENCY_MIN = 0.1, 0.1
+# What light does in skin and that is left out where a photo shows less of it.
+STRENGTHS_MIN = {"interreflection": INTERREFLECTION_MIN, "translucency": TRANSLUCENCY_MIN}
 
 
 @dataclass(frozen=True)
@@ -237,10 +239,9 @@ class View:
         """
         layout = Layout(state)
         held = layout.mask(self.frozen())
-        if not state.interreflection:
-            held |= layout.mask(INTERREFLECTION)
-        if not state.translucency:
-            held |= layout.mask(TRANSLUCENCY)
+        for name in STRENGTHS_MIN:
+            if not getattr(state, name):
+                held |= layout.mask({name})
         if not state.scattering:
             held |= layout.mask(BELOW)
         held[layout.slices["light_position"]] |= ~np.repeat(self.strong, AXES)
@@ -287,11 +288,12 @@ class View:
         where the photo has shown hardly any.
         """
         frozen = self.frozen()
-        if state.interreflection < INTERREFLECTION_MIN and not INTERREFLECTION & frozen:
-            state = replace(state, interreflection=0.0)
-        if state.translucency < TRANSLUCENCY_MIN and not TRANSLUCENCY & frozen:
-            state = replace(state, translucency=0.0)
-        return state
+        nothing: dict[str, Any] = {
+            name: 0.0
+            for name, least in STRENGTHS_MIN.items()
+            if getattr(state, name) < least and name not in frozen
+        }
+        return replace(state, **nothing) if nothing else state
 
     def with_scattering(self, phase: Phase, state: State) -> State:
         """Before a phase that says how far light wanders below the skin: with some of it, where the

@@ -7,23 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.job import Job
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.unknowns import TRANSLUCENCY_MEAN
-from facestage.fit.forward.shading import ForwardModel
-from facestage.fit.given.problem import read_problem
 from facestage.fit.result.run import fit_job
-from facestage.fit.stages.view import TRANSLUCENCY_MIN, View
+from facestage.fit.stages.view import TRANSLUCENCY_MIN
+from reference.skin_strengths import found_in, view_of
 from reference.small_fit import QUICK
-from reference.synthetic_case import Case, write_case
+from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
 
 LITTLE = 0.5 * TRANSLUCENCY_MIN
-
-
-def view_of(job: Job) -> View:
-    problem = read_problem(job, fineness=QUICK)
-    return View(problem, ForwardModel(problem.geometry, problem.lights))
 
 
 def test_next_to_nothing_is_left_out_and_held(case: Case):
@@ -39,16 +32,10 @@ def test_next_to_nothing_is_left_out_and_held(case: Case):
     assert frozen.without_next_to_nothing(little) is little
 
 
-def found_in(scene: Scene, folder: Path, there: float) -> float:
-    """How much of it a fit finds in a photo of the scene with so much."""
-    folder.mkdir()
-    photo = write_case(folder, replace(scene, state=replace(scene.state, translucency=there)))
-    result = fit_job(photo.job(lights=6), folder / "out", fineness=QUICK)
-    return float(result.parameters["translucency"])
-
-
 def test_a_photo_tells_how_much_there_is(scene: Scene, tmp_path: Path):
-    none, all_of_it = (found_in(scene, tmp_path / str(there), there) for there in (0.0, 1.0))
+    none, all_of_it = (
+        found_in(scene, tmp_path / str(there), "translucency", there) for there in (0.0, 1.0)
+    )
     print(f"found {none:.2f} of 0, {all_of_it:.2f} of 1")
     assert none < 0.3 < 0.7 < all_of_it < 1.3
 
