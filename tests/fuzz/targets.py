@@ -83,6 +83,14 @@ TARGETS = {
             40,
         ),
         _target(
+            "manifest",
+            "facestage.batch.manifest",
+            seeds_contract.manifests,
+            files.read_manifest,
+            40,
+        ),
+        _target("journal", f"{CONTRACT}.batch", seeds_contract.journals, files.read_journal, 30),
+        _target(
             "event",
             f"{CONTRACT}.events",
             seeds_contract.event_lines,

@@ -45,9 +45,9 @@ def own() -> set[str]:
 @pytest.mark.parametrize(
     ("folder", "extras"),
     [
-        ("backend", []),
+        ("backend", ["batch"]),
         ("addon", ["blender"]),
-        ("tests", ["blender", "dev"]),
+        ("tests", ["batch", "blender", "dev"]),
         ("tools", ["blender", "dev"]),
     ],
 )

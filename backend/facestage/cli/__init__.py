@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0 done, 2 bad input, 3 cancelled, 4 no backend.
+    """Run one command and return its exit code: 0 done, 2 bad input, 3 cancelled, 4 no backend,
+    5 some of a batch failed.
 
     Without ``arguments`` it is the process's only task: then signals are answered until the process
     ends.

@@ -5,19 +5,21 @@ from __future__ import annotations
 import argparse
 
 from facestage import __version__
-from facestage.cli import bench, detect, doctor, fit, model, render, stress, track
+from facestage.cli import batch, bench, detect, doctor, fit, model, render, stress, track
 
 EXAMPLES = """\
 facestage doctor says what works on this machine.
-Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works here.
+Exit codes: 0 done, 2 bad input or a full disk, 3 cancelled, 4 no renderer works here,
+5 some photos of a batch have no result.
 
 examples:
   facestage fit photo.jpg --out result
   facestage fit left.jpg front.jpg right.jpg --same-person --out me
+  facestage batch photos.csv --out fitted
   facestage track take.mp4 --out take
   facestage render result --out smile.png --weights smile.json
 """
-COMMANDS = (fit, track, detect, render, model, bench, stress, doctor)
+COMMANDS = (fit, batch, track, detect, render, model, bench, stress, doctor)
 
 
 def build_parser() -> argparse.ArgumentParser:

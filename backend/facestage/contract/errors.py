@@ -3,6 +3,7 @@
 from facestage.contract.wording import one_line
 
 EXIT_DONE = 0  # a command's exit code; that of a failure is its error's
+EXIT_SOME_FAILED = 5  # of a batch: rows without a result, whatever came of the others
 
 
 class FacestageError(Exception):

@@ -148,6 +148,27 @@ def read_live_link(folder: Path) -> None:
         require(len(values) == len(found.seconds), f"{name} has another length")
 
 
+def read_manifest(folder: Path) -> None:
+    from facestage.batch.manifest import read_manifest
+
+    rows = read_manifest(folder / "photos.csv", ("camera", "focal_px"))
+    for row in rows:
+        check_dataclass(row)
+        plain = row.name not in (".", "..") and Path(row.name).name == row.name
+        require(plain, f"{row.name!r} is no name of a folder")
+        require(all(row.photos), "a photo without a name")
+    require(len({row.name.casefold() for row in rows}) == len(rows), "two rows of one name")
+
+
+def read_journal(folder: Path) -> None:
+    from facestage.contract.batch import read_journal
+
+    for name, row in read_journal(folder).items():
+        check_dataclass(row)
+        require(row.name == name and bool(row.photos), "another row")
+        row.to_line()
+
+
 def read_event(folder: Path) -> None:
     from facestage.contract.events import Event
 

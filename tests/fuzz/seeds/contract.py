@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.batch import FAILED, JOURNAL, BatchRow
 from facestage.contract.camera import Camera
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
@@ -193,6 +194,26 @@ def recordings() -> list[Case]:
     lines = [f"23:59:59:{frame}.25,61,0.{frame},0.5,-0.1" for frame in (10, 20, 59)]
     text = "\n".join([head, *lines, "00:00:00:01.000,61,1.0,0.0,0.3", ""])
     return [{"take.csv": text.encode()}]
+
+
+def manifests() -> list[Case]:
+    lines = [
+        "photo,name,camera,focal_px",
+        "a.png,one,a.json,",
+        '"b, c.png;d.png",,,300;400',
+        "b.png,,,",
+        "b.png,,,",
+        "",
+    ]
+    return [{"photos.csv": "\n".join(lines).encode()}]
+
+
+def journals() -> list[Case]:
+    rows = (
+        BatchRow(1, "a", ("/a.png",), CONVERGED, "Well.", "0f", 2.5, {"psnr": 30.0}),
+        BatchRow(2, "b", ("/b.png", "/c.png"), FAILED, "No face.", "1f", 0.5),
+    )
+    return [{JOURNAL: "".join(f"{row.to_line()}\n" for row in rows).encode()}]
 
 
 def event_lines() -> list[Case]:

@@ -1,0 +1,201 @@
+"""``facestage batch``: fits of many photos, on many processes and machines."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from copy import copy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from facestage.cli import streams
+from facestage.cli.photo_options import add_photo_options
+from facestage.contract.errors import EXIT_DONE, EXIT_SOME_FAILED, InputError
+
+if TYPE_CHECKING:
+    from facestage.batch.manifest import ManifestRow
+    from facestage.batch.task import Task
+
+MANIFEST = ".csv"
+
+
+def add_command(commands: Any) -> None:
+    """Add ``batch`` to the commands."""
+    batch = commands.add_parser(
+        "batch",
+        help="fit many photos, on many processes or machines",
+        description="Fit many photos, each on its own, on processes of this machine or on a "
+        "cluster of Dask. A photo that cannot be fitted, or a process that dies, never stops the "
+        "rest. Exit code 5 says that some rows have no result.",
+        epilog="Example: facestage batch photos.csv --out fitted, or facestage batch folder "
+        "'more/*.jpg' --out fitted --budget draft --workers 2. The manifest's first line names its "
+        "columns: photo (several of one person with ; between them), and any of name and the "
+        "options below, with _ for -; an empty cell means the command line's. Its paths are "
+        "relative to it. The folder gets fits/NAME for each row, summary.csv, report.html and "
+        "batch.jsonl; docs/batch.md describes them. Ctrl+C keeps what is done, --resume goes on.",
+    )
+    batch.add_argument(
+        "photos",
+        nargs="+",
+        type=Path,
+        metavar="MANIFEST.csv|PHOTO|FOLDER",
+        help="one manifest; or photos, folders and patterns ('photos/*.jpg')",
+    )
+    batch.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
+    batch.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="processes on this machine (default: as many as cores and memory allow)",
+    )
+    batch.add_argument(
+        "--memory",
+        type=float,
+        metavar="GIB",
+        help="at most so much memory for each of them; one that takes more is ended and its photo "
+        "tried again (default: its share of the machine's)",
+    )
+    batch.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a running Dask cluster instead of processes here, as tcp://192.168.1.5:8786; its "
+        "workers need this version of Facestage, and must see the files under the same paths",
+    )
+    batch.add_argument(
+        "--retries",
+        type=int,
+        default=2,
+        metavar="N",
+        help="how often a row is tried again when its process dies (default 2)",
+    )
+    add_photo_options(batch)
+    batch.add_argument(
+        "--resume", action="store_true", help="leave what an earlier batch into --out has done"
+    )
+    batch.add_argument(
+        "--json", action="store_true", help="tell of the progress in JSON on a terminal, too"
+    )
+    batch.set_defaults(run=run, cancelled=cancelled)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit all rows, telling of the progress on standard output."""
+    from facestage.batch.cluster import Pool
+    from facestage.batch.run import counted, run_batch
+    from facestage.cli.jobs import read_jobs
+    from facestage.cli.terminal import ProgressLine, listener
+    from facestage.contract.batch import SUMMARY
+    from facestage.contract.result_files import REPORT
+
+    pool = Pool(options.scheduler, options.workers, options.memory, options.retries)
+    tasks = read_tasks(options)
+    with listener(options.json) as emit:
+        rows = run_batch(tasks, read_jobs, options.out, pool, options.resume, emit)
+    failed = [row for row in rows if row.failed]
+    for row in failed:
+        photos = ", ".join(Path(photo).name for photo in row.photos)
+        streams.say(f"{row.name} ({photos}): {row.sentence}")
+    if isinstance(emit, ProgressLine):
+        print(f"{counted(rows)}\n\nTable:  {options.out / SUMMARY}")
+        print(f"Report: {options.out / REPORT}")
+    return EXIT_SOME_FAILED if failed else EXIT_DONE
+
+
+def cancelled(options: argparse.Namespace) -> str:
+    """What a stopped batch says."""
+    from facestage.contract.batch import read_journal
+
+    done = sum(not row.failed for row in read_journal(options.out).values())
+    if not done:
+        return "cancelled before the first photo was fitted; run it again, or with --resume."
+    return f"cancelled; fitted so far: {done}. --resume goes on with the rest."
+
+
+class RowParser(argparse.ArgumentParser):
+    """Parses what a row says of its photos. Raises InputError."""
+
+    def __init__(self) -> None:
+        super().__init__(add_help=False, allow_abbrev=False)
+        add_photo_options(self)
+        self.options = {action.dest: action for action in self._actions if action.option_strings}
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError instead of ending the program."""
+        raise InputError(message)
+
+
+def read_tasks(options: argparse.Namespace) -> list[Task]:
+    """A task for each row that a ``batch`` command line asks for. Raises InputError."""
+    from facestage.batch.manifest import find_photos, read_manifest
+
+    parser, given = RowParser(), options.photos
+    shared = parser.parse_args([])
+    for name in parser.options:
+        setattr(shared, name, _absolute(name, getattr(options, name), Path.cwd()))
+    manifests = [path for path in given if path.suffix.lower() == MANIFEST]
+    if not manifests:
+        return _tasks(find_photos(given), parser, shared, Path.cwd())
+    if len(given) > 1:
+        raise InputError(
+            f"The manifest '{manifests[0]}' was given beside other files; give one manifest, or "
+            "photos and folders."
+        )
+    (manifest,) = manifests
+    rows = read_manifest(manifest, parser.options)
+    try:
+        return _tasks(rows, parser, shared, manifest.absolute().parent)
+    except RowError as error:
+        raise InputError(
+            f"Line {error.line} of the manifest '{manifest}' cannot be used: {error}; correct it."
+        ) from error
+
+
+class RowError(Exception):
+    """What is wrong with the options of a row, as a clause."""
+
+    def __init__(self, line: int, clause: str) -> None:
+        super().__init__(clause)
+        self.line = line
+
+
+def _tasks(
+    rows: Sequence[ManifestRow], parser: RowParser, shared: argparse.Namespace, folder: Path
+) -> list[Task]:
+    from facestage.batch.task import Task
+
+    tasks = []
+    for number, row in enumerate(rows, 1):
+        own = copy(shared)
+        if row.values.keys() & {"camera", "focal_px"}:
+            own.camera = own.focal_px = None  # one stands for the other
+        arguments = []
+        for name, values in row.values.items():
+            setattr(own, name, parser.get_default(name))
+            flag = parser.options[name].option_strings[0]
+            arguments += [f"{flag}={value}" for value in values]
+        try:
+            own = parser.parse_args(arguments, own)
+        except InputError as error:
+            raise RowError(row.line, str(error).rstrip(".")) from error
+        for name in row.values:
+            setattr(own, name, _absolute(name, getattr(own, name), folder))
+        own.image = [folder / photo for photo in row.photos]
+        own.job = []
+        tasks.append(Task(number, row.name, tuple(own.image), own))
+    return tasks
+
+
+def _absolute(name: str, value: Any, folder: Path) -> Any:
+    """The value of an option with its path, if it is or has one, relative to ``folder`` no more:
+    workers may be elsewhere.
+    """
+    if isinstance(value, list):
+        return [_absolute(name, one, folder) for one in value]
+    if isinstance(value, Path):
+        return folder / value.expanduser()
+    if name == "environment" and value is not None:
+        return str(folder / value)
+    if name == "model" and value is not None and ":" in value:
+        kind, _, path = value.partition(":")
+        return f"{kind}:{folder / Path(path).expanduser()}"
+    return value

@@ -1,0 +1,198 @@
+"""``facestage batch``: bad photos and dead workers never stop the rest."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from facestage.cli.batch import read_tasks
+from facestage.cli.jobs import read_jobs
+from facestage.cli.parser import build_parser
+from facestage.contract.batch import FITS, JOURNAL, read_journal
+from facestage.contract.events import Event
+from facestage.contract.person import Person
+from facestage.contract.result import Result
+from facestage.images.image_io import write_png
+from reference.command_line import PATIENCE, QUICK, events_of, listing, refuse, start, write
+from reference.synthetic_case import Case
+
+# What is left is fitted in two seconds.
+FROZEN = ("identity", "expression", "lights")
+HEAD = "photo,landmarks,camera,truth,name"
+
+
+@pytest.fixture
+def photos(case: Case, tmp_path: Path) -> Path:
+    """A manifest of eight rows: four photos, one person of two, and three that are no use."""
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    beside = (case.landmarks, case.camera, case.truth)
+    rows = []
+    for name in ("a", "b", "c", "d"):
+        shutil.copyfile(case.photo, folder / f"{name}.png")
+        rows.append(",".join(map(str, (f"{name}.png", *beside, ""))))
+    both = [f"{path};{path}" for path in beside]
+    rows.append(",".join(("a.png;b.png", *both, "both")))
+    write(folder / "cut.png", case.photo.read_bytes()[:900])
+    noise = np.random.default_rng(0).integers(0, 255, (96, 96, 3), np.uint8)
+    write_png(folder / "noise.png", noise)
+    rows += [f"cut.png,{case.landmarks},,,", "noise.png,,,,", "gone.png,,,,"]
+    return write(folder / "photos.csv", "\n".join([HEAD, *rows, ""]))
+
+
+def batch(case: Case, photos: Path, out: Path, *more: str) -> subprocess.Popen[str]:
+    quick = ["--budget", "draft", "--texture-size", "512", "--freeze", *FROZEN]
+    options = [*QUICK, *quick, "--workers", "2", *more]
+    # Dask leaves sockets to the garbage.
+    return start(
+        "batch",
+        photos,
+        "--out",
+        out,
+        "--model",
+        case.model_option,
+        *options,
+        warnings="ignore::ResourceWarning",
+    )
+
+
+def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    try:
+        out, err = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+    return process.returncode, out, err
+
+
+def kill_a_worker(process: subprocess.Popen[str]) -> None:
+    """Once the first row has ended, so that the others are being fitted."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        event = Event.from_line(line)
+        if event is not None and event.iteration >= 1:
+            break
+    children = psutil.Process(process.pid).children()
+    workers = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    assert len(workers) == 2
+    workers[0].kill()
+
+
+@pytest.mark.slow
+def test_bad_photos_and_a_dead_worker_do_not_stop_the_rest(
+    case: Case, photos: Path, tmp_path: Path
+):
+    out = tmp_path / "out"
+    process = batch(case, photos, out)
+    kill_a_worker(process)
+    code, said, sentences = ended(process)
+    assert code == 5, sentences
+    assert events_of(said)[-1].message == "5 of 8 fitted, 3 not."
+    told = sentences.splitlines()
+    assert len(told) == 3, sentences
+    for line, name, words in zip(
+        told,
+        ("cut", "noise", "gone"),
+        ("not a readable image", "No face was found", "does not exist"),
+        strict=True,
+    ):
+        assert line.startswith(f"facestage: {name} ({name}.png): ") and words in line
+    for name in ("a", "b", "c", "d"):
+        assert "similarity_mm" in Result.load(out / FITS / name).errors
+    assert len(Person.load(out / FITS / "both").photos) == 2
+    with (out / "summary.csv").open(encoding="utf-8", newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert [row["name"] for row in table] == [*"abcd", "both", "cut", "noise", "gone"]
+    assert [row["status"] == "failed" for row in table] == 5 * [False] + 3 * [True]
+    assert all((out / row["picture"]).is_file() for row in table[:5])
+    assert float(table[4]["similarity_mm"]) > 0 and float(table[4]["seconds"]) > 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/jpeg") == 4 * 2 + 1 and page.count('<tr class="failed">') == 3
+
+    # Again: what is done is left, what failed is tried, and what has changed is fitted anew.
+    before = {name: (out / FITS / name / "result.json").stat().st_mtime_ns for name in "abd"}
+    shutil.copyfile(case.photo, photos.parent / "gone.png")
+    (photos.parent / "d.png").touch()
+    with (out / JOURNAL).open("a", encoding="utf-8") as journal:
+        journal.write('{"number": 1, "na')  # as of a kill
+    code, said, sentences = ended(batch(case, photos, out, "--resume"))
+    assert code == 5 and len(sentences.splitlines()) == 3, sentences
+    assert events_of(said)[0].message == "4 of 8 rows to fit"
+    after = {name: (out / FITS / name / "result.json").stat().st_mtime_ns for name in "abd"}
+    assert {name for name in after if after[name] != before[name]} == {"d"}
+    assert not [path for path in listing(out) if path.name.startswith(".facestage")]
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_what_is_done(case: Case, photos: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    process = batch(case, photos, out)
+    assert process.stdout is not None
+    next(line for line in process.stdout if '"iteration": 1' in line)
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.terminate()
+    code, _, sentences = ended(process)
+    assert code == 3 and "--resume goes on with the rest." in sentences, sentences
+    done = read_journal(out)
+    assert done and (out / "summary.csv").is_file()
+    assert all((out / FITS / name / "result.json").is_file() for name in done)
+    assert not psutil.wait_procs(children, timeout=20)[1], "a worker lives on"
+
+
+def test_a_cell_takes_the_place_of_the_command_line(case: Case, photos: Path):
+    write(
+        photos,
+        "photo,camera,focal_px,model,freeze,environment,seed\n"
+        f"a.png,,300,,,,\n"
+        f"a.png,{case.camera},,npz:m.npz,pose;focal,sky.exr@40,7\n"
+        "a.png;b.png,,,,,,\n",
+    )
+    shared = ["--focal-px", "200", "--freeze", "albedo", "--model", "default", "--seed", "1"]
+    options = build_parser().parse_args(["batch", str(photos), "--out", "o", *shared])
+    first, second, third = read_tasks(options)
+    (job,) = read_jobs(first.options)
+    assert job.camera is not None and job.camera.focal_px == 300
+    assert job.freeze == ("albedo",) and job.seed == 1 and job.model == "default"
+    assert job.image == photos.parent / "a.png"
+    said = second.options
+    assert said.camera == [case.camera] and said.focal_px is None
+    assert said.freeze == ["pose", "focal"] and said.seed == 7
+    assert said.model == f"npz:{photos.parent / 'm.npz'}"
+    assert said.environment == f"{photos.parent / 'sky.exr'}@40"
+    assert [job.image.name for job in read_jobs(third.options)] == ["a.png", "b.png"]
+    assert len({first.asked, second.asked, third.asked}) == 3
+    assert first.asked == read_tasks(options)[0].asked
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("photo,focal_px\na.png,\na.png,long\n", "Line 3 of the manifest"),
+        ("photo,out\na.png,x\n", "has a column 'out'"),
+        ("photo,surround\na.png,maybe\n", "invalid choice: 'maybe'"),
+    ],
+)
+def test_a_bad_manifest_is_refused_before_anything_is_written(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
+):
+    write(photos, text)
+    before = listing(tmp_path)
+    assert words in refuse(capsys, "batch", photos, "--out", tmp_path / "out")
+    assert listing(tmp_path) == before
+
+
+def test_the_output_may_not_be_somebody_elses(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "out").mkdir()
+    write(tmp_path / "out" / "mine.txt", "mine")
+    sentence = refuse(capsys, "batch", photos, "--out", tmp_path / "out")
+    assert "holds files that are not a batch" in sentence
+    assert listing(tmp_path / "out") == [tmp_path / "out" / "mine.txt"]
+    sentence = refuse(capsys, "batch", photos, photos.parent, "--out", tmp_path / "new")
+    assert "was given beside other files" in sentence
