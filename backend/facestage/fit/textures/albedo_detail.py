@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, solve_field
+from facestage.fit.textures.unseen_tone import unseen_tone
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
 # Darker than the basis by more than this is a shadow's edge or an occluder, not skin; lighter, a
@@ -56,6 +58,8 @@ class AlbedoDetail:
     log_albedo: Float32[np.ndarray, "size size 3"]
     seen: Bool[np.ndarray, "size size"]  # the photo shows the texel
     mirrored: Bool[np.ndarray, "size size"]  # the photo shows its mirror image only
+    # of it, what is tone and goes on where nothing is seen
+    tone: Float[np.ndarray, "vertices 3"] | None = None
 
 
 def albedo_detail(
@@ -64,12 +68,14 @@ def albedo_detail(
     half_mirror: Int[np.ndarray, "half half"] | None,
     doubts: Doubts = DOUBTS,
     paint: Paint | None = None,
+    geometry: FaceGeometry | None = None,
 ) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
 
     ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide or less; None: no symmetry.
-    Where neither side is seen, the detail decays to zero.
+    Where neither side is seen, the detail decays to the tone of the skin that is, on the surface
+    of ``geometry``; None: to zero.
 
     ``paint``: of the model on the skin. Where the skin is known it is taken away as far as the
     photo contradicts it, and the photo's own brows and lips are found whole: pixels that are
@@ -81,13 +87,20 @@ def albedo_detail(
         surface = shown.image.surface
         painted = paint.contradicted(surface, target, weight)
         target = target + np.einsum("pi,pic->pc", surface.weights, painted[surface.corners])
+    tone = None
+    if geometry is not None:
+        surface = shown.image.surface
+        tone = unseen_tone(geometry, surface, target, weight, shown.feature)
+        target = target - np.einsum("pi,pic->pc", surface.weights, tone[surface.corners])
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
     found, known = solve_field(field)
     seen = (known > KNOWN) & atlas.skin
     if half_mirror is None or not seen.any():
-        return AlbedoDetail(_without(found, known, painted, atlas), seen, np.zeros_like(seen))
+        return AlbedoDetail(
+            _on_basis(found, known, painted, tone, atlas), seen, np.zeros_like(seen), tone
+        )
     while len(field.texels) > len(half_mirror):
         field = field.halved()
     # What is seen stays as it is; the rest of the change is smooth, so that fewer texels are
@@ -100,20 +113,27 @@ def albedo_detail(
         found[rows] = np.where(atlas.skin[rows][..., None], found[rows] + added, 0.0)
     mirrored = np.repeat(np.repeat(known_too, times, axis=0), times, axis=1)
     return AlbedoDetail(
-        _without(found, known + (1 - known) * mirrored, painted, atlas),
+        _on_basis(found, known + (1 - known) * mirrored, painted, tone, atlas),
         seen,
         (mirrored > KNOWN) & ~seen & atlas.skin,
+        tone,
     )
 
 
-def _without(
+def _on_basis(
     found: Float[np.ndarray, "size size 3"],
     known: Float[np.ndarray, "size size"],
     painted: Float[np.ndarray, "vertices 3"] | None,
+    tone: Float[np.ndarray, "vertices 3"] | None,
     atlas: Atlas,
 ) -> Float32[np.ndarray, "size size 3"]:
-    """What was ``found`` instead of the model's paint, as what is to be added to it."""
+    """What was ``found`` on the ``tone`` and instead of the model's paint, as what is to be added
+    to the basis.
+    """
     result = np.asarray(found, np.float32)
+    if tone is not None:
+        for rows, there in atlas.baked(tone):
+            result[rows][atlas.covered[rows]] += there
     if painted is not None:
         share = np.where(atlas.skin, known, 0.0)
         for rows, drawn in atlas.baked(painted):

@@ -34,6 +34,7 @@ class MergedMaps:
         self._relief: Textures | None = None
         self._coverage = np.zeros((size, size, 3), np.uint8)
         self._eyes: list[tuple[float, np.ndarray]] = []  # weights and logarithms
+        self._tones: list[tuple[float, np.ndarray]] = []
 
     def add(self, maps: Refined, state: State, weight: float) -> None:
         """A photo's maps, with its ``weight`` 0..1 among the photos."""
@@ -51,6 +52,8 @@ class MergedMaps:
         self._weight += weight
         if maps.eyes is not None:
             self._eyes.append((weight, np.log(maps.eyes)))
+        if maps.tone is not None:
+            self._tones.append((weight, maps.tone))
         # Of all photos together already.
         self._relief = textures
         self._coverage = np.maximum(self._coverage, maps.coverage)
@@ -61,12 +64,17 @@ class MergedMaps:
         """
         maps = {name: total / self._weight for name, total in self._sums.items()}
         maps["albedo"] = np.exp(
-            np.where(self._skin[..., None], self._detail.mean(), maps["albedo"])
+            np.where(self._skin[..., None], self._detail.mean(_mean(self._tones)), maps["albedo"])
         )
         found = {name: values.astype(np.float32) for name, values in maps.items()}
         textures = Textures(**found)
         if self._relief is not None:
             textures = replace(textures, normal=self._relief.normal, height=self._relief.height)
-        weight = sum(each for each, _ in self._eyes)
-        eyes = np.exp(sum(each * logs for each, logs in self._eyes) / weight) if weight else None
-        return Refined(textures, self._coverage, eyes)
+        eyes = _mean(self._eyes)
+        return Refined(textures, self._coverage, None if eyes is None else np.exp(eyes))
+
+
+def _mean(weighted: list[tuple[float, np.ndarray]]) -> np.ndarray | None:
+    """Of arrays by their weights; None where all weigh nothing."""
+    weight = sum(each for each, _ in weighted)
+    return np.asarray(sum(each * values for each, values in weighted) / weight) if weight else None

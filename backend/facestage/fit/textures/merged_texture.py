@@ -54,9 +54,12 @@ class MergedTexture:
         self._weight += confidence
         self.coverage |= coverage
 
-    def mean(self) -> Float64[np.ndarray, "size size channels"]:
-        """The merged texture."""
-        return np.asarray(self._sum / self._weight[..., None])
+    def mean(
+        self, tone: Float[np.ndarray, "vertices channels"] | None = None
+    ) -> Float64[np.ndarray, "size size channels"]:
+        """The merged texture; ``tone``: by vertex, what is to be added to the basis."""
+        total = self._sum if tone is None else self._sum + BASIS * self._atlas.bake(tone)
+        return np.asarray(total / self._weight[..., None])
 
 
 def _confidence(

@@ -42,6 +42,8 @@ class Refined:
     coverage: UInt8[np.ndarray, "size size 3"]  # see CONVENTIONS.md
     # of the eyes' part of the atlas, see eye_picture.py
     eyes: Float32[np.ndarray, "height width 3"] | None = None
+    # of the log albedo, what goes on where nothing is seen, see unseen_tone.py
+    tone: Float[np.ndarray, "vertices 3"] | None = None
 
 
 def refine(
@@ -97,13 +99,15 @@ def refine(
             shown,
             mirrored_texels(half, problem.geometry),
             paint=painted_features(problem.geometry),
+            geometry=problem.geometry,
         )
         photo = problem.photograph
         look = Look(
             photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
-        logs += detail.log_albedo
+        # Beyond the seams too, where lookups between texels reach.
+        logs += detail.log_albedo[atlas.nearest]
         logs += atlas.bake(parts)
         eyes = eye_picture(problem.geometry, forward.log_albedo(fitted.state) + parts)
     albedo = painted(logs)
@@ -112,7 +116,8 @@ def refine(
     textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss))
     if relief is not None:
         textures = replace(textures, normal=relief.normal, height=relief.height)
-    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes)
+    tone = None if detail is None else detail.tone
+    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes, tone)
 
 
 def found_relief(

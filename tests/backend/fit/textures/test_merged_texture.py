@@ -59,6 +59,16 @@ def test_what_no_photo_shows_is_the_basis(merged: MergedTexture, frontal: State)
     np.testing.assert_array_equal(merged.coverage, left)
 
 
+def test_the_basis_takes_the_tone_of_the_photos(
+    merged: MergedTexture, frontal: State, scene: Scene
+):
+    left, right = halves()
+    merged.add(flat(0.2), left, frontal, 1.0)
+    tone = np.full((len(scene.geometry.mean), 3), -0.1)
+    np.testing.assert_allclose(merged.mean(tone)[right], 0.4, rtol=1e-6)
+    assert np.abs(merged.mean(tone) - merged.mean())[MIDDLE, SIZE // 4].max() < 0.03
+
+
 def test_what_both_show_counts_by_its_weight(merged: MergedTexture, frontal: State):
     everywhere = np.ones((SIZE, SIZE), bool)
     merged.add(flat(0.2), everywhere, frontal, 0.25)
