@@ -86,6 +86,10 @@ def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
     return candidate.type == "MESH"
 
 
+def _is_armature(_owner: object, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "ARMATURE"
+
+
 class LightSettings(bpy.types.PropertyGroup):
     """What the fit may do with one light of the stage."""
 
@@ -117,6 +121,12 @@ class FaceSettings(bpy.types.PropertyGroup):
     model: StringProperty(name="Face model", description="The face model this rig was built from")
     roughness: FloatProperty(
         name="Roughness", description="Roughness of the skin as last fitted", default=0.45
+    )
+    control_rig: PointerProperty(
+        type=bpy.types.Object,
+        name="Control rig",
+        description="The armature whose handles move the face",
+        poll=_is_armature,
     )
     own_mesh: StringProperty(
         name="Own mesh", description="How a mesh of the user's is tied to its face model"

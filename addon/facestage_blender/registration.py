@@ -10,6 +10,7 @@ from .preview import live as preview
 from .scene import keeping
 from .ui import (
     backend_task,
+    control_rig,
     export,
     expressions,
     face,
@@ -39,6 +40,7 @@ MODULES = (
     export,
     result,
     expressions,
+    control_rig,
 )
 
 

@@ -173,6 +173,21 @@ def test_an_expression_changes_the_face(blender: Blender):
     blender.until(f"abs({jaw} - {fitted}) < 1e-6")
 
 
+def test_handles_move_the_face(blender: Blender):
+    smile = f"{SETTINGS}.rig.data.shape_keys.key_blocks['mouthSmileLeft'].value"
+    blender.do("bpy.ops.facestage.add_control_rig()")
+    blender.do(
+        f"rig = {SETTINGS}.rig.facestage_face.control_rig\n"
+        "for side in 'LR':\n"
+        "    rig.pose.bones[f'lips.{side}'].location.y = 0.006\n"
+        "rig.pose.bones['eyes'].location.x = 0.1\n"
+    )
+    blender.until(f"{smile} > 0.5")
+    blender.shot("control-rig")
+    blender.do("bpy.ops.facestage.remove_control_rig()")
+    blender.do("bpy.ops.facestage.set_expression(to='FITTED')")
+
+
 def test_eevee_renders_the_face_as_bright_as_the_photo(blender: Blender, photo: Path):
     assert "EEVEE" in blender.ask("bpy.context.scene.render.engine")
     picture = blender.out / "eevee.png"

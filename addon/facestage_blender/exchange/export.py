@@ -27,6 +27,7 @@ from ..rig.face_rig import IDENTITY, require_rig
 from ..rig.own_record import OwnMesh
 from ..rig.own_sliders import SHAPE_KEY
 from ..rig.relief_key import NAME as RELIEF_KEY
+from ..rig.sliders import is_bound
 from ..scene.user_state import preserved
 from ..skin.plain_eyes import plain_eyes, shows_eyes, spread_uvs, write_eyes
 from ..skin.plain_skin import is_facestage_skin, plain_skin, write_textures
@@ -225,6 +226,7 @@ def _bake_identity(rig: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
     """
     if mesh.shape_keys is None:
         return
+    _undrive(rig, mesh)
     own = OwnMesh.of(rig)
     who = {
         SHAPE_KEY,
@@ -246,6 +248,17 @@ def _bake_identity(rig: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
     holder = next(item for item in bpy.data.objects if item.data == mesh)
     for name in names:
         holder.shape_key_remove(blocks[name])
+
+
+def _undrive(rig: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    """Let the copy's shape keys stay as they are shown, with no control rig to move them."""
+    shapes = mesh.shape_keys
+    shown = {key.name: key.value for key in rig.data.shape_keys.key_blocks}
+    shapes.animation_data_clear()
+    for key in shapes.key_blocks:
+        if is_bound(key):
+            del shapes[key.name]
+        key.value = shown[key.name]
 
 
 def _points(key: bpy.types.ShapeKey) -> np.ndarray:

@@ -19,6 +19,7 @@ from ..rig.expressions import expression_keys
 from ..rig.face_rig import key_name, require_rig, rig_axes
 from ..rig.keyframes import write_curve, write_keys
 from ..rig.own_record import OwnMesh
+from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera
 from ..scene.stage import facestage_collection, require_stage
@@ -78,15 +79,16 @@ def _set_rate(scene: bpy.types.Scene, rate: float) -> None:
 
 def _key_head(
     scene: bpy.types.Scene,
-    rig: bpy.types.Object,
+    face: bpy.types.Object,
     times: Float[np.ndarray, " frames"],
     to_stage: Float[np.ndarray, "frames 4 4"],
 ) -> None:
-    """Key where the rig is, whatever its parent is."""
+    """Key where the face is, whatever it hangs on."""
+    rig, axes = carrier(face), rig_axes(face)
     rig.rotation_mode = "XYZ"
     parent = Matrix() if rig.parent is None else rig.parent.matrix_world @ rig.matrix_parent_inverse
     base = parent.inverted() @ require_stage(scene).matrix_world
-    axes, poses = rig_axes(rig), []
+    poses = []
     turned = rig.rotation_euler.copy()
     for each in to_stage:
         place, turn, scale = (base @ Matrix(frames.local_matrix(each, axes).tolist())).decompose()

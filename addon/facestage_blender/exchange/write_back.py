@@ -11,11 +11,13 @@ from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
+from ..rig.control.control_rig import renew_control_rig
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
 from ..rig.relief_key import check_relief, write_relief
+from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
@@ -62,7 +64,8 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         write_shape(rig, own, identity, borrowed)
     write_relief(rig, relief)
     build_stage(scene, result.stage)
-    place(empty, rig, result.model_to_stage, rig_axes(rig))
+    place(empty, carrier(rig), result.model_to_stage, rig_axes(rig))
+    renew_control_rig(scene)
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     displace(rig, False)  # another relief: by its normal map until it is asked for
     scattering, translucency = (

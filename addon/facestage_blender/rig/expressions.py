@@ -9,6 +9,7 @@ import bpy
 from . import relief_key
 from .face_rig import IDENTITY, move_sliders, slider_values
 from .own_record import OwnMesh
+from .sliders import rest_handles, set_slider
 
 # ARKit's names begin with their region; what has another name is the face model's own.
 REGIONS = {
@@ -58,7 +59,9 @@ def neutral(rig: bpy.types.Object) -> None:
 
 def as_fitted(rig: bpy.types.Object, expression: dict[str, float]) -> None:
     """Give back a result's expression; the identity stays. Raises InputError for another rig's."""
-    move_sliders(rig, slider_values(rig, {}, expression))
+    values = slider_values(rig, {}, expression)
+    rest_handles(rig)
+    move_sliders(rig, values)
 
 
 def mirror(rig: bpy.types.Object) -> None:
@@ -77,7 +80,8 @@ def mirrored(name: str) -> str:
 
 
 def move(rig: bpy.types.Object, values: dict[str, float]) -> None:
-    """Set sliders, none of them longer than it is."""
+    """Set sliders, none of them longer than it is; handles of a control rig come to rest."""
+    rest_handles(rig)
     for name, value in values.items():
         key = rig.data.shape_keys.key_blocks[name]
-        key.value = min(max(value, key.slider_min), key.slider_max)
+        set_slider(key, min(max(value, key.slider_min), key.slider_max))

@@ -18,6 +18,7 @@ from ..skin.material import part_materials, show_model
 from . import relief_key
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
+from .sliders import set_slider, widen
 
 NAME = "Facestage Face"
 IDENTITY = "identity/"
@@ -179,8 +180,8 @@ def move_sliders(rig: bpy.types.Object, values: dict[str, float]) -> None:
     """Set shape keys that there are; a slider becomes as long as its value needs."""
     for name, value in values.items():
         key = rig.data.shape_keys.key_blocks[name]
-        key.slider_min, key.slider_max = min(key.slider_min, value), max(key.slider_max, value)
-        key.value = value
+        widen(key, value, value)
+        set_slider(key, value)
 
 
 def rig_axes(rig: bpy.types.Object) -> str | np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import bpy
 import numpy as np
 
 from facestage.contract.arrays import Float
+
+from .sliders import control_rig, key_slider, slider_path, widen
 
 SAME = 1e-3  # frames
 
@@ -15,7 +17,19 @@ SAME = 1e-3  # frames
 def key_now(keys: Iterable[bpy.types.ShapeKey], frame: float) -> None:
     """Key sliders as they are."""
     for key in keys:
-        key.keyframe_insert("value", frame=frame)
+        key_slider(key, frame)
+
+
+def key_handles(rig: bpy.types.Object, frame: float) -> None:
+    """Key the handles of the face's control rig, if it has one, as they are, head and neck, too."""
+    armature = control_rig(rig)
+    for bone in () if armature is None else armature.pose.bones:
+        for path, locks in (
+            ("location", bone.lock_location),
+            ("rotation_euler", bone.lock_rotation),
+        ):
+            for axis in (axis for axis in range(3) if not locks[axis]):
+                bone.keyframe_insert(path, index=axis, frame=frame)
 
 
 def write_keys(
@@ -29,11 +43,9 @@ def write_keys(
     shapes = rig.data.shape_keys
     for name, values in weights.items():
         key = shapes.key_blocks[name]
-        key.slider_min = min(key.slider_min, float(values.min()))
-        key.slider_max = max(key.slider_max, float(values.max()))
-        key.keyframe_insert("value", frame=float(frames[0]))  # makes action, slot and curve
-        path = f'key_blocks["{bpy.utils.escape_identifier(name)}"].value'
-        write_curve(shapes, path, 0, frames, values)
+        widen(key, float(values.min()), float(values.max()))
+        key_slider(key, float(frames[0]))  # makes action, slot and curve
+        write_curve(shapes, slider_path(key), 0, frames, values)
 
 
 def write_curve(
@@ -65,3 +77,48 @@ def write_curve(
     kinds = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items
     points.foreach_set("interpolation", np.full(len(table), kinds["LINEAR"].value, np.int32))
     curve.update()
+
+
+def curves_of(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """The curves that animate ``owner``: those of its action and of its strips."""
+    for curves in _collections(owner):
+        yield from curves
+
+
+def remove_curves(owner: bpy.types.ID, paths: Collection[str]) -> None:
+    """Take away the curves of these paths."""
+    for curves in _collections(owner):
+        for curve in [curve for curve in curves if curve.data_path in paths]:
+            curves.remove(curve)
+
+
+def own_actions(owner: bpy.types.ID) -> None:
+    """Give ``owner`` a copy of each of its actions that others use, before its curves change."""
+    for user in _users(owner):
+        if user.action.users - user.action.use_fake_user > 1:
+            slot = getattr(user, "action_slot", None)
+            user.action = user.action.copy()
+            if slot is not None:
+                user.action_slot = user.action.slots[slot.identifier]
+
+
+def _users(owner: bpy.types.ID) -> Iterator[bpy.types.AnimData | bpy.types.NlaStrip]:
+    data = owner.animation_data
+    if data is None:
+        return
+    strips = (strip for track in data.nla_tracks for strip in track.strips)
+    yield from (user for user in (data, *strips) if user.action is not None)
+
+
+def _collections(owner: bpy.types.ID) -> Iterator[bpy.types.ActionFCurves]:
+    """The collections of curves that belong to ``owner``, in each of its actions."""
+    for user in _users(owner):
+        action, slot = user.action, getattr(user, "action_slot", None)
+        if slot is None:  # before Blender 4.4
+            yield action.fcurves
+            continue
+        for layer in action.layers:
+            for strip in layer.strips:
+                bag = strip.channelbag(slot)
+                if bag is not None:
+                    yield bag.fcurves

@@ -9,6 +9,7 @@ from facestage.contract.errors import InputError
 
 from . import relief_key
 from .own_record import OwnMesh
+from .sliders import is_bound
 
 SHAPE_KEY = "Facestage Shape"
 
@@ -135,14 +136,16 @@ def write_shape(
 
 
 def _driven(keys: bpy.types.Key) -> set[str]:
-    """Names of shape keys whose value an expression or a bone sets: a fit cannot move them."""
+    """Names of shape keys whose value an expression or a bone sets: a fit cannot move them. Those
+    that a control rig's handles add to have a slider beside it.
+    """
     if keys.animation_data is None:
         return set()
     paths = [driver.data_path for driver in keys.animation_data.drivers]
     return {
         key.name
         for key in keys.key_blocks
-        if any(path == key.path_from_id("value") for path in paths)
+        if not is_bound(key) and any(path == key.path_from_id("value") for path in paths)
     }
 
 

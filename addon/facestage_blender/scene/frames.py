@@ -47,7 +47,7 @@ def local_matrix(to_stage: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     camera, whose frame is the same in Blender and in the contract, or a matrix (4, 4) from them to
     the contract frame.
     """
-    return _homogeneous(stage_to_blender()) @ np.asarray(to_stage, np.float64) @ _to_contract(axes)
+    return _homogeneous(stage_to_blender()) @ np.asarray(to_stage, np.float64) @ to_contract(axes)
 
 
 def to_stage_matrix(local: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
@@ -55,7 +55,7 @@ def to_stage_matrix(local: np.ndarray, axes: str | np.ndarray) -> np.ndarray:
     return (
         _homogeneous(stage_to_blender()).T
         @ np.asarray(local, np.float64)
-        @ np.linalg.inv(_to_contract(axes))
+        @ np.linalg.inv(to_contract(axes))
     )
 
 
@@ -68,7 +68,7 @@ def light_rotation(direction: np.ndarray, axis_x: np.ndarray) -> np.ndarray:
     return points_to_blender(np.stack([x, np.cross(z, x), z])).T
 
 
-def _to_contract(axes: str | np.ndarray) -> np.ndarray:
+def to_contract(axes: str | np.ndarray) -> np.ndarray:
     """(4, 4) from an object's own coordinates to its contract frame."""
     if isinstance(axes, np.ndarray):
         return axes

@@ -16,8 +16,9 @@ from ..landmarks.photo_view import look_through_camera
 from ..preferences import expression_folder
 from ..rig.expressions import FURTHER, REGIONS, as_fitted, expression_keys, mirror, neutral
 from ..rig.face_rig import require_rig
-from ..rig.keyframes import key_now
+from ..rig.keyframes import key_handles, key_now
 from ..rig.presets import BUILT_IN, apply_preset, forget_preset, keep_preset, preset_names
+from ..rig.sliders import draw_slider
 from ..scene.paths import absolute, result_folder
 from .action import Action
 from .sidebar import SidebarPanel
@@ -103,15 +104,17 @@ class FACESTAGE_OT_forget_expression(Action, bpy.types.Operator):
 
 
 class FACESTAGE_OT_key_expression(Action, bpy.types.Operator):
-    """Key all expression sliders at the present frame"""
+    """Key all expression sliders, and the handles of a control rig, at the present frame"""
 
     bl_idname = "facestage.key_expression"
     bl_label = "Key All"
 
     def act(self, context: bpy.types.Context) -> None:
         """Insert the keys."""
-        regions = expression_keys(require_rig(context.scene)).values()
+        rig = require_rig(context.scene)
+        regions = expression_keys(rig).values()
         key_now([key for keys in regions for key in keys], context.scene.frame_current)
+        key_handles(rig, context.scene.frame_current)
 
 
 class FACESTAGE_OT_import_live_link(Action, bpy.types.Operator, ImportHelper):
@@ -226,7 +229,7 @@ class _Region:
         """Draw a slider for each expression of the region."""
         column = self.layout.column(align=True)
         for key in expression_keys(context.scene.facestage.rig).get(self.bl_label, []):
-            column.prop(key, "value", text=key.name, slider=True)
+            draw_slider(column, key)
 
 
 def _panel(region: str) -> type:

@@ -8,6 +8,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
 from ..drawing import draw_wrapped
+from ..rig.control.control_rig import renew_control_rig
 from ..rig.face_rig import build_rig
 from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
 from ..scene.stage import ensure_stage
@@ -37,6 +38,7 @@ class FACESTAGE_OT_build_rig(ModelTask, bpy.types.Operator):
         """Build the rig, and the stage when there is none."""
         scene = context.scene
         build_rig(scene, model, scene.facestage.model, ensure_stage(scene))
+        renew_control_rig(scene)
 
 
 class FACESTAGE_OT_choose_model(Action, bpy.types.Operator, ImportHelper):

@@ -10,6 +10,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, RigFile
 
+from ..rig.control.control_rig import renew_control_rig
 from ..rig.own_marks import MARK_GROUP, clear_mark, mark
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import adopt, export_mesh
@@ -77,6 +78,7 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
             )
         ensure_stage(scene)
         adopt(scene, item, f"rig:{path}", model, rig, own)
+        renew_control_rig(scene)
         sliders = (
             f"{len(own.expression)} expressions, {len(own.identity) or len(model.identity_names)} "
             "shapes of faces"

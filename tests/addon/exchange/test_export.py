@@ -99,12 +99,22 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     return float(max(KDTree(one).query(other)[0].max(), KDTree(other).query(one)[0].max()))
 
 
-@pytest.mark.parametrize("suffix", IMPORT)
+@pytest.mark.parametrize(
+    ("suffix", "handles"), [*((suffix, False) for suffix in IMPORT), (".glb", True), (".fbx", True)]
+)
 def test_an_imported_face_looks_and_moves_as_the_exported_one(
-    face, head: FaceModel, tmp_path: Path, suffix: str
+    face, head: FaceModel, tmp_path: Path, suffix: str, handles: bool
 ) -> None:
     from facestage_blender.exchange.export import export_face
     from facestage_blender.pictures.render import render_linear
+    from facestage_blender.rig.control.control_rig import add_control_rig
+    from facestage_blender.rig.sliders import rest_handles, set_slider
+
+    if handles:
+        set_slider(face.facestage.rig.data.shape_keys.key_blocks["jawOpen"], 0.5 * JAW)
+        bones = add_control_rig(face).pose.bones
+        bones["jaw_master"].rotation_euler.x = bones["head"].rotation_euler.y = 0.1
+        face.view_layers[0].update()
 
     expected = render_linear(face, 64, direct_only=True)
     before = contents()
@@ -126,8 +136,9 @@ def test_an_imported_face_looks_and_moves_as_the_exported_one(
     if suffix == ".usdc":  # which has sliders, but no values of theirs
         there.data.shape_keys.key_blocks["jawOpen"].value = JAW
     assert apart(shown_points(there), opened) < TOLERANCE
+    rest_handles(rig)
     for item in (there, rig):
-        item.data.shape_keys.key_blocks["jawOpen"].value = 0.0
+        set_slider(item.data.shape_keys.key_blocks["jawOpen"], 0.0)
     assert apart(shown_points(there), shown_points(rig)) < TOLERANCE
     assert apart(shown_points(there), opened) > 100 * TOLERANCE
 

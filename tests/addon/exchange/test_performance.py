@@ -103,14 +103,25 @@ def in_camera(scene) -> np.ndarray:
     return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def test_every_frame_is_where_the_film_has_it(ready, sequence: Sequence, head) -> None:
+@pytest.mark.parametrize("handles", ["none", "before", "after", "baked", "gone"])
+def test_every_frame_is_where_the_film_has_it(
+    ready, sequence: Sequence, head, handles: str
+) -> None:
     import bpy
 
     from facestage.contract.person import Person
     from facestage.contract.result import Result
 
     ready.frame_set(101)
+    if handles in ("before", "gone"):
+        assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
     assert bpy.ops.facestage.import_performance(directory=str(sequence.folder)) == {"FINISHED"}
+    if handles in ("after", "baked"):
+        assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
+    if handles == "baked":
+        assert bpy.ops.facestage.bake_to_rig() == {"FINISHED"}
+    if handles == "gone":
+        assert bpy.ops.facestage.remove_control_rig() == {"FINISHED"}
     assert ready.render.fps / ready.render.fps_base == pytest.approx(RATE)
     assert ready.frame_current == 101 and ready.frame_end == 250
     folder = Path(str(sequence.folder)) / KEYFRAMES

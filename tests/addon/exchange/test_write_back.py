@@ -48,6 +48,15 @@ def fitted(scene, stand_in: Callable[[str], list[str]], folder: Path) -> Result:
     return Result.load(folder / "result")
 
 
+def pose_handles(scene) -> None:
+    """A control rig whose handles are not at rest."""
+    from facestage_blender.rig.control.control_rig import add_control_rig
+
+    bones = add_control_rig(scene).pose.bones
+    bones["jaw_master"].rotation_euler.x = bones["head"].rotation_euler.y = 0.2
+    bones["neck"].rotation_euler.z = 0.1
+
+
 def camera_vertices(scene) -> np.ndarray:
     """(n, 3) the rig's vertices as shown, in the camera frame."""
     import bpy
@@ -127,7 +136,10 @@ def test_relief_is_one_more_shape_key_until_a_result_has_none(
     np.testing.assert_allclose(camera_vertices(ready), plain.vertices, atol=2e-6)
 
 
-def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -> None:
+@pytest.mark.parametrize("handles", [False, True])
+def test_result_is_shown_where_the_fit_had_it(
+    ready, stand_in, tmp_path: Path, handles: bool
+) -> None:
     from facestage_blender.exchange.scene_read import (
         read_camera_to_stage,
         read_job,
@@ -137,6 +149,8 @@ def test_result_is_shown_where_the_fit_had_it(ready, stand_in, tmp_path: Path) -
 
     world = ready.world
     result = fitted(ready, stand_in, tmp_path)
+    if handles:
+        pose_handles(ready)
     apply_result(ready, result)
     np.testing.assert_allclose(camera_vertices(ready), result.vertices, atol=2e-6)
     np.testing.assert_allclose(read_camera_to_stage(ready), result.camera_to_stage, atol=1e-6)
@@ -215,7 +229,10 @@ def test_a_result_without_a_roughness_map_has_one_value(ready, stand_in, tmp_pat
         assert not roughness.links and roughness.default_value == pytest.approx(result.roughness)
 
 
-def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -> None:
+@pytest.mark.parametrize("handles", [False, True])
+def test_kept_camera_stays_and_the_head_moves(
+    ready, stand_in, tmp_path: Path, handles: bool
+) -> None:
     from facestage_blender.exchange.write_back import apply_result
 
     ready.facestage.keep_camera = True
@@ -223,6 +240,8 @@ def test_kept_camera_stays_and_the_head_moves(ready, stand_in, tmp_path: Path) -
     ready.view_layers[0].update()
     before = ready.camera.matrix_world.copy()
     result = fitted(ready, stand_in, tmp_path)
+    if handles:
+        pose_handles(ready)
     apply_result(ready, result)
     assert ready.camera.matrix_world == before
     assert ready.camera.data.lens == 61.0
@@ -299,3 +318,16 @@ def test_relief_comes_with_a_result_and_goes_with_an_older_one(
     apply_result(ready, result)
     assert not is_displaced(rig) and not any(each.is_linked for each in normals)
     assert rig.facestage_face.height_image is None
+
+
+def test_handles_go_where_the_fitted_skin_is(ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.rig.control.control_rig import add_control_rig
+
+    armature = add_control_rig(ready)
+    before = armature.data.bones["jaw_master"].tail_local.copy()
+    apply_result(ready, fitted(ready, stand_in, tmp_path))
+    after = armature.data.bones["jaw_master"].tail_local.copy()
+    assert (after - before).length > 1e-4
+    add_control_rig(ready)  # nothing changes where it is fitted already
+    assert (armature.data.bones["jaw_master"].tail_local - after).length < 1e-6

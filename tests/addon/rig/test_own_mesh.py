@@ -221,3 +221,32 @@ def test_what_cannot_be_a_face_is_refused(scene, alice) -> None:
     alice.data.shape_keys.use_relative = False
     with pytest.raises(InputError, match="absolute"):
         read_mesh(alice)
+
+
+def test_a_mesh_in_centimetres_gets_handles_and_gives_them_back(
+    scene, alice, head: FaceModel
+) -> None:
+    import bpy
+
+    from facestage_blender.rig.own_mesh import read_mesh
+    from facestage_blender.rig.own_rig import adopt
+
+    rig, own, _ = read_mesh(alice)
+    model = model_of(rig, head)
+    adopt(scene, alice, "rig:x", model, rig, own)
+    before, parent, basis = alice.matrix_world.copy(), alice.parent, alice.matrix_basis.copy()
+    assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
+    np.testing.assert_allclose(alice.matrix_world, before, atol=2e-6)
+    armature = alice.facestage_face.control_rig
+    chin = armature.matrix_world @ armature.data.bones["jaw_master"].tail_local
+    below = np.linalg.norm(np.array(chin) - np.array(alice.matrix_world.translation))
+    assert 0.02 < below < 0.2  # metres
+    armature.pose.bones["jaw_master"].rotation_euler.x = 3.0
+    scene.view_layers[0].update()
+    assert alice.data.shape_keys.key_blocks["jawOpen"].value == pytest.approx(2.0, abs=1e-3)
+    again = read_mesh(alice)[1]
+    assert again.expression == own.expression  # the handles' sliders are not taken for driven
+    assert bpy.ops.facestage.remove_control_rig() == {"FINISHED"}
+    np.testing.assert_allclose(alice.matrix_world, before, atol=2e-6)
+    np.testing.assert_allclose(alice.matrix_basis, basis, atol=2e-6)
+    assert alice.parent == parent
