@@ -264,6 +264,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "exposure": "known",
         "white_balance": None,
         "texture_size": None,
+        "pins": None,
     }
     (folder / "job.json").write_text(json.dumps({"schema": 1, "image": "photo.png"}))
     assert_same(replace(Job.load(folder), image=photo), Job(photo))

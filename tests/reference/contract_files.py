@@ -9,6 +9,7 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job, Weights
+from facestage.contract.pins import Pins
 from facestage.contract.rig_file import RigFile
 
 
@@ -28,6 +29,12 @@ def full_job(image: Path, camera_to_stage: np.ndarray, **given: Any) -> Job:
         truth=Path("/elsewhere/truth.npz"),
         face_region=Path("/elsewhere/face.npy"),
         face=2,
+        pins=Pins(
+            np.array([[0, 1, 2], [2, 4, 3]]),
+            np.array([[0.5, 0.25, 0.25], [0.0, 1.0, 0.0]]),
+            np.array([[3.5, 7.25], [-1.0, 2.0]]),
+            np.array([0.125, 2.0]),
+        ),
         **given,
     )
 

@@ -21,6 +21,7 @@ from facestage.contract.grey import check_white_balance
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, RADIANCE_MAX, LightStage, StageSchema
 from facestage.contract.parameters import PARAMETERS
+from facestage.contract.pins import Pins
 from facestage.contract.quality import GOOD, QUALITIES
 from facestage.contract.schemas.array_field import Array, rigid
 from facestage.contract.schemas.fields import (
@@ -119,6 +120,7 @@ class Job:
     white_balance: tuple[float, ...] | None = None
     # the most texels along the textures, one of TEXTURE_SIZES; None: 2048
     texture_size: int | None = None
+    pins: Pins | None = None  # points of the model's surface that were put on their pixels by hand
 
     def __post_init__(self) -> None:
         if self.light_color not in LIGHT_COLORS:
@@ -202,6 +204,7 @@ class Job:
             "exposure": self.exposure,
             "white_balance": None if self.white_balance is None else list(self.white_balance),
             "texture_size": self.texture_size,
+            "pins": None if self.pins is None else self.pins.to_json(),
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
@@ -261,6 +264,9 @@ class Job:
             exposure=found["exposure"],
             white_balance=found["white_balance"],
             texture_size=found["texture_size"],
+            pins=None
+            if found["pins"] is None
+            else Pins.from_json(found["pins"], f"job file '{path}' (pins)"),
         )
 
 
@@ -296,6 +302,7 @@ class JobSchema(HandWritten):
     exposure = Choice(EXPOSURES, load_default=KNOWN)
     white_balance = Items(Number(0, RADIANCE_MAX), 2, 3, load_default=None)
     texture_size = Whole(TEXTURE_SIZES[0], TEXTURE_SIZES[-1], load_default=None)
+    pins = Table(Plain(), load_default=None)
 
 
 class JobArrays(FileSchema):

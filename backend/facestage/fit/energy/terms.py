@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.pin_term import PinTerm
 from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.silhouette import SilhouetteTerm
 from facestage.fit.energy.term import Term
 from facestage.fit.energy.whites_term import WhitesTerm
 
-TERMS: tuple[type[Term], ...] = (Priors, LandmarkTerm, SilhouetteTerm, WhitesTerm, PhotoTerm)
+TERMS: tuple[type[Term], ...] = (
+    Priors,
+    LandmarkTerm,
+    PinTerm,
+    SilhouetteTerm,
+    WhitesTerm,
+    PhotoTerm,
+)
 
 
 def words_of_energies() -> dict[str, str]:

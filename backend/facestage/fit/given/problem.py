@@ -28,6 +28,7 @@ from facestage.contract.light_stage import (
     fibonacci_stage,
     joined,
 )
+from facestage.contract.pins import Pins
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
@@ -77,6 +78,7 @@ class Problem:
     added: int = 0  # lights at the end of the stage that are the fit's own, not the job's
     # (3,) linear, what something grey in the photo shows; None: nobody said
     grey: np.ndarray | None = None
+    pins: Pins | None = None  # the job's
 
     def lit_from_behind(self, lights: LightStage) -> Problem:
         """With more ``lights`` (stage frame), to be fitted like those of the job."""
@@ -189,11 +191,19 @@ class Problem:
             photograph=small,
             camera=self.camera.scaled(factor),
             landmarks=self.landmarks_at(factor),
+            pins=self.pins_at(factor),
         )
 
     def landmarks_at(self, factor: float) -> Landmarks:
         """The landmarks of the photo resized by ``factor``."""
         return replace(self.landmarks, points=self.landmarks.points * factor)
+
+    def pins_at(self, factor: float) -> Pins | None:
+        """The pins of the photo resized by ``factor``."""
+        pins = self.pins
+        if pins is None:
+            return None
+        return replace(pins, points=pins.points * factor, deviation=pins.deviation * factor)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -229,6 +239,8 @@ class Problem:
             settings["exposure"] = self.job.exposure
         if self.job.white_balance is not None:
             settings["white_balance"] = self.job.white_balance
+        if self.job.pins is not None:
+            settings["pins"] = self.job.pins.to_json()
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
         return digest.hexdigest()
 
@@ -300,6 +312,23 @@ def _check_rendered(geometry: FaceGeometry, scheme: str) -> None:
         )
 
 
+def _check_pins(pins: Pins, geometry: FaceGeometry) -> None:
+    """Raise InputError for a pin that is not on what is rendered of the model."""
+    name, count = geometry.model.name, len(geometry.new_index)
+    outside = (pins.corners >= count).any(axis=1)
+    if outside.any():
+        raise InputError(
+            f"Pin {int(outside.argmax())} is on vertex {pins.corners.max()}, the face model "
+            f"'{name}' has {count}; pins are of one face model, make them again on this one."
+        )
+    lost = ((geometry.new_index[pins.corners] < 0) & (pins.weights != 0)).any(axis=1)
+    if lost.any():
+        raise InputError(
+            f"Pin {int(lost.argmax())} is on a part of '{name}' that the fit does not look at; "
+            "put it on the skin, the eyes or the mouth."
+        )
+
+
 def select_lights(stage: LightStage, keep: np.ndarray) -> LightStage:
     """The lights of ``stage`` where ``keep`` (N,) is true."""
     return LightStage(**{name: getattr(stage, name)[keep] for name in LIGHT_ARRAYS})
@@ -352,6 +381,8 @@ def read_problem(
     _check_initial(job.initial, model, fineness)
     geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, landmarks.scheme)
+    if job.pins is not None:
+        _check_pins(job.pins, geometry)
     fit_focal = job.camera is None and "focal" not in job.freeze
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
     window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
@@ -367,6 +398,7 @@ def read_problem(
         window,
         fineness,
         grey=_grey(job, photograph),
+        pins=None if job.pins is None else window.pins(job.pins),
     )
 
 

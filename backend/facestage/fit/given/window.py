@@ -14,6 +14,7 @@ import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.pins import Pins
 from facestage.fit.given.fineness import USUAL
 from facestage.images.image_io import Photograph, resize
 
@@ -111,6 +112,11 @@ class Window:
         if self.whole:
             return landmarks
         return replace(landmarks, points=(landmarks.points - np.array(self.box[:2])) * self.factor)
+
+    def pins(self, pins: Pins) -> Pins:
+        """The window's pins of the photo's."""
+        points = (pins.points - np.array(self.box[:2])) * self.factor
+        return replace(pins, points=points, deviation=pins.deviation * self.factor)
 
     def photograph(self, photo: Photograph) -> Photograph:
         """The window's pixels of a photo.

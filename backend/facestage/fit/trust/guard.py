@@ -45,7 +45,8 @@ def landmark_energy(energy: Energy, state: State) -> float:
 
 
 def _of_shape(energies: Mapping[str, float]) -> float:
-    return energies["landmarks"] + energies["identity"] + energies["expression"]
+    observed = energies["landmarks"] + energies.get("pins", 0.0)
+    return observed + energies["identity"] + energies["expression"]
 
 
 def statistic_limit(parameters: int) -> float:
