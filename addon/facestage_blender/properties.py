@@ -234,6 +234,9 @@ class OfPhoto:
         "otherwise they are guessed",
     )
     result: StringProperty(name="Result", description="Folder of the photo's last result")
+    pins: StringProperty(
+        name="Pins", description="Points of the face that were put on the photo by hand"
+    )
 
 
 class PhotoSettings(OfPhoto, bpy.types.PropertyGroup):
@@ -283,6 +286,9 @@ class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
         type=bpy.types.Object,
         name="Photo plane",
         description="Carries the landmarks' empties while they are edited",
+    )
+    pinning: BoolProperty(
+        name="Pinning", description="The face is shown as a wireframe that can be dragged"
     )
     model: StringProperty(name="Face model", description=MODEL_FORMS, default=DEFAULT_MODEL)
     light_count: IntProperty(

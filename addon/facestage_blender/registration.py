@@ -6,6 +6,7 @@ import bpy
 
 from . import preferences, properties
 from .landmarks import overlay as landmark_overlay
+from .pins import overlay as pin_overlay
 from .preview import live as preview
 from .scene import keeping
 from .ui import (
@@ -20,6 +21,7 @@ from .ui import (
     light_stage,
     own_mesh,
     photo,
+    pins,
     result,
     white_balance,
 )
@@ -36,6 +38,7 @@ MODULES = (
     light_stage,
     face,
     own_mesh,
+    pins,
     fit,
     export,
     result,
@@ -54,10 +57,14 @@ def register() -> None:
     keeping.register()
     preview.register()
     landmark_overlay.register()
+    pin_overlay.register()
+    pins.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
+    pins.unregister()
+    pin_overlay.unregister()
     landmark_overlay.unregister()
     preview.unregister()
     keeping.unregister()

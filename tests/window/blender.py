@@ -230,6 +230,22 @@ class Blender:
         self._run("xdotool", "click", str(button))
         time.sleep(0.4)
 
+    def drag(self, *places: tuple[int, int], let_go: bool = True) -> None:
+        """Pull the left mouse button from the first place of the screen to the last."""
+        self.move(*places[0])
+        self._run("xdotool", "mousedown", "1")
+        for x, y in places[1:]:
+            time.sleep(0.2)
+            self._run("xdotool", "mousemove", str(x), str(y))
+        time.sleep(0.4)
+        if let_go:
+            self.let_go()
+
+    def let_go(self) -> None:
+        """Release the left mouse button."""
+        self._run("xdotool", "mouseup", "1")
+        time.sleep(0.4)
+
     def key(self, *keys: str) -> None:
         """Press keys, by the names of X."""
         self._run("xdotool", "key", *keys)

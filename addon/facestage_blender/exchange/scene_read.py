@@ -9,6 +9,7 @@ from facestage.contract.job import KNOWN, UNKNOWN, Job, Weights
 
 from ..landmarks.editing import file_landmarks, read_landmarks
 from ..pictures.images import load_image
+from ..pins.record import photo_pins
 from ..properties import PhotoSettings
 from ..rig.face_rig import read_weights, require_rig, rig_axes
 from ..scene import frames
@@ -73,6 +74,7 @@ def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
         seed=settings.seed,
         device=settings.device,
         texture_size=int(settings.texture_size) or None,
+        pins=photo_pins(given, rig),
     )
 
 

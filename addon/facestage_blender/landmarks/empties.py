@@ -178,7 +178,7 @@ def remove_landmarks(scene: bpy.types.Scene) -> None:
     if plane is not None:
         collections |= set(plane.users_collection)
         if (camera := plane_camera(plane)) is not None:
-            put_photo_in_front(camera, False)
+            put_photo_in_front(camera, scene.facestage.pinning)
         items.append(plane)
     for item in items:
         bpy.data.objects.remove(item)

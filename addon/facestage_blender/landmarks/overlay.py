@@ -63,11 +63,11 @@ def draw() -> None:
         return
     seen = on_screen(context.scene, landmarks, np.array(context.region_data.perspective_matrix))
     pixels = (0.5 + 0.5 * seen) * [context.region.width, context.region.height]
-    _paint("LINES", line_ends(landmarks, pixels), LINE_COLOR)
-    for color, discs in discs_by_color(
+    paint("LINES", line_ends(landmarks, pixels), LINE_COLOR)
+    for color, triangles in discs_by_color(
         context.scene, landmarks, pixels, context.preferences.system.ui_scale
     ):
-        _paint("TRIS", discs, color)
+        paint("TRIS", triangles, color)
 
 
 def current_landmarks(scene: bpy.types.Scene) -> Landmarks | None:
@@ -122,33 +122,36 @@ def discs_by_color(
     empties = landmark_empties(scene)
     selected = [item.facestage_landmark.index for item in empties if item.select_get()]
     result = [
-        (FOLLOWER_COLOR, _discs(pixels[followers], FOLLOWER_RADIUS * scale)),
-        (SELECTED_COLOR, _discs(pixels[selected], SELECTED_RADIUS * scale)),
+        (FOLLOWER_COLOR, discs(pixels[followers], FOLLOWER_RADIUS * scale)),
+        (SELECTED_COLOR, discs(pixels[selected], SELECTED_RADIUS * scale)),
     ]
     marks = [item.facestage_landmark for item in empties]
     for state, color in COLORS.items():
         chosen = [mark.index for mark in marks if mark.state == state]
-        result.append((color, _discs(pixels[chosen], HANDLE_RADIUS * scale)))
+        result.append((color, discs(pixels[chosen], HANDLE_RADIUS * scale)))
     return result
 
 
-def _discs(centres: np.ndarray, radius: float) -> np.ndarray:
+def discs(centres: np.ndarray, radius: float) -> np.ndarray:
+    """(3 t, 2) corners of triangles: a disc around each of the ``centres`` (m, 2), NaN for none."""
     centres = centres[np.isfinite(centres).all(axis=1)]
     edge = centres[:, None] + radius * CORNERS
     fan = [np.broadcast_to(centres[:, None], edge[:, 1:].shape), edge[:, :-1], edge[:, 1:]]
     return np.stack(fan, axis=2).reshape(-1, 2)
 
 
-def _paint(kind: str, points: np.ndarray, color: Color) -> None:
+def paint(kind: str, points: np.ndarray, color: Color, indices: np.ndarray | None = None) -> None:
+    """Draw "LINES" or "TRIS" between ``points`` (m, 2), pixels of the region, one after the other
+    or as ``indices`` (k, 2 or 3) say.
+    """
     import gpu
     from gpu_extras.batch import batch_for_shader
 
     if not len(points):
         return
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    batch = batch_for_shader(
-        shader, kind, {"pos": np.c_[points, np.zeros(len(points))].astype(np.float32)}
-    )
+    content = {"pos": np.c_[points, np.zeros(len(points))].astype(np.float32)}
+    batch = batch_for_shader(shader, kind, content, indices=indices)
     shader.bind()
     shader.uniform_float("color", color)
     gpu.state.blend_set("ALPHA")

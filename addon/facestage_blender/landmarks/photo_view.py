@@ -37,21 +37,24 @@ def look_at_face(context: bpy.types.Context, plane: bpy.types.Object, landmarks:
     """Show the photo in the 3D View in use, else in all of the window's, the landmarks' face large
     in its middle.
     """
+    points = on_plane(landmarks.points[landmarks.counted], *photo_size(plane))
+    flat = np.c_[points, np.zeros(len(points)), np.ones(len(points))]
+    look_at(context, (flat @ plane_matrix(plane).T)[:, :3])
+
+
+def look_at(context: bpy.types.Context, points: np.ndarray) -> None:
+    """Show the photo, with what is seen of the world's ``points`` (m, 3) large in its middle."""
     for area in look_through_camera(context):
         rv3d = area.spaces.active.region_3d
         region = next((item for item in area.regions if item.type == "WINDOW"), None)
         if bpy.app.background or region is None:
             continue
         rv3d.update()
-        points = on_plane(landmarks.points[landmarks.counted], *photo_size(plane))
-        to_world = plane_matrix(plane)
-        low, high = (
-            location_3d_to_region_2d(region, rv3d, Vector((to_world @ [*corner, 0.0, 1.0])[:3]))
-            for corner in (points.min(axis=0), points.max(axis=0))
-        )
-        if low is None or high is None:
+        seen = [location_3d_to_region_2d(region, rv3d, Vector(point)) for point in points]
+        if not seen or any(place is None for place in seen):
             continue
-        _zoom(region, rv3d, np.array(low), np.array(high))
+        places = np.array(seen)
+        _zoom(region, rv3d, places.min(axis=0), places.max(axis=0))
 
 
 def _zoom(

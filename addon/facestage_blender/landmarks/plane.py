@@ -14,7 +14,7 @@ from mathutils import Matrix
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 
-from ..scene.camera import read_camera
+from ..scene.camera import camera_pose, read_camera
 
 PLANE, SIZE, DEPTH = "Facestage Photo Plane", "facestage_photo_size", "facestage_depth"
 PLANE_DEPTH = 0.3  # metres in front of the camera
@@ -61,7 +61,7 @@ def plane_matrix(plane: bpy.types.Object) -> np.ndarray:
     local = np.eye(4)
     local[:3, 3], scale = _plane_in_camera(read_camera(view.data, *photo_size(plane)), plane[DEPTH])
     local[:3, :3] *= scale
-    return _pose(view) @ local
+    return camera_pose(view) @ local
 
 
 def on_plane(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -91,7 +91,9 @@ def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
         )
     else:
         camera = read_camera(view.data, width, height)
-        point = (np.linalg.inv(_pose(view)) @ np.array([*empty.matrix_world.translation, 1.0]))[:3]
+        point = (
+            np.linalg.inv(camera_pose(view)) @ np.array([*empty.matrix_world.translation, 1.0])
+        )[:3]
     pixel = camera.project(point[None])[0]
     if not np.isfinite(pixel).all():
         raise InputError(
@@ -99,13 +101,6 @@ def empty_pixel(plane: bpy.types.Object, empty: bpy.types.Object) -> np.ndarray:
             "the photo."
         )
     return pixel
-
-
-def _pose(camera: bpy.types.Object) -> np.ndarray:
-    """(4, 4) camera frame to world; a camera's scale does not change its picture."""
-    pose = np.array(camera.matrix_world, np.float64)
-    pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
-    return pose
 
 
 def _follow_camera(
@@ -116,7 +111,7 @@ def _follow_camera(
     """
     hold = plane.constraints.new("CHILD_OF")
     hold.target = camera
-    hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # as _pose
+    hold.use_scale_x = hold.use_scale_y = hold.use_scale_z = False  # as camera_pose
     hold.inverse_matrix = Matrix()
     longer, depth = max(width, height), plane[DEPTH]
     plane.location[2] = -depth

@@ -16,6 +16,7 @@ from ..scene.stage import facestage_collection
 from ..skin.lashes import remember_lids, renew_lashes
 from ..skin.material import part_materials, show_model
 from . import relief_key
+from .landmark_points import remember_landmarks
 from .own_record import OwnMesh
 from .own_sliders import own_slider_values, read_own_weights
 from .sliders import set_slider, widen
@@ -57,6 +58,7 @@ def build_rig(
         _remove_mesh(retired)
     show_model(rig, model)
     remember_lids(mesh, model)
+    remember_landmarks(mesh, model)
     renew_lashes(rig)
     return rig
 

@@ -13,6 +13,7 @@ from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
 from ..skin.material import GROUP, part_materials, show_model
+from .landmark_points import remember_landmarks
 from .own_marks import slot_parts
 from .own_mesh import model_frame, read_mesh
 from .own_record import OwnMesh
@@ -64,6 +65,7 @@ def adopt(
     own.store(item)
     face = item.facestage_face
     face.is_rig, face.model = True, spec
+    remember_landmarks(item.data, model)
     scene.facestage.rig, scene.facestage.model = item, spec
     if not face.own_materials:
         return

@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
@@ -27,6 +28,13 @@ def require_camera(scene: bpy.types.Scene) -> bpy.types.Object:
             "Perspective."
         )
     return scene.camera
+
+
+def camera_pose(camera: bpy.types.Object) -> np.ndarray:
+    """(4, 4) camera frame to world; a camera's scale does not change its picture."""
+    pose = np.array(camera.matrix_world, np.float64)
+    pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
+    return pose
 
 
 def read_camera(data: bpy.types.Camera, width: int, height: int) -> Camera:
@@ -84,7 +92,7 @@ def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> 
     data.show_background_images = True
     background = next(iter(data.background_images), None) or data.background_images.new()
     background.image, background.alpha, background.frame_method = image, 1.0, "FIT"
-    background.display_depth = "BACK"
+    background.display_depth = "FRONT" if scene.facestage.pinning else "BACK"
     return image
 
 

@@ -19,6 +19,7 @@ from ..exchange.write_back import apply_result
 from ..preferences import backend_command
 from ..scene.paths import RESULT_FOLDER, absolute, job_folders, result_folder, work_folder
 from .backend_task import BackendTask
+from .pins import draw_pins
 from .sidebar import SidebarPanel, draw_task, existing, line_width
 
 
@@ -109,6 +110,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                     if not value
                 ]
                 layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
+        draw_pins(layout, context)
         if state.verdict:
             icon = "ERROR" if state.doubtful else "INFO"
             draw_wrapped(layout.box(), state.verdict, icon, line_width(context))

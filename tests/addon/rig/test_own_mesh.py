@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -250,3 +253,38 @@ def test_a_mesh_in_centimetres_gets_handles_and_gives_them_back(
     np.testing.assert_allclose(alice.matrix_world, before, atol=2e-6)
     np.testing.assert_allclose(alice.matrix_basis, basis, atol=2e-6)
     assert alice.parent == parent
+
+
+def test_pins_move_a_mesh_of_the_users(scene, alice, head: FaceModel, photo: Path) -> None:
+    """In its own unit, under a parent, with a slider to both sides."""
+    import bpy
+
+    from facestage_blender.pins.pinning import Pinning, Setting
+    from facestage_blender.pins.rig_shapes import current_vertices
+    from facestage_blender.pins.solver import Guess
+    from facestage_blender.rig.own_mesh import read_mesh
+    from facestage_blender.rig.own_rig import adopt
+
+    rig, own, _ = read_mesh(alice)
+    adopt(scene, alice, "rig:x", replace(model_of(rig, head), landmarks=head.landmarks), rig, own)
+    bpy.ops.facestage.choose_photo(filepath=str(photo))
+    scene.facestage.result = "a fitted face"
+    setting = Setting.of(scene)
+    assert {each.name: (each.low, each.high) for each in setting.sliders} == {
+        "jawOpen": (0.0, 2.0),
+        "browUp": (-1.0, 1.0),
+        "mode_0": (0.0, 1.0),
+    }
+    to_camera = np.diag([0.01, 0.01, 0.01, 1.0])
+    to_camera[:3, :3] = to_camera[:3, :3] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    to_camera[2, 3] = -0.6
+    setting.show(Guess(to_camera, np.zeros(3)))
+    scene.view_layers[0].update()
+    np.testing.assert_allclose(setting.guess().to_camera, to_camera, atol=1e-5)
+    assert bpy.ops.facestage.drag_pin(start=(48, 42), to=(51, 44)) == {"FINISHED"}
+    pinning = Pinning(scene)
+    np.testing.assert_allclose(pinning.shown, [[51, 44]], atol=0.2)
+    points = current_vertices(alice) @ pinning.guess.to_camera[:3, :3].T
+    seen = setting.lens.project(points + pinning.guess.to_camera[:3, 3])
+    shown = np.einsum("pi,pix->px", pinning.pins.weights, seen[pinning.pins.corners])
+    np.testing.assert_allclose(shown, pinning.shown, atol=0.02)
