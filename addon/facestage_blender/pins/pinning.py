@@ -20,11 +20,12 @@ from ..pictures.images import load_image
 from ..rig.face_rig import move_sliders, require_rig
 from ..rig.landmark_points import landmark_points
 from ..rig.own_marks import slot_parts
+from ..rig.sliders import carrier
 from ..scene.camera import camera_pose, read_camera, require_camera
 from ..scene.paths import require_photo
 from .picking import surface_at
 from .record import Record, moved_pin, with_pin, without_pin
-from .rig_shapes import Slider, current_vertices, read_shapes, read_values, sliders_of
+from .rig_shapes import Slider, current_vertices, read_handles, read_shapes, read_values, sliders_of
 from .solver import Guess, Shapes, Sight, energy, positions, solve, upright_pose
 
 # As in the backend: the deviation of a landmark as a share of the face's size, and of how many
@@ -45,6 +46,10 @@ class Setting:
     camera: bpy.types.Object
     lens: Camera
     sliders: list[Slider]
+    # (k,) what the handles of a control rig add to the sliders, and where it and the rig stood
+    handles: np.ndarray
+    carrier_pose: Matrix
+    rig_pose: Matrix
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> Setting:
@@ -53,7 +58,16 @@ class Setting:
         camera, rig = require_camera(scene), require_rig(scene)
         for layer in scene.view_layers:
             layer.update()
-        return cls(rig, camera, read_camera(camera.data, width, height), sliders_of(rig))
+        sliders = sliders_of(rig)
+        return cls(
+            rig,
+            camera,
+            read_camera(camera.data, width, height),
+            sliders,
+            read_handles(rig, sliders),
+            carrier(rig).matrix_world.copy(),
+            rig.matrix_world.copy(),
+        )
 
     def guess(self) -> Guess:
         """How the face stands."""
@@ -62,9 +76,13 @@ class Setting:
 
     def show(self, guess: Guess) -> None:
         """Let the face stand so."""
-        pose = camera_pose(self.camera) @ guess.to_camera
-        self.rig.matrix_world = Matrix(pose.tolist())
-        values = zip(self.sliders, guess.sliders.tolist(), strict=True)
+        pose = Matrix((camera_pose(self.camera) @ guess.to_camera).tolist())
+        moved = carrier(self.rig)
+        if moved == self.rig:
+            moved.matrix_world = pose
+        else:
+            moved.matrix_world = pose @ self.rig_pose.inverted() @ self.carrier_pose
+        values = zip(self.sliders, (guess.sliders - self.handles).tolist(), strict=True)
         move_sliders(self.rig, {each.name: value for each, value in values})
 
     def shapes(self, corners: np.ndarray, weights: np.ndarray) -> Shapes:

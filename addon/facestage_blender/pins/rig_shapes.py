@@ -10,6 +10,7 @@ import numpy as np
 from ..rig import relief_key
 from ..rig.face_rig import IDENTITY, SLIDER_RANGE
 from ..rig.own_record import OwnMesh
+from ..rig.sliders import is_bound, value_path
 from .solver import Shapes
 
 # Standard deviations as in the backend: of an identity mode 1, of an expression from 0 to 1 this.
@@ -35,6 +36,8 @@ def sliders_of(rig: bpy.types.Object) -> list[Slider]:
         return []
     animation = keys.animation_data
     driven = {each.data_path for each in animation.drivers} if animation is not None else set()
+    # What a control rig's handles add to has a slider beside it.
+    driven -= {value_path(key) for key in keys.key_blocks if is_bound(key)}
     own = OwnMesh.of(rig)
     found = _own_sliders(own) if own is not None else _model_sliders(list(keys.key_blocks)[1:])
     return [
@@ -43,7 +46,7 @@ def sliders_of(rig: bpy.types.Object) -> list[Slider]:
         if each.name in keys.key_blocks
         and not keys.key_blocks[each.name].mute
         and not keys.key_blocks[each.name].vertex_group
-        and keys.key_blocks[each.name].path_from_id("value") not in driven
+        and value_path(keys.key_blocks[each.name]) not in driven
     ]
 
 
@@ -76,9 +79,17 @@ def _own_sliders(own: OwnMesh) -> list[Slider]:
 
 
 def read_values(rig: bpy.types.Object, sliders: list[Slider]) -> np.ndarray:
-    """(k,) what the sliders stand at."""
+    """(k,) what the face shows of the sliders, handles and all."""
     keys = rig.data.shape_keys
     return np.array([keys.key_blocks[each.name].value for each in sliders], np.float64)
+
+
+def read_handles(rig: bpy.types.Object, sliders: list[Slider]) -> np.ndarray:
+    """(k,) what a control rig's handles add to the sliders; 0 without one."""
+    keys = [rig.data.shape_keys.key_blocks[each.name] for each in sliders]
+    return np.array(
+        [key.value - key.id_data[key.name] if is_bound(key) else 0.0 for key in keys], np.float64
+    )
 
 
 def read_shapes(

@@ -167,3 +167,27 @@ def test_what_cannot_be_pinned_is_said(ready, head: FaceModel) -> None:
     bpy.ops.facestage.clear_pins()
     del ready.facestage.rig.data["facestage_landmarks_ibug68"]
     refused(bpy.ops.facestage.pin_face, "press Rebuild Face Rig")
+
+
+def test_handles_of_a_control_rig_stay_as_they_are(ready) -> None:
+    import bpy
+
+    from facestage_blender.pins.pinning import Pinning
+
+    assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
+    armature = ready.facestage.rig.facestage_face.control_rig
+    armature.pose.bones["jaw_master"].rotation_euler.x = 0.1
+    ready.view_layers[0].update()
+    opened = ready.facestage.rig.data.shape_keys.key_blocks["jawOpen"].value
+    assert opened > 0.05
+    before = faced(ready)
+    assert bpy.ops.facestage.drag_pin(start=(48, 42), to=(51, 40)) == {"FINISHED"}
+    pinning = Pinning(ready)
+    np.testing.assert_allclose(pinning.shown, [[51, 40]], atol=0.1)
+    assert np.abs(faced(ready) - before).max() > 1
+    assert armature.pose.bones["jaw_master"].rotation_euler.x == pytest.approx(0.1)
+    assert bpy.ops.facestage.remove_pin() == {"FINISHED"}
+    np.testing.assert_allclose(faced(ready), before, atol=1e-2)
+    assert ready.facestage.rig.data.shape_keys.key_blocks["jawOpen"].value == pytest.approx(
+        opened, abs=1e-4
+    )
