@@ -21,8 +21,9 @@ LUMINANCE = np.array(REC709)
 SAMPLES = 16
 BLOCK_PIXELS = 2**19
 PUPIL_MAX = 0.02  # albedo of what the model paints as pupil, at most
-# Pixels that count as much as the model's own color; with fewer than the least, nothing is changed.
-PRIOR_PIXELS, PIXELS_MIN = 10.0, 6
+PIXELS_MIN = 6  # with fewer, nothing is changed
+# Of the logarithm: one pixel beside another may show half a lid, or a reflection.
+PIXEL_SIGMA = 0.4
 # Irradiance, relative to the part's brightest tenth, below which a pixel says little.
 LIT_MIN = 0.2
 # The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
@@ -31,14 +32,36 @@ WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
 
 
 @dataclass(frozen=True)
+class Known:
+    """What is known of a part's color before the photo, and how well its pixels tell of it.
+
+    Deviations are of the logarithm: of its lightness, and of a channel beside that.
+    """
+
+    low: float  # luminance of its albedo
+    high: float
+    # Among the pixels that should show it, sorted by lightness, those that do: lids, lashes and
+    # gums make most others darker, the light's own reflection a few brighter.
+    darker: float
+    brighter: float
+    people: tuple[float, float]  # how far one person's is from the model's
+    seen: tuple[float, float]  # how far these pixels are from it
+
+
+# Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is off by
+# 0.5 and more. Irises are of any color.
+TEETH_KNOWN = Known(0.25, 0.8, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
+IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
+WHITE_KNOWN = Known(0.25, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12))
+
+
+@dataclass(frozen=True)
 class Part:
-    """What is given one color: where it is on the mesh, and which albedo it may have."""
+    """What is given one color, and where it is on the mesh."""
 
     name: str
     vertices: Bool[np.ndarray, " vertices"]  # of the rendered mesh
-    low: float  # luminance of its albedo
-    high: float
-    chroma: float  # how far the logarithm of a channel may be from the model's, brightness apart
+    known: Known
 
 
 @dataclass(frozen=True)
@@ -58,12 +81,12 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
         of_part[row, geometry.triangles[geometry.triangle_part == part]] = True
     eyes, teeth = of_part
     iris = eyes & (luminance > PUPIL_MAX) & (luminance < IRIS_MAX)
-    parts = [Part("teeth", teeth, 0.25, 0.8, 0.15)]
+    parts = [Part("teeth", teeth, TEETH_KNOWN)]
     # A model whose eyeballs have one color has no iris to change.
     if iris.any():
         parts += [
-            Part("iris", iris, 0.01, 0.35, 1.5),
-            Part("white", eyes & (luminance >= IRIS_MAX), 0.25, 0.8, 0.2),
+            Part("iris", iris, IRIS_KNOWN),
+            Part("white", eyes & (luminance >= IRIS_MAX), WHITE_KNOWN),
         ]
     return [part for part in parts if part.vertices.any()]
 
@@ -74,8 +97,8 @@ def part_colors(
     """What to add to the vertices' log albedo to give the parts the colors that the photo
     shows of them.
 
-    A color is the median over the pixels inside the part of what they say of its albedo under the
-    light of ``stage`` (camera frame), drawn to the model's own where few pixels show it.
+    A color is what the pixels inside the part say of its albedo under the light of ``stage``
+    (camera frame), beside what is known of such parts (:class:`Known`).
     """
     geometry = forward.geometry
     parts = parts_of(geometry)
@@ -83,8 +106,7 @@ def part_colors(
     change = np.zeros_like(geometry.log_albedo)
     for part, (albedo, own) in zip(parts, shown, strict=True):
         if len(albedo) >= PIXELS_MIN:
-            trust = len(albedo) / (len(albedo) + PRIOR_PIXELS)
-            change[part.vertices] = trust * _log_change(part, albedo, own)
+            change[part.vertices] = _log_change(part, albedo, own)
     white = [albedo for part, (albedo, _) in zip(parts, shown, strict=True) if part.name == "white"]
     if not white or not _eyes_open(white[0], look):
         for part in parts:
@@ -138,14 +160,25 @@ def _log_change(
     part: Part, albedo: Float[np.ndarray, "pixels 3"], own: Float[np.ndarray, "pixels 3"]
 ) -> Float[np.ndarray, " 3"]:
     """What to add to the part's log albedo, whose pattern stays."""
-    change = np.median(np.log(albedo / own), axis=0)
-    chroma = np.clip(change - change.mean(), -part.chroma, part.chroma)
-    color = np.median(np.log(own), axis=0) + change.mean() + chroma
-    luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
-    limited: np.ndarray = (
-        change.mean() + chroma + np.clip(luminance, np.log(part.low), np.log(part.high)) - luminance
+    known, logs = part.known, np.log(albedo / own)
+    lightness = logs.mean(axis=1)
+    low, high = np.quantile(lightness, (known.darker, known.brighter))
+    showing = (lightness >= low) & (lightness <= high)
+    change = np.median(logs[showing], axis=0)
+    variance = np.square(known.people)
+    trust = variance / (
+        variance + np.square(known.seen) + PIXEL_SIGMA**2 / showing.sum() * np.array([1.0, 0.1])
     )
-    return limited
+    level = trust[0] * change.mean()
+    color = np.median(np.log(own), axis=0) + level + trust[1] * (change - change.mean())
+    if part.name == "iris":
+        # Melanin is red before green before blue, what scatters the other way round: no iris is
+        # purple, and none is greener than both.
+        color[1] = np.clip(color[1], *sorted(color[[0, 2]]))
+    luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
+    color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
+    result: np.ndarray = color - np.median(np.log(own), axis=0)
+    return result
 
 
 def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:

@@ -107,6 +107,28 @@ def test_the_model_s_own_colors_stay(face: PaintedFace, smiling: State):
     assert np.abs(found).max() < 0.35
 
 
+def test_lids_and_lashes_do_not_darken_the_whites(face: PaintedFace, smiling: State):
+    # Of a photo's eyes half and more is lid, lash or shadow where the mesh has the white.
+    geometry = face.forward.geometry
+    look = picture(face, smiling, np.zeros_like(geometry.log_albedo))
+    shade = np.where(np.random.default_rng(0).random((SIDE, SIDE, 1)) < 0.55, 0.2, 1.0)
+    found = part_colors(face.forward, smiling, face.stage, replace(look, color=look.color * shade))
+    white = by_name(face, found, "white")[0]
+    print("log change of the whites", white.round(2))
+    assert np.abs(white).max() < 0.15  # the median of all: -0.8
+
+
+def test_no_iris_is_purple(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log([0.06, 0.02, 0.06]) - geometry.log_albedo[iris].mean(axis=0)
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    color = geometry.log_albedo[iris].mean(axis=0) + by_name(face, found, "iris")[0]
+    print("iris", np.exp(color).round(3))
+    assert color[1] > min(color[0], color[2]) - 0.2  # as seen: -1.1
+
+
 def test_closed_and_masked_eyes_are_not_painted(face: PaintedFace, smiling: State):
     geometry = face.forward.geometry
     skin = np.zeros_like(geometry.log_albedo)
