@@ -27,6 +27,13 @@ FEATURE_DARKER = 0.5
 LIT_FULL = 0.4
 # No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
 LOG_CHROMA_MAX = 0.5
+# Cosine between view and skin from which its hue is its own: below, more and more is of what
+# stands around it (hair, walls), and of light that comes out of the skin at its side.
+HUE_NONE, HUE_WHOLE = 0.15, 0.7
+# Dark lines by how much are surely creases, whose hue is that of light between their walls; the
+# share of them that is painted, because the fitted shape lacks the crease.
+CREASE_NONE, CREASE_SURE, CREASE_PAINTED = 0.15, 0.3, 0.5
+FEATURE_HUE = 0.3  # departure from which on all of the hue is believed: lips, brows
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo
 # basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
@@ -187,6 +194,7 @@ def albedo_observations(
     chroma = np.clip(target - brightness[:, None], -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
     target = np.clip(brightness, -darker, lighter)[:, None] + chroma
 
+    target = _with_skins_hue(shown, target, confidence)
     body = np.maximum(skin.mean(axis=1), 1e-9)
     gloss = specular.mean(axis=1)
     matte = diffuse.mean(axis=1)
@@ -198,6 +206,31 @@ def albedo_observations(
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
     confidence *= pigment_share(brightness, np.hypot(shading, shown.doubt), highlight, sigma)
     return confidence, target * pigment_share(brightness, shading, highlight, sigma)[:, None]
+
+
+def _with_skins_hue(
+    shown: Shown, target: Float[np.ndarray, "pixels 3"], confidence: Float[np.ndarray, " pixels"]
+) -> Float[np.ndarray, "pixels 3"]:
+    """``target`` with the hue of the rest of the skin where the photo's is not skin's own, and
+    with shallower creases.
+    """
+    if not (confidence > 0).any():
+        return target
+    surface = shown.image.surface
+    cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
+    plain = 1 - np.minimum(shown.feature / FEATURE_HUE, 1.0)
+    sure = np.clip((shown.crease - CREASE_NONE) / (CREASE_SURE - CREASE_NONE), 0, 1)
+    own = np.clip((cosine - HUE_NONE) / (HUE_WHOLE - HUE_NONE), 0, 1) * (1 - sure)
+    brightness = target.mean(axis=1, keepdims=True)
+    hue = target - brightness
+    usual = np.median(hue[confidence >= np.median(confidence[confidence > 0])], axis=0)
+    shade = sure * plain * np.clip(-brightness[:, 0], 0, shown.crease)
+    return (
+        brightness
+        + ((1 - CREASE_PAINTED) * shade)[:, None]
+        + usual
+        + (hue - usual) * np.maximum(own, 1 - plain)[:, None]
+    )
 
 
 def pigment_share(

@@ -14,6 +14,7 @@ from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import brow_pixels
+from facestage.fit.textures.creases import crease_depth
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
@@ -49,6 +50,8 @@ class Shown:
     # how far log albedo may depart there from the skin: by what the mean face's does, where it
     # has brows or lips, and by a brow's around the brows' landmarks
     feature: Float[np.ndarray, " pixels"]
+    # by how much log radiance lies below that beside a dark line, see creases.py
+    crease: Float[np.ndarray, " pixels"]
     shift_px: int  # how far the fitted face may be off
 
     @property
@@ -150,6 +153,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.maximum(painted, BROW_DEPARTURE * brow_share(brows, photo, image.color)),
+        crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )
 
