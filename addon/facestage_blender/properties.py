@@ -257,11 +257,16 @@ class PhotoSettings(OfPhoto, bpy.types.PropertyGroup):
     )
 
 
-class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
-    """The job as the user has set it up, and where its result went; of several photos, that of the
-    one that is shown.
+class OfFace(OfPhoto):
+    """The job of one face as the user has set it up, and where its result went; of several photos,
+    that of the one that is shown.
     """
 
+    folder: StringProperty(
+        name="Folder",
+        description="Where in the output folder the files of this face go, if it is not the only "
+        "one of the scene",
+    )
     photos: CollectionProperty(
         type=PhotoSettings,
         name="Photos",
@@ -314,11 +319,6 @@ class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
         min=0.001,
         soft_max=2,
         unit="LENGTH",
-    )
-    world_before: PointerProperty(
-        type=bpy.types.World,
-        name="World before",
-        description="The world that was put out of the way",
     )
     light_color: EnumProperty(
         name="Light color",
@@ -412,6 +412,30 @@ class SceneSettings(OfPhoto, bpy.types.PropertyGroup):
     )
 
 
+class StoredFace(OfFace, bpy.types.PropertyGroup):
+    """One of several faces of a scene, as it was when another one came to be shown."""
+
+    camera: PointerProperty(
+        type=bpy.types.Object, name="Camera", description="The camera of the face's photo"
+    )
+
+
+class SceneSettings(OfFace, bpy.types.PropertyGroup):
+    """The face that the panel shows, and all faces of the scene where there are several."""
+
+    world_before: PointerProperty(
+        type=bpy.types.World,
+        name="World before",
+        description="The world that was put out of the way",
+    )
+    faces: CollectionProperty(
+        type=StoredFace, name="Faces", description="All faces of the scene, where there are several"
+    )
+    face_shown: IntProperty(
+        name="Face", description="Which of several faces the panel is about", default=1, min=1
+    )
+
+
 class RunState(bpy.types.PropertyGroup):
     """The process at work, as the panel shows it. Lives on the window manager: it is not saved."""
 
@@ -457,6 +481,7 @@ CLASSES = (
     FaceSettings,
     LandmarkSettings,
     PhotoSettings,
+    StoredFace,
     SceneSettings,
     RunState,
     PreviewState,

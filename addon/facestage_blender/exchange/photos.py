@@ -24,6 +24,7 @@ from ..pictures.images import load_image
 from ..properties import OfPhoto, PhotoSettings
 from ..scene.camera import ensure_camera, show_photo
 from ..scene.paths import absolute
+from ..scene.several import other_faces
 from ..scene.stage import facestage_collection
 
 LENS = ("lens", "sensor_width", "sensor_height", "sensor_fit", "shift_x", "shift_y")
@@ -35,6 +36,13 @@ def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
     Raises InputError when it is no picture.
     """
     path, settings = absolute(str(path)), scene.facestage
+    if any(
+        face.camera == scene.camera and face.photo and absolute(face.photo) != path
+        for face in other_faces(scene)
+    ):
+        load_image(path)
+        scene.camera = None  # it is another face's
+        settings.known_lens = False
     show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
     if settings.photo and absolute(settings.photo) != path:
         forget_landmarks(scene)  # they are of the photo before, as is its light

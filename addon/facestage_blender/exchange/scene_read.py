@@ -15,6 +15,7 @@ from ..rig.face_rig import read_weights, require_rig, rig_axes
 from ..scene import frames
 from ..scene.camera import read_camera, require_camera
 from ..scene.paths import absolute, require_photo
+from ..scene.several import shares_camera
 from ..scene.stage import read_stage, relative_matrix, require_stage
 from .photos import stored_photos
 
@@ -40,7 +41,7 @@ def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
     empty, rig = require_stage(scene), require_rig(scene)
     frozen = tuple(sorted(settings.freeze))
     camera = camera_to_stage = None
-    if settings.keep_camera or given.known_lens or "focal" in frozen:
+    if settings.keep_camera or given.known_lens or "focal" in frozen or shares_camera(scene):
         lens = require_camera(scene).data if photo is None else photo
         camera = read_camera(lens, width, height)
     if settings.keep_camera:

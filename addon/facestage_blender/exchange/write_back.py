@@ -6,6 +6,7 @@ The world is not touched.
 from __future__ import annotations
 
 import bpy
+from mathutils import Matrix
 
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
@@ -20,6 +21,7 @@ from ..rig.relief_key import check_relief, write_relief
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
+from ..scene.several import shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
 from ..skin.displaced_skin import displace
 from ..skin.lashes import color_lashes
@@ -31,7 +33,8 @@ from .result_textures import load_textures
 def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     """Write the fitted face, lights and camera into the scene.
 
-    With the scene's "Keep camera" the camera stays and only the head moves. Raises InputError
+    With the scene's "Keep camera" the camera stays and only the head moves; where another face was
+    fitted in the same camera's picture, the stage moves in the camera's place. Raises InputError
     before anything changes when the rig is of another model, or something of the result or the
     scene does not fit.
     """
@@ -59,11 +62,14 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         check_relief(rig, relief)
         relief = relief_of(rig, relief)
     textures = load_textures(result)
+    moves_stage = not settings.keep_camera and shares_camera(scene)
     move_sliders(rig, sliders)
     if own is not None and borrowed is not None:
         write_shape(rig, own, identity, borrowed)
     write_relief(rig, relief)
     build_stage(scene, result.stage)
+    if moves_stage:
+        _put_before(scene.camera, empty, result)
     place(empty, carrier(rig), result.model_to_stage, rig_axes(rig))
     renew_control_rig(scene)
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
@@ -75,7 +81,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if translucency > 0:
         set_curvature(rig, result.vertices)
     color_lashes(rig)
-    if not settings.keep_camera:
+    if not settings.keep_camera and not moves_stage:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)
         write_camera(scene, camera.data, result.camera)
@@ -83,3 +89,11 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
         settings.result = str(result.folder)
     for layer in scene.view_layers:
         layer.update()
+
+
+def _put_before(camera: bpy.types.Object, empty: bpy.types.Object, result: Result) -> None:
+    """Move the stage to where the camera, which stays, sees it as the fit had it."""
+    seen = Matrix(frames.local_matrix(result.camera_to_stage, frames.CAMERA).tolist())
+    where, turn, _ = camera.matrix_world.decompose()
+    empty.matrix_world = Matrix.LocRotScale(where, turn, None) @ seen.inverted()
+    bpy.context.view_layer.update()

@@ -12,6 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 
 from ..scene import frames
+from ..scene.several import separate_light
 from ..scene.stage import facestage_collection
 from ..skin.lashes import remember_lids, renew_lashes
 from ..skin.material import part_materials, show_model
@@ -60,6 +61,7 @@ def build_rig(
     remember_lids(mesh, model)
     remember_landmarks(mesh, model)
     renew_lashes(rig)
+    separate_light(scene)
     return rig
 
 

@@ -12,6 +12,7 @@ from facestage.contract.face_model import OTHER, PARTS, FaceModel
 from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
+from ..scene.several import separate_light
 from ..skin.material import GROUP, part_materials, show_model
 from .landmark_points import remember_landmarks
 from .own_marks import slot_parts
@@ -67,6 +68,7 @@ def adopt(
     face.is_rig, face.model = True, spec
     remember_landmarks(item.data, model)
     scene.facestage.rig, scene.facestage.model = item, spec
+    separate_light(scene)
     if not face.own_materials:
         return
     _replace_materials(item, own.uv_layer)

@@ -7,7 +7,7 @@ when Blender is left. When it is saved they go beside it.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
@@ -55,12 +55,17 @@ def _after(*_arguments: object) -> None:
     _Saving.paths = []
 
 
+def _below(path: Path, folder: Path) -> Path:
+    """Where in ``folder`` a path is: faces and scenes have folders of their own there."""
+    return path.relative_to(folder) if path.is_relative_to(folder) else Path(path.name)
+
+
 class _Saving:
-    """Where the scenes' paths lead while a file is written: scene, place in its list of photos or
-    None, name in its settings, path.
+    """Where the scenes' paths lead while a file is written: scene, where its settings are (those of
+    a photo, of a face), name there, path.
     """
 
-    paths: ClassVar[list[tuple[str, int | None, str, Path]]] = []
+    paths: ClassVar[list[tuple[str, str, str, Path]]] = []
 
 
 def _point(folder: Path | None) -> None:
@@ -73,7 +78,7 @@ def _point(folder: Path | None) -> None:
         if folder is not None and relative:
             with suppress(ValueError):  # it is on another drive
                 written = bpy.path.relpath(written, start=str(folder))
-        setattr(_settings(bpy.data.scenes[scene], place), name, written)
+        setattr(bpy.data.scenes[scene].path_resolve(place), name, written)
 
 
 def own_scenes() -> list[bpy.types.Scene]:
@@ -81,20 +86,30 @@ def own_scenes() -> list[bpy.types.Scene]:
     return [scene for scene in bpy.data.scenes if scene.library is None]
 
 
-def _settings(scene: bpy.types.Scene, place: int | None) -> OfPhoto:
-    """The scene's settings of the photo that is shown, or of that place of its list."""
+def _settings(scene: bpy.types.Scene) -> Iterator[tuple[str, OfPhoto]]:
+    """All that the scene knows of photos, with where it is: of the photo and the face that are
+    shown, and of the others.
+    """
     settings = scene.facestage
-    return settings if place is None else settings.photos[place]
+    for place, face in (("", settings), *_listed("faces", settings.faces)):
+        yield f"facestage{place}", face
+        for inner, photo in _listed("photos", face.photos):
+            yield f"facestage{place}{inner}", photo
 
 
-def _paths() -> Iterator[tuple[str, int | None, str, Path]]:
-    """The scenes' names, places in their lists of photos (None: what is shown), the names of the
-    paths in these settings, and where they lead.
+def _listed(name: str, items: Iterable[OfPhoto]) -> Iterator[tuple[str, OfPhoto]]:
+    for place, item in enumerate(items):
+        yield f".{name}[{place}]", item
+
+
+def _paths() -> Iterator[tuple[str, str, str, Path]]:
+    """The scenes' names, where their settings are, the names of the paths in these, and where they
+    lead.
     """
     for scene in own_scenes():
-        for place in (None, *range(len(scene.facestage.photos))):
+        for place, settings in _settings(scene):
             for name in PATHS:
-                given = getattr(_settings(scene, place), name)
+                given = getattr(settings, name)
                 if given:
                     with suppress(InputError):
                         yield scene.name, place, name, absolute(given)
@@ -108,7 +123,7 @@ def _keep_temporary(scene: bpy.types.Scene, blend: Path) -> None:
             continue
         if not path.is_relative_to(temporary) or not path.exists():
             continue
-        target = work_folder_of(blend) / path.name
+        target = work_folder_of(blend) / _below(path, temporary / "facestage")
         try:
             if path.is_dir():
                 shutil.copytree(path, target, dirs_exist_ok=True)
@@ -122,4 +137,4 @@ def _keep_temporary(scene: bpy.types.Scene, blend: Path) -> None:
                 "and will be gone when Blender is left; make room, and save again."
             )
             continue
-        setattr(_settings(scene, place), name, str(target))
+        setattr(scene.path_resolve(place), name, str(target))

@@ -10,6 +10,7 @@ from mathutils import Vector
 
 from facestage.contract.errors import InputError
 
+from .several import other_faces
 from .stage import require_stage, stage_lights
 
 SOLID = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD"})
@@ -26,6 +27,9 @@ def obstacles(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """
     empty = require_stage(scene)
     own = {empty, *stage_lights(empty), *_of_the_face(scene.facestage.rig)}
+    for face in other_faces(scene):  # in their own light
+        own |= {face.rig, *_of_the_face(face.rig)}
+        own |= set() if face.stage is None else set(face.stage.children_recursive)
     center = empty.matrix_world.translation
     lights = stage_lights(empty)
     reach = MARGIN * max((_away(light, center) for light in lights), default=0.0)

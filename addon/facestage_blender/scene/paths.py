@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -22,15 +23,33 @@ def absolute(path: str) -> Path:
 
 def work_folder(scene: bpy.types.Scene) -> Path:
     """Where the scene's job and result go: as set, else beside the .blend, else Blender's temporary
-    folder.
+    folder. Another face of the scene, or another scene whose files would lie in the same place, has
+    a folder of its own in it.
 
     Raises InputError when what is set can be no path.
     """
-    if scene.facestage.output:
-        return user_path(bpy.path.abspath(scene.facestage.output), "output folder").resolve()
-    if bpy.data.filepath:
-        return work_folder_of(Path(bpy.data.filepath))
-    return Path(bpy.app.tempdir) / "facestage"
+    settings = scene.facestage
+    if settings.output:
+        whole = user_path(bpy.path.abspath(settings.output), "output folder").resolve()
+    elif bpy.data.filepath:
+        whole = work_folder_of(Path(bpy.data.filepath))
+    else:
+        whole = Path(bpy.app.tempdir) / "facestage"
+    if settings.folder:
+        return whole / settings.folder
+    others = (each for each in bpy.data.scenes if each != scene)
+    if any(_lie_in(whole.resolve(), each.facestage) for each in others):
+        return whole / bpy.path.clean_name(scene.name)
+    return whole
+
+
+def _lie_in(folder: Path, settings: bpy.types.PropertyGroup) -> bool:
+    """Whether another scene's files lie right in ``folder``."""
+    for path in (settings.result, settings.landmarks):
+        with suppress(InputError):
+            if path and absolute(path).parent == folder:
+                return True
+    return False
 
 
 def work_folder_of(blend: Path) -> Path:

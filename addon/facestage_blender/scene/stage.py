@@ -16,6 +16,7 @@ from facestage.contract.light_stage import LightStage, fibonacci_stage
 
 from ..properties import LIGHT_STATES
 from . import frames
+from .several import separate_light
 
 COLLECTION = "Facestage"
 EMPTY = "Facestage Stage"
@@ -70,6 +71,7 @@ def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
         lights.append(_new_light(collection, empty, len(lights)))
     for index, light in enumerate(lights):
         _set_light(light, stage, index)
+    separate_light(scene)
     scene.eevee.light_threshold = min(scene.eevee.light_threshold, FAINTEST)
     return empty
 

@@ -1,12 +1,13 @@
 """Operators that run the backend: started, watched from a timer, cancelled; never blocking."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import ClassVar
 
 import bpy
 
-from facestage.contract.errors import FacestageError
+from facestage.contract.errors import FacestageError, InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 
@@ -67,6 +68,7 @@ class BackendTask:
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
     _process: BackendProcess | None = None
+    _scene = ""  # that it was started in: the window may show another one when it is done
 
     def command(self, context: bpy.types.Context) -> list[str]:
         """The command line to run. Raises FacestageError when something is missing."""
@@ -126,7 +128,7 @@ class BackendTask:
     def _start(self, context: bpy.types.Context) -> bool:
         state = context.window_manager.facestage
         state.failure = state.notice = ""
-        state.began = self.task
+        state.began, self._scene = self.task, context.scene.name
         try:
             Running.process = BackendProcess(self.command(context), online_access())
         except FacestageError as error:
@@ -150,12 +152,28 @@ class BackendTask:
             self._fail(context, outcome.message)
             return {"CANCELLED"}
         try:
-            with preserved(context.view_layer):
+            with self._there(context), preserved(context.view_layer):
                 self.finish(context, process)
         except FacestageError as error:
             self._fail(context, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
+
+    @contextmanager
+    def _there(self, context: bpy.types.Context) -> Iterator[None]:
+        """Work in the scene that the task was started in. Raises InputError where it is gone."""
+        scene, window = bpy.data.scenes.get(self._scene), context.window
+        if scene is None:
+            raise InputError(f"The scene '{self._scene}', which this was for, is gone.")
+        shown = context.scene
+        if shown == scene or window is None:
+            yield
+            return
+        window.scene = scene
+        try:
+            yield
+        finally:
+            window.scene = shown
 
     def _stop(self, context: bpy.types.Context, verdict: set[str]) -> set[str]:
         if self._timer is not None:

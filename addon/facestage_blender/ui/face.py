@@ -115,6 +115,8 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
             icon="FILE_REFRESH" if built else "ADD",
             text="Rebuild Face Rig" if built else None,
         )
+        if built:
+            layout.operator("facestage.add_face", icon="COMMUNITY")
 
 
 CLASSES = (FACESTAGE_OT_build_rig, FACESTAGE_OT_choose_model, FACESTAGE_MT_model, FACESTAGE_PT_face)

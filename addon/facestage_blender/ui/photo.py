@@ -19,6 +19,7 @@ from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, show
 from ..landmarks.photo_view import look_through_camera
 from ..scene.paths import absolute
 from .action import Action
+from .faces import draw_faces
 from .landmarks import FACESTAGE_OT_detect_landmarks
 from .sidebar import SidebarPanel, draw_task, line_width
 
@@ -132,6 +133,7 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
             context.scene.facestage,
             context.window_manager.facestage,
         )
+        draw_faces(layout, context)
         photo = bpy.path.basename(settings.photo)
         if settings.photos:
             draw_photos(layout.column(align=True), context)
