@@ -45,12 +45,18 @@ def read_marks(item: bpy.types.Object) -> dict[str, np.ndarray]:
     return {name: np.array(indices, np.int32) for name, indices in found.items() if name in MARKS}
 
 
-def mark(item: bpy.types.Object, name: str) -> int:
-    """Make the selected vertices a landmark's place; returns how many.
+def mark(item: bpy.types.Object, name: str, vertex: int | None = None) -> int:
+    """Make the selected vertices, or the one that is given, a landmark's place; returns how many.
 
-    Raises InputError when none is selected.
+    Raises InputError when none is selected, or there is no such vertex.
     """
-    chosen = [vertex.index for vertex in item.data.vertices if vertex.select]
+    if vertex is not None and vertex >= len(item.data.vertices):
+        raise InputError(
+            f"'{item.name}' has no vertex {vertex}; it has {len(item.data.vertices)}, from 0 on."
+        )
+    chosen = [each.index for each in item.data.vertices if each.select]
+    if vertex is not None:
+        chosen = [vertex]
     if not chosen:
         raise InputError(
             f"No vertex of '{item.name}' is selected; select the vertex of the landmark in "

@@ -80,6 +80,9 @@ class BackendTask:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """One backend at a time."""
+        cls.poll_message_set(  # type: ignore[attr-defined]
+            "Facestage works at something already; cancel it, or wait until it is done"
+        )
         return not context.window_manager.facestage.task
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -223,6 +226,7 @@ class FACESTAGE_OT_cancel(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while something runs."""
+        cls.poll_message_set("Nothing runs")
         return bool(context.window_manager.facestage.task)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

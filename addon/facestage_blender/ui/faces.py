@@ -15,6 +15,9 @@ class _OneAtATime(Action):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Not while the backend works for the face that is shown, or it is pinned."""
+        cls.poll_message_set(  # type: ignore[attr-defined]
+            "Facestage works for the face that is shown; wait, or end the pinning first"
+        )
         return not (context.window_manager.facestage.task or context.scene.facestage.pinning)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import EnumProperty, IntProperty
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
@@ -27,6 +27,15 @@ MARK_ITEMS = [
 ]
 
 
+VERTEX = IntProperty(
+    name="Vertex",
+    description="Number of the vertex; -1: those that are selected",
+    default=-1,
+    min=-1,
+    options={"SKIP_SAVE"},
+)
+
+
 def _active_mesh(context: bpy.types.Context) -> bpy.types.Object | None:
     item = context.view_layer.objects.active
     return item if item is not None and item.type == "MESH" else None
@@ -38,6 +47,7 @@ class _OnMesh:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only with an active mesh."""
+        cls.poll_message_set("Make the mesh of a face active")  # type: ignore[attr-defined]
         return _active_mesh(context) is not None
 
 
@@ -95,10 +105,11 @@ class FACESTAGE_OT_mark_landmark(_OnMesh, Action, bpy.types.Operator):
     landmark: EnumProperty(
         name="Landmark", description="What the selected vertices are", items=MARK_ITEMS
     )
+    vertex: VERTEX
 
     def act(self, context: bpy.types.Context) -> None:
         """Keep the selected vertices as the landmark's place."""
-        mark(_active_mesh(context), self.landmark)
+        mark(_active_mesh(context), self.landmark, None if self.vertex < 0 else self.vertex)
 
 
 class FACESTAGE_OT_clear_landmark(_OnMesh, Action, bpy.types.Operator):
