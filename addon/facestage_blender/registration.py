@@ -23,6 +23,7 @@ from .ui import (
     own_mesh,
     photo,
     pins,
+    relight,
     result,
     white_balance,
 )
@@ -43,6 +44,7 @@ MODULES = (
     pins,
     fit,
     export,
+    relight,
     result,
     expressions,
     control_rig,

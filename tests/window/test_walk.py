@@ -150,6 +150,21 @@ def test_the_lights_are_previewed_and_the_face_is_relit(blender: Blender):
     blender.do("bpy.ops.facestage.relight(direction='left')")
     time.sleep(1.0)  # the preview follows in a moment
     blender.shot("relit-from-the-left")
+    blender.click("Before / After")
+    blender.shot("before")
+    blender.click("Before / After")
+    blender.do("bpy.ops.facestage.relight(direction='rembrandt')")
+    time.sleep(1.0)
+    blender.shot("rembrandt")
+    blender.do(
+        "folder = bpy.utils.system_resource('DATAFILES', path='studiolights/world')\n"
+        "bpy.ops.facestage.light_from_picture(filepath=f'{folder}/sunset.exr')\n"
+    )
+    time.sleep(1.0)
+    blender.shot("light-from-picture")
+    blender.click("Light From")
+    blender.shot("light-from")
+    blender.key("Escape")
     blender.do("bpy.ops.facestage.relight(direction='fitted')")
     blender.do("bpy.ops.facestage.relight_preview()")
     assert not blender.ask("bpy.context.window_manager.facestage_preview.active")

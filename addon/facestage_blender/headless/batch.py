@@ -21,7 +21,7 @@ from facestage.contract.person import Person
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend
-from ..scene.frames import LIGHT_DIRECTIONS
+from ..scene.light_setups import LIGHT_FROM
 from .command import exit_code
 
 
@@ -134,7 +134,7 @@ def _add_pictures(result: argparse.ArgumentParser) -> None:
     """The options of the extra pictures."""
     result.add_argument(
         "--relight",
-        choices=sorted(LIGHT_DIRECTIONS),
+        choices=sorted(LIGHT_FROM),
         nargs="*",
         default=[],
         help="also render lit from there",

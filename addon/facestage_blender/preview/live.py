@@ -18,6 +18,7 @@ from bpy.app.handlers import persistent
 
 from facestage.contract.errors import InputError
 
+from ..scene.camera import photo_in_front, put_photo_in_front
 from ..scene.paths import result_folder
 from ..scene.stage import read_stage
 from .relit_photo import RelitPhoto, changed_at
@@ -86,6 +87,14 @@ def refresh() -> None:
     _say(trouble)
 
 
+def show_before(camera: bpy.types.Object, before: bool) -> None:
+    """Show the photo over what the camera sees, the preview included, or no more."""
+    put_photo_in_front(camera, before)
+    for background in camera.data.background_images:
+        if background.image is not None and background.image.get(MARK):
+            background.show_background_image = not before
+
+
 def find_image() -> bpy.types.Image | None:
     """The preview's image, whatever it is called by now."""
     return next((image for image in bpy.data.images if image.get(MARK)), None)
@@ -146,6 +155,7 @@ def _show(scene: bpy.types.Scene, photo: RelitPhoto, pixels: np.ndarray) -> None
         background = camera.background_images.new()
         background.image, background.alpha, background.frame_method = image, 1.0, "FIT"
         background.display_depth = "FRONT"
+        background.show_background_image = not photo_in_front(scene.camera)
         camera.show_background_images = True
     for window in bpy.data.window_managers[0].windows:
         for area in window.screen.areas:

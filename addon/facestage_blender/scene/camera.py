@@ -96,6 +96,12 @@ def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object, path: Path) -> 
     return image
 
 
+def photo_in_front(camera: bpy.types.Object) -> bool:
+    """Whether the photo covers what the camera sees."""
+    background = next(iter(camera.data.background_images), None)
+    return background is not None and background.display_depth == "FRONT"
+
+
 def put_photo_in_front(camera: bpy.types.Object, front: bool) -> None:
     """Show the photo over what the camera sees, or behind it."""
     background = next(iter(camera.data.background_images), None)

@@ -8,38 +8,63 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import OFF
 
-from .frames import LIGHT_DIRECTIONS
+from .light_setups import LIGHT_FROM
 from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
 
-SHARPNESS = 6.0  # exponent of the cosine lobe: a soft key light that still casts a shadow
 
+def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False) -> None:
+    """White light from one side, or of a setup that has a name, of the same total radiance as the
+    fitted lights. Lights that are off stay off.
 
-def relight(scene: bpy.types.Scene, direction: str) -> None:
-    """White light from one side, of the same total radiance as the fitted lights. Lights that are
-    off stay off.
-
-    Raises InputError when the direction is none, or when no light is on.
+    ``mirrored``: mirrored. Raises InputError when there is no such light, or when no light is on.
     """
-    if direction not in LIGHT_DIRECTIONS:
-        raise InputError(
-            f"Cannot light from '{direction}'; expected one of {', '.join(LIGHT_DIRECTIONS)}."
-        )
+    if name not in LIGHT_FROM:
+        raise InputError(f"Cannot light from '{name}'; expected one of {', '.join(LIGHT_FROM)}.")
+    setup = LIGHT_FROM[name].mirrored() if mirrored else LIGHT_FROM[name]
+    lights = lights_on(scene)
+    outward = -read_stage(require_stage(scene)).direction[[index for index, _ in lights]]
+    shares = sum((beam.lobe(outward) for beam in setup.beams), np.zeros(len(lights)))
+    total = total_radiance(scene)
+    for (_, light), share in zip(lights, shares, strict=True):
+        set_light_radiance(light, np.full(3, total * share), light_side(light))
+
+
+def next_light(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Let one light alone shine, as bright as all of the fitted ones, in its fitted color: the
+    first, or the one after that which does so already. Returns its number and how many there are.
+
+    Raises InputError when no light is on.
+    """
+    lights = lights_on(scene)
+    shining = [place for place, (_, light) in enumerate(lights) if light.data.energy > 0]
+    chosen = (shining[0] + 1) % len(lights) if len(shining) == 1 else 0
+    total = total_radiance(scene)
+    for place, (_, light) in enumerate(lights):
+        color = np.array(light.facestage_light.fitted_radiance)
+        color = color / color.mean() if color.any() else np.ones(3)
+        set_light_radiance(light, float(place == chosen) * total * color, light_side(light))
+    return chosen + 1, len(lights)
+
+
+def lights_on(scene: bpy.types.Scene) -> list[tuple[int, bpy.types.Object]]:
+    """The stage's lights that are not off, with their places among all.
+
+    Raises InputError when there is none.
+    """
     empty = require_stage(scene)
-    lights = stage_lights(empty)
-    stage = read_stage(empty)
-    lit = stage.state != OFF
-    if not lit.any():
+    state = read_stage(empty).state
+    found = [
+        (index, light) for index, light in enumerate(stage_lights(empty)) if state[index] != OFF
+    ]
+    if not found:
         raise InputError("All lights of the stage are off; turn one on (Lights, Set All).")
-    towards = np.array(LIGHT_DIRECTIONS[direction]) / np.linalg.norm(LIGHT_DIRECTIONS[direction])
-    cosine = np.where(lit, -stage.direction @ towards, -np.inf)
-    lobe = np.maximum(0.0, cosine) ** SHARPNESS
-    if lobe.sum() <= 1e-6:  # no light near that side: the nearest one serves
-        lobe = (np.arange(len(lights)) == np.argmax(cosine)).astype(float)
-    fitted = np.array([light.facestage_light.fitted_radiance for light in lights])
-    total = fitted.mean(axis=1).sum()
-    for light, share, on in zip(lights, lobe / lobe.sum(), lit, strict=True):
-        if on:
-            set_light_radiance(light, np.full(3, total * share), light_side(light))
+    return found
+
+
+def total_radiance(scene: bpy.types.Scene) -> float:
+    """Of all lights together, as they were fitted."""
+    lights = stage_lights(require_stage(scene))
+    return float(sum(np.mean(light.facestage_light.fitted_radiance) for light in lights))
 
 
 def restore_lights(scene: bpy.types.Scene) -> None:

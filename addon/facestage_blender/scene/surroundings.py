@@ -56,10 +56,15 @@ def world_picture(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
 
 def seen_from(empty: bpy.types.Object, stage: LightStage) -> LightStage:
     """Lights in the stage frame of an upright empty at the origin, as ``empty`` has them."""
-    into_empty = np.array(empty.matrix_world.to_3x3().normalized().inverted())
     turned = np.eye(4)
-    turned[:3, :3] = stage_to_blender().T @ into_empty @ stage_to_blender()
+    turned[:3, :3] = empty_axes(empty)
     return stage.transformed(turned)
+
+
+def empty_axes(empty: bpy.types.Object) -> np.ndarray:
+    """(3, 3) from the stage frame of an upright empty to that of ``empty``."""
+    into_empty = np.array(empty.matrix_world.to_3x3().normalized().inverted())
+    return np.asarray(stage_to_blender().T @ into_empty @ stage_to_blender())
 
 
 def _turn(node: bpy.types.Node) -> float:

@@ -307,3 +307,26 @@ def test_without_its_photo_the_face_alone_is_shown(live) -> None:
     cache = RelightCache.load(Result.load(Path(live.facestage.result)))
     wanted = cache.relight(read_stage(live.facestage.stage).radiance)
     np.testing.assert_allclose(shown(), wanted, rtol=1e-4, atol=1e-5)
+
+
+def test_before_and_after_are_shown_in_turn(live) -> None:
+    import bpy
+
+    from facestage_blender.preview.live import MARK
+
+    def state() -> tuple[str, list[bool]]:
+        photo, *others = live.camera.data.background_images
+        return photo.display_depth, [
+            each.show_background_image for each in others if each.image.get(MARK)
+        ]
+
+    assert state() == ("BACK", [True])
+    assert bpy.ops.facestage.before_after() == {"FINISHED"}
+    assert state() == ("FRONT", [False])
+    bpy.ops.facestage.relight_preview()
+    bpy.ops.facestage.relight_preview()
+    assert state() == ("FRONT", [False])  # a preview that begins meanwhile
+    assert bpy.ops.facestage.before_after() == {"FINISHED"}
+    assert state() == ("BACK", [True])
+    live.facestage.pinning = True
+    assert not bpy.ops.facestage.before_after.poll()

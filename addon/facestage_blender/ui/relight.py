@@ -1,0 +1,219 @@
+"""Step 5: the result's light: from elsewhere, one light at a time, on the photo, beside it."""
+
+import math
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from facestage.contract.files.paths import is_file
+from facestage.contract.relight_cache import RELIGHT_CACHE
+from facestage.contract.result_files import RESULT
+
+from ..backend.commands import render_command
+from ..backend.process import BackendProcess
+from ..drawing import draw_wrapped
+from ..landmarks.empties import shown_plane
+from ..preferences import backend_command
+from ..preview import live
+from ..scene.camera import photo_in_front, require_camera
+from ..scene.frames import LIGHT_DIRECTIONS
+from ..scene.light_setups import LIGHT_FROM, SETUPS
+from ..scene.paths import absolute, require_photo, result_folder
+from ..scene.picture_light import light_from_picture
+from ..scene.relight import next_light, relight, restore_lights
+from .action import Action
+from .backend_task import BackendTask
+from .sidebar import draw_task, line_width
+
+
+class FACESTAGE_OT_relight(Action, bpy.types.Operator):
+    """Lights the face otherwise."""
+
+    bl_idname = "facestage.relight"
+    bl_label = "Relight"
+    bl_description = (
+        "Light the face from one side with white light, or as portrait photographers do, or "
+        "return to the fitted lights"
+    )
+
+    direction: EnumProperty(
+        name="From",
+        description="Where the light comes from, as seen in the picture",
+        items=[("fitted", "As fitted", "The lights that the fit found")]
+        + [(name, setup.label, setup.help) for name, setup in LIGHT_FROM.items()],
+    )
+    mirrored: BoolProperty(
+        name="Mirrored", description="The key comes from the other side of the picture"
+    )
+
+    @classmethod
+    def description(
+        cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        """The tooltip: what this light does to a face."""
+        setup = LIGHT_FROM.get(properties.direction)
+        return cls.bl_description if setup is None else setup.help
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Change the lights' colors and powers."""
+        if self.direction == "fitted":
+            restore_lights(context.scene)
+        else:
+            relight(context.scene, self.direction, self.mirrored)
+
+
+class FACESTAGE_OT_next_light(Action, bpy.types.Operator):
+    """Shows one light alone."""
+
+    bl_idname = "facestage.next_light"
+    bl_label = "Next Light"
+    bl_description = (
+        "Let one light of the stage shine alone, as bright as all together; again: the next one"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Go on to the next, and say which."""
+        number, count = next_light(context.scene)
+        self.report({"INFO"}, f"Light {number} of {count} alone.")
+
+
+class FACESTAGE_OT_light_from_picture(Action, bpy.types.Operator, ImportHelper):
+    """Lights the face as a picture of the surroundings would."""
+
+    bl_idname = "facestage.light_from_picture"
+    bl_label = "Light From Picture"
+    bl_description = (
+        "Give the stage's lights the light of a picture of all directions (.exr or .hdr), as well "
+        "as they can from where they stand, as bright as the fitted ones"
+    )
+
+    filter_glob: StringProperty(default="*.exr;*.hdr", options={"HIDDEN"})
+    turn: FloatProperty(
+        name="Turn", description="Turns the picture about the vertical", subtype="ANGLE"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Light the stage, and say how well that goes."""
+        share = light_from_picture(context.scene, absolute(self.filepath), math.degrees(self.turn))
+        self.report(
+            {"INFO"}, f"The stage's lights give {share:.0%} of the picture's light on the face."
+        )
+
+
+class FACESTAGE_MT_light_from(bpy.types.Menu):
+    """The lights that have a name."""
+
+    bl_idname = "FACESTAGE_MT_light_from"
+    bl_label = "Light From"
+    bl_description = "Light the face otherwise than the photo does, or return to the fitted lights"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """The fitted lights, sides, portrait setups."""
+        layout = self.layout
+        for names in (("fitted",), LIGHT_DIRECTIONS, SETUPS):
+            for name in names:
+                label = LIGHT_FROM[name].label if name in LIGHT_FROM else "As Fitted"
+                layout.operator("facestage.relight", text=label).direction = name
+            layout.separator()
+        layout.operator("facestage.light_from_picture", text="Picture ...", icon="WORLD")
+
+
+class FACESTAGE_OT_relight_preview(Action, bpy.types.Operator):
+    """Turns the live relight preview on and off."""
+
+    bl_idname = "facestage.relight_preview"
+    bl_label = "Relight Preview"
+    bl_description = (
+        "Show the photo relit over the camera's view while you change colors, powers and states "
+        "of the lights"
+    )
+    bl_options: ClassVar[set[str]] = set()
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Turn the preview on, or off when it is on."""
+        if live.Preview.photo is not None:
+            live.stop()
+        else:
+            live.start(context.scene)
+
+
+class FACESTAGE_OT_prepare_relight(BackendTask, bpy.types.Operator):
+    """Have the backend trace the result under each of its lights, then show the relight preview"""
+
+    bl_idname = "facestage.prepare_relight"
+    bl_label = "Prepare Relight"
+
+    task = "Tracing each light"
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Ask the backend for the result's relight cache."""
+        return render_command(backend_command(context), result_folder(context.scene))
+
+    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+        """Show what was made."""
+        live.start(context.scene)
+
+
+class FACESTAGE_OT_before_after(Action, bpy.types.Operator):
+    """Shows the photo over all that the camera sees, or takes it away again."""
+
+    bl_idname = "facestage.before_after"
+    bl_label = "Before / After"
+    bl_description = (
+        "Show the photo itself over what the camera sees, to compare: with the relit photo while "
+        "Relight Preview is on, else with the render (Viewport Shading: Rendered)"
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Not while pins or landmarks want to see the photo."""
+        return not context.scene.facestage.pinning and shown_plane(context.scene) is None
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Show the one or the other."""
+        camera = require_camera(context.scene)
+        require_photo(context.scene)
+        live.show_before(camera, not photo_in_front(camera))
+
+
+def draw_light(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:
+    """Where the light comes from; the live preview's switch, or what makes it possible, and why it
+    does not follow the lights.
+    """
+    row = layout.row(align=True)
+    row.menu("FACESTAGE_MT_light_from", icon="LIGHT_SPOT")
+    row.operator("facestage.next_light", text="", icon="OUTLINER_OB_LIGHT")
+    if draw_task(layout, context, FACESTAGE_OT_prepare_relight.task):
+        return
+    preview = context.window_manager.facestage_preview
+    ready = preview.active or is_file(folder / RELIGHT_CACHE)
+    row = layout.row(align=True)
+    row.enabled = is_file(folder / RESULT) and not context.window_manager.facestage.task
+    if ready:
+        row.operator(
+            "facestage.relight_preview",
+            icon="HIDE_OFF" if preview.active else "HIDE_ON",
+            depress=preview.active,
+        )
+    row.operator("facestage.prepare_relight", icon="FILE_REFRESH", text="" if ready else None)
+    camera = context.scene.camera
+    if context.scene.facestage.photo and camera is not None:
+        layout.operator(
+            "facestage.before_after", icon="SPLIT_VERTICAL", depress=photo_in_front(camera)
+        )
+    if preview.status:
+        draw_wrapped(layout.box(), preview.status, "ERROR", line_width(context))
+
+
+CLASSES = (
+    FACESTAGE_OT_relight,
+    FACESTAGE_OT_next_light,
+    FACESTAGE_OT_light_from_picture,
+    FACESTAGE_MT_light_from,
+    FACESTAGE_OT_relight_preview,
+    FACESTAGE_OT_prepare_relight,
+    FACESTAGE_OT_before_after,
+)
