@@ -13,12 +13,11 @@ from facestage.contract.rig_file import MARKS, UNKNOWN_PART
 
 MARK_GROUP = "facestage/"
 
+# Shells before the eyes that nobody should see as they are.
+_VEILS = r"lash|tear|lacrimal|fluid|cornea|occlusion|eye_?blend|wet"
 # What a material's name says; the first that fits counts.
 _PART_WORDS = (
-    (
-        OTHER,
-        r"lash|brow|hair|beard|tear|cornea|occlusion|wet|cloth|shirt|glass|transparent|\bother\b",
-    ),
+    (OTHER, rf"{_VEILS}|brow|hair|beard|cloth|shirt|glass|transparent|\bother\b"),
     (EYES, r"eye(?!lid)|iris|sclera|pupil"),
     (TEETH, r"teeth|tooth|denture"),
     (MOUTH, r"mouth|gum|tongue|saliva"),
@@ -80,6 +79,25 @@ def guessed_part(name: str) -> int:
         if re.search(words, name, re.IGNORECASE):
             return part
     return UNKNOWN_PART
+
+
+def veils_eyes(material: bpy.types.Material) -> bool:
+    """Whether a material is that of a shell before the eyes (tear film, lashes, what shades them),
+    by its name, and would hide them: it is opaque, as those of a mesh whose own materials got lost
+    on the way into Blender are.
+    """
+    if re.search(_VEILS, material.name, re.IGNORECASE) is None:
+        return False
+    nodes = () if material.node_tree is None else material.node_tree.nodes
+    for node in nodes:
+        if node.type in ("BSDF_TRANSPARENT", "BSDF_REFRACTION", "BSDF_GLASS", "TEX_IMAGE"):
+            return False
+        for name in ("Alpha", "Transmission Weight"):
+            socket = node.inputs.get(name) if node.type == "BSDF_PRINCIPLED" else None
+            opaque = float(name == "Alpha")
+            if socket is not None and (socket.is_linked or socket.default_value != opaque):
+                return False
+    return True
 
 
 def slot_parts(item: bpy.types.Object) -> list[int]:

@@ -15,11 +15,12 @@ from facestage.contract.rig_file import RigFile
 from ..scene.several import separate_light
 from ..skin.material import GROUP, part_materials, show_model
 from .landmark_points import remember_landmarks
-from .own_marks import slot_parts
+from .own_marks import slot_parts, veils_eyes
 from .own_mesh import model_frame, read_mesh
 from .own_record import OwnMesh
 from .own_sliders import read_shapes
 
+TILT_MAX = 45.0  # degrees of a head that stands in the scene
 OFFSET_MAX = 1e12  # units of the mesh; beyond, single floats end
 
 
@@ -60,8 +61,14 @@ def adopt(
 
     With the object's "Facestage skin" the materials of face, eyes and mouth give way to
     Facestage's; the user's stay in the file.
+
+    Raises InputError before anything changes where nothing was marked and the face that was found
+    does not stand upright: then it is none.
     """
-    own.to_model = model_frame(rig, model).tolist()
+    to_model = model_frame(rig, model)
+    if not rig.marks:
+        _check_upright(item, to_model)
+    own.to_model = to_model.tolist()
     own.borrowed = {} if own.identity else dict.fromkeys(model.identity_names, 0.0)
     own.store(item)
     face = item.facestage_face
@@ -107,17 +114,31 @@ def borrowed_shape(rig: bpy.types.Object, own: OwnMesh, result: Result) -> np.nd
     return rest
 
 
+def _check_upright(item: bpy.types.Object, to_model: np.ndarray) -> None:
+    """Raise InputError where the crown of the face that was found points elsewhere than up."""
+    turn = np.linalg.inv(np.array(item.matrix_world.to_3x3(), np.float64))
+    up = to_model[:3, :3] @ turn @ [0.0, 0.0, 1.0]
+    tilt = float(np.degrees(np.arccos(np.clip(up[1] / np.linalg.norm(up), -1, 1))))
+    if tilt > TILT_MAX:
+        raise InputError(
+            f"The face that was found on '{item.name}' does not look like one from the front: its "
+            f"crown is {tilt:.0f} degrees off upright. If it is a face, turn it so that it stands "
+            "(crown along Z) or mark some landmarks (eye corners, nose tip, mouth corners, chin)."
+        )
+
+
 def _replace_materials(item: bpy.types.Object, uv_layer: str) -> None:
-    """Give every slot that the fit colors Facestage's material of its part; the user's are kept in
-    the file.
+    """Give every slot that the fit colors Facestage's material of its part, and what would hide the
+    eyes one that is seen through; the user's are kept in the file.
     """
     if not item.material_slots:
         item.data.materials.append(None)
     for slot, part in zip(item.material_slots, slot_parts(item), strict=True):
         old = slot.material
-        if part == OTHER or (
-            old is not None and old.node_tree is not None and GROUP in old.node_tree.nodes
-        ):
+        if part == OTHER:
+            if old is None or not veils_eyes(old):
+                continue
+        elif old is not None and old.node_tree is not None and GROUP in old.node_tree.nodes:
             continue
         fresh = part_materials(np.array([part if part < len(PARTS) else 0]), uv_layer)[0]
         fresh.facestage_part = PARTS[part].upper() if part < len(PARTS) else "AUTO"

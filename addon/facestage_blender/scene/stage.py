@@ -24,6 +24,9 @@ EMPTY = "Facestage Stage"
 TOTAL_RADIANCE = 100.0
 # EEVEE leaves out light below this threshold; its own, 0.01, would leave out lamps of a watt.
 FAINTEST = 1e-5
+# Faces that can be looked through behind each other, such as a lid's lashes; Cycles' own, 8, would
+# show them as a black band.
+SEEN_THROUGH = 64
 
 
 def default_stage(count: int, radius: float, side: float) -> LightStage:
@@ -73,6 +76,9 @@ def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
         _set_light(light, stage, index)
     separate_light(scene)
     scene.eevee.light_threshold = min(scene.eevee.light_threshold, FAINTEST)
+    if hasattr(scene, "cycles"):  # it can be disabled
+        cycles = scene.cycles
+        cycles.transparent_max_bounces = max(cycles.transparent_max_bounces, SEEN_THROUGH)
     return empty
 
 

@@ -288,3 +288,90 @@ def test_pins_move_a_mesh_of_the_users(scene, alice, head: FaceModel, photo: Pat
     seen = setting.lens.project(points + pinning.guess.to_camera[:3, 3])
     shown = np.einsum("pi,pix->px", pinning.pins.weights, seen[pinning.pins.corners])
     np.testing.assert_allclose(shown, pinning.shown, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        *(("M_LacrimalFluid", "other"), ("M_EyeBlend", "other"), ("M_EyeOcclusion", "other")),
+        *(("M_EyeLashes", "other"), ("M_ScleraLeft", "eyes"), ("M_IrisRight", "eyes")),
+        *(("M_GumsTongue", "mouth"), ("M_Teeth", "teeth"), ("M_BackHead", "skin")),
+        *(("Eyelid", "unknown"), ("EyeLid Skin", "skin"), ("Lambert", "unknown")),
+    ],
+)
+def test_names_of_materials_say_the_part(scene, name: str, part: str) -> None:
+    from facestage.contract.face_model import PARTS
+    from facestage_blender.rig.own_marks import guessed_part
+
+    found = guessed_part(name)
+    assert (PARTS[found] if found < len(PARTS) else "unknown") == part
+
+
+def test_opaque_shells_do_not_hide_the_eyes(scene, alice, head: FaceModel) -> None:
+    """What an .obj brings without its pictures is opaque; what is seen through stays, and so does
+    hair.
+    """
+    import bpy
+
+    from facestage_blender.rig.own_mesh import read_mesh
+    from facestage_blender.rig.own_rig import adopt
+
+    names = ("M_EyeOcclusion", "Tearline", "Lashes", "Hair")
+    for name in names:
+        material = bpy.data.materials.new(name)
+        if material.node_tree is None:
+            material.use_nodes = True
+        alice.data.materials.append(material)
+    surface = next(
+        each
+        for each in bpy.data.materials["Tearline"].node_tree.nodes
+        if each.type == "BSDF_PRINCIPLED"
+    )
+    surface.inputs["Alpha"].default_value = 0.1
+    rig, own, _ = read_mesh(alice)
+    adopt(scene, alice, "rig:x", model_of(rig, head), rig, own)
+    shown = [material.name for material in alice.data.materials][-4:]
+    assert shown[1] == "Tearline" and shown[3] == "Hair"
+    for place in (0, 2):
+        assert shown[place].startswith("Facestage Other")
+        kinds = {each.type for each in alice.data.materials[shown[place]].node_tree.nodes}
+        assert kinds == {"BSDF_TRANSPARENT", "OUTPUT_MATERIAL"}
+    assert all(name in bpy.data.materials for name in names)  # kept in the file
+
+
+def test_lashes_behind_each_other_are_looked_through(scene) -> None:
+    from facestage_blender.scene.stage import new_stage
+
+    scene.cycles.transparent_max_bounces = 8
+    new_stage(scene)
+    assert scene.cycles.transparent_max_bounces >= 32
+    scene.cycles.transparent_max_bounces = 500
+    new_stage(scene)
+    assert scene.cycles.transparent_max_bounces == 500
+
+
+@pytest.mark.parametrize(("tilt", "taken"), [(0.3, True), (1.2, False), (3.14, False)])
+def test_a_face_found_upside_down_is_refused_unless_it_is_marked(
+    scene, alice, head: FaceModel, tilt: float, taken: bool
+) -> None:
+    import bpy
+
+    from facestage_blender.rig.own_mesh import read_mesh
+    from facestage_blender.rig.own_rig import adopt
+
+    alice.rotation_euler = (tilt, 0.0, 0.5)
+    scene.view_layers[0].update()
+    materials = [material.name for material in alice.data.materials]
+    rig, own, _ = read_mesh(alice)
+    model = model_of(rig, head)
+    if taken:
+        adopt(scene, alice, "rig:x", model, rig, own)
+        return
+    with pytest.raises(InputError, match=r"off upright.*mark some landmarks"):
+        adopt(scene, alice, "rig:x", model, rig, own)
+    assert not alice.facestage_face.is_rig
+    assert [material.name for material in alice.data.materials] == materials
+    bpy.context.view_layer.objects.active = alice
+    assert bpy.ops.facestage.mark_landmark(landmark="chin", vertex=17) == {"FINISHED"}
+    rig, own, _ = read_mesh(alice)
+    adopt(scene, alice, "rig:x", model, rig, own)
