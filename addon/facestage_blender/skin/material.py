@@ -32,6 +32,7 @@ SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far l
 TRANSLUCENCY = "Translucency"  # how unevenly light comes out where the switch is off
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 NORMAL_NODE = "Normal Map"
+PORES = "Pores"  # the bump of pores.py, which lies between the normal map and the group
 TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
 
@@ -234,7 +235,8 @@ def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) ->
     nodes, links = material.node_tree.nodes, material.node_tree.links
     if NORMAL.socket not in nodes[GROUP].inputs:
         return  # a group that its user has made another of
-    for link in list(nodes[GROUP].inputs[NORMAL.socket].links):
+    bent = nodes[PORES].inputs["Normal"] if PORES in nodes else nodes[GROUP].inputs[NORMAL.socket]
+    for link in list(bent.links):
         links.remove(link)
     if image is None:
         return
@@ -246,7 +248,7 @@ def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) ->
         nodes[NORMAL_NODE].location = (-350, 100 - 320 * TEXTURE_MAPS.index(NORMAL))
     nodes[NORMAL_NODE].uv_map = uv_map
     links.new(node.outputs["Color"], nodes[NORMAL_NODE].inputs["Color"])
-    links.new(nodes[NORMAL_NODE].outputs["Normal"], nodes[GROUP].inputs[NORMAL.socket])
+    links.new(nodes[NORMAL_NODE].outputs["Normal"], bent)
 
 
 def textures_uv_map(nodes: bpy.types.Nodes) -> str:

@@ -16,6 +16,7 @@ from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
 from ..skin.displaced_skin import displace, is_displaced
 from ..skin.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
+from ..skin.pores import give_pores, pores_of, remove_pores
 from .action import Action
 from .relight import draw_light
 from .sidebar import SidebarPanel, existing
@@ -77,6 +78,25 @@ class FACESTAGE_OT_lashes(Action, bpy.types.Operator):
             remove_lashes(rig)
 
 
+class FACESTAGE_OT_pores(Action, bpy.types.Operator):
+    """Gives the skin made-up pores, or takes them away."""
+
+    bl_idname = "facestage.pores"
+    bl_label = "Made-up Pores"
+    bl_description = (
+        "Give the skin pores and fine relief that no photo shows: made up, as dense as was "
+        "measured on faces. Not fitted, and not in exported files; again: none"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Give them, or remove those that there are."""
+        rig = require_rig(context.scene)
+        if pores_of(rig) is None:
+            give_pores(rig)
+        else:
+            remove_pores(rig)
+
+
 class FACESTAGE_OT_displace_skin(Action, bpy.types.Operator):
     """Turns the displacement of the skin on and off."""
 
@@ -130,6 +150,13 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             row.operator(
                 "facestage.lashes", icon="STRANDS", depress=lashes_of(settings.rig) is not None
             )
+            pores = pores_of(settings.rig)
+            row = layout.row(align=True)
+            row.operator(
+                "facestage.pores", icon="OUTLINER_DATA_POINTCLOUD", depress=pores is not None
+            )
+            if pores is not None:
+                row.prop(pores, "default_value", text="Depth", slider=True)
             layout.operator("facestage.export", icon="EXPORT")
 
 
@@ -137,6 +164,7 @@ CLASSES = (
     FACESTAGE_OT_apply_result,
     FACESTAGE_OT_open_report,
     FACESTAGE_OT_lashes,
+    FACESTAGE_OT_pores,
     FACESTAGE_OT_displace_skin,
     FACESTAGE_PT_result,
 )
