@@ -91,6 +91,13 @@ TARGETS = {
         ),
         _target("journal", f"{CONTRACT}.batch", seeds_contract.journals, files.read_journal, 30),
         _target(
+            "reflectance",
+            f"{CONTRACT}.reflectance",
+            seeds_contract.reflectance_fields,
+            files.read_reflectance,
+            40,
+        ),
+        _target(
             "event",
             f"{CONTRACT}.events",
             seeds_contract.event_lines,

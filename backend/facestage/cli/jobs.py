@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,23 +164,9 @@ def _white_balance(text: str) -> tuple[float, ...]:
 
 def _surroundings(options: argparse.Namespace) -> LightStage:
     """The lights that a known map of the surroundings stands for."""
+    from facestage.cli.environment import read_environment
     from facestage.contract.environment import ENVIRONMENT_COUNT, environment_stage
-    from facestage.images.image_io import read_exr
 
-    given, mark, text = options.environment.rpartition("@")
-    given, text = (given, text) if mark else (text, "0")
-    try:
-        degrees = float(text)
-    except ValueError:
-        degrees = math.nan
-    if not math.isfinite(degrees):
-        raise InputError(
-            f"The surroundings '{options.environment}' are turned by '{text}', expected degrees, "
-            "as in sky.exr@40."
-        )
-    if Path(given).suffix.lower() != ".exr":
-        raise InputError(
-            f"The surroundings '{given}' are no .exr file; save them as OpenEXR (ZIP)."
-        )
+    picture, degrees = read_environment(options.environment)
     count = ENVIRONMENT_COUNT if options.lights is None else options.lights
-    return environment_stage(read_exr(Path(given)), degrees, count)
+    return environment_stage(picture, degrees, count)

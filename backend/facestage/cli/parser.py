@@ -5,7 +5,18 @@ from __future__ import annotations
 import argparse
 
 from facestage import __version__
-from facestage.cli import batch, bench, detect, doctor, fit, model, render, stress, track
+from facestage.cli import (
+    batch,
+    bench,
+    detect,
+    doctor,
+    fit,
+    model,
+    reflectance,
+    render,
+    stress,
+    track,
+)
 
 EXAMPLES = """\
 facestage doctor says what works on this machine.
@@ -19,7 +30,7 @@ examples:
   facestage track take.mp4 --out take
   facestage render result --out smile.png --weights smile.json
 """
-COMMANDS = (fit, batch, track, detect, render, model, bench, stress, doctor)
+COMMANDS = (fit, batch, track, detect, render, reflectance, model, bench, stress, doctor)
 
 
 def build_parser() -> argparse.ArgumentParser:

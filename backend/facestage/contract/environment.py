@@ -37,6 +37,24 @@ def directions(
     return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
+def texel_angles(height: int, width: int) -> Float[np.ndarray, " texels"]:
+    """The solid angle of each texel of a map, row by row; their sum is 4 pi."""
+    edges = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
+    return np.repeat((edges[:-1] - edges[1:]) * 2 * np.pi / width, width)
+
+
+def lights_all_around(count: int, radius: float, side: float | np.ndarray) -> LightStage:
+    """``count`` (an odd one less) dark lights on the spherical Fibonacci lattice of the whole
+    sphere, stage frame.
+    """
+    half = max(count // 2, 1)
+    lattice = joined(
+        fibonacci_stage(half, radius, radiance=0.0),
+        fibonacci_stage(half, radius, radiance=0.0, behind=True),
+    )
+    return replace(lattice, side=np.broadcast_to(side, len(lattice)).astype(float))
+
+
 def environment_stage(
     picture: Float[np.ndarray, "height width 3"],
     degrees: float = 0.0,
@@ -49,17 +67,12 @@ def environment_stage(
     middle of that part's light is, and sends to the stage's centre as much as the part does. The
     lights are squares as large as a stage's, and held.
     """
-    half = max(count // 2, 1)
     side = DEFAULT_SIDE * radius
-    lattice = joined(
-        fibonacci_stage(half, radius, side, 0.0),
-        fibonacci_stage(half, radius, side, 0.0, behind=True),
-    )
+    lattice = lights_all_around(count, radius, side)
     height, width = picture.shape[:2]
     towards = directions(height, width, degrees).reshape(-1, 3)
     nearest = np.argmax(towards @ -lattice.direction.T, axis=1)
-    edges = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
-    angle = np.repeat((edges[:-1] - edges[1:]) * 2 * np.pi / width, width)  # solid, of each texel
+    angle = texel_angles(height, width)
     flux = angle[:, None] * np.maximum(picture.reshape(-1, 3), 0.0)
     lights = len(lattice)
     total = np.stack([np.bincount(nearest, flux[:, c], lights) for c in range(3)], axis=1)

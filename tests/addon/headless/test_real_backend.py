@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -80,6 +81,39 @@ def test_fit_is_written_back_as_the_fit_saw_it(
     assert len(set(stages)) > 2
     assert result.errors["psnr"] > 25.0
     assert result.errors["similarity_mm"] < 4.0
+    assert result.folder is not None
+    check_relit(scene, backend, result.folder, tmp_path)
+
+
+def check_relit(scene: Any, backend: list[str], result: Path, folder: Path) -> None:
+    """Under surroundings that Blender ships, Cycles sees the written-back face as the backend does:
+    traced, and as a sum of one-light pictures.
+    """
+    from facestage_blender.pictures.render import read_pixels, render_linear, save_exr
+    from facestage_blender.synthetic.scans.light import light_world, read_surroundings
+
+    for item in scene.objects:
+        if item.type == "LIGHT":
+            item.hide_render = True
+    light = read_surroundings("interior@70")
+    light_world(scene, light, vertical="Z")
+    save_exr(folder / "map.exr", read_pixels(light.file)[..., :3])
+    cycles = render_linear(scene, 128)
+    field = folder / "field"
+    for command in (
+        ["reflectance", result, "--out", field, "--directions", "100"],
+        ["render", field, "--environment", f"{folder / 'map.exr'}@70", "--out", folder / "sum.exr"],
+        ["render", result, "--environment", f"{folder / 'map.exr'}@70", "--out", folder / "l.exr"],
+    ):
+        done = subprocess.run([*backend, *map(str, command)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    for name, least in (("sum.exr", 30.0), ("l.exr", 30.0)):
+        ours = read_pixels(folder / name)[..., :3]
+        face = (cycles[..., 3] > 0.999) & (ours.max(axis=2) > 0)
+        difference = np.clip(ours, 0, 1)[face] - np.clip(cycles[..., :3], 0, 1)[face]
+        match = float(-10 * np.log10((difference**2).mean()))
+        print(f"Cycles under 'interior' against {name}: {match:.1f} dB, at least {least}")
+        assert match >= least
 
 
 @pytest.mark.parametrize("name", ["scattering", "translucency"])

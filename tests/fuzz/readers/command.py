@@ -90,6 +90,9 @@ def _stand_ins() -> Iterator[None]:
         "facestage.fit.result.run": ("fit_job",),
         "facestage.fit.result.person": ("fit_person",),
         "facestage.fit.result.relight": ("make_cache", "render_result"),
+        "facestage.fit.result.reflectance": ("make_field",),
+        "facestage.fit.result.surroundings": ("render_field", "render_under_map"),
+        "facestage.batch.run": ("counted",),
         "facestage.bench.run": ("run_bench",),
         "facestage.bench.plan_savings": ("run_plan_savings",),
         "facestage.stress.run": ("list_cases", "run_stress"),
@@ -99,5 +102,6 @@ def _stand_ins() -> Iterator[None]:
     for name, functions in names.items():
         for function in functions:
             setattr(modules[name], function, nothing)
+    modules["facestage.batch.run"].run_batch = lambda *_: []  # type: ignore[attr-defined]
     with mock.patch.dict(sys.modules, modules):
         yield

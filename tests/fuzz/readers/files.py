@@ -169,6 +169,16 @@ def read_journal(folder: Path) -> None:
         row.to_line()
 
 
+def read_reflectance(folder: Path) -> None:
+    from facestage.contract.reflectance import ReflectanceField
+
+    field = ReflectanceField.load(folder)
+    check_dataclass(field)
+    count = len(field.images)
+    require(field.directions.shape == (count, 3), "other directions")
+    require(field.solid_angles.shape == (count,), "other solid angles")
+
+
 def read_event(folder: Path) -> None:
     from facestage.contract.events import Event
 

@@ -20,6 +20,7 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, LightStage, fibonacci_stage
 from facestage.contract.person import Person, PersonPhoto
+from facestage.contract.reflectance import ReflectanceField
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.rig_file import RigFile
@@ -214,6 +215,20 @@ def journals() -> list[Case]:
         BatchRow(2, "b", ("/b.png", "/c.png"), FAILED, "No face.", "1f", 0.5),
     )
     return [{JOURNAL: "".join(f"{row.to_line()}\n" for row in rows).encode()}]
+
+
+def reflectance_fields() -> list[Case]:
+    half = fibonacci_stage(6).position
+    field = ReflectanceField(
+        "default",
+        camera(),
+        rigid(3),
+        np.concatenate([half, -half]),
+        np.full(12, np.pi / 3),
+        tuple(f"{number}.exr" for number in range(12)),
+        4,
+    )
+    return [written(field.write_into)]
 
 
 def event_lines() -> list[Case]:

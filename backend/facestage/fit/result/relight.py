@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_file
@@ -55,9 +56,8 @@ def render_result(
     Other lights come from the result's relight cache, which is made when there is none; see
     :func:`relit`. ``samples`` per light and sub-pixel; None: as many as the cache has, or SAMPLES.
     """
-    if out.suffix.lower() not in OUTPUTS:
-        raise InputError(f"The output '{out}' does not end in {' or '.join(OUTPUTS)}.")
-    _check_samples(samples)
+    check_output(out)
+    check_samples(samples)
     result = Result.load(folder)
     if lights is not None:
         # A light that was off in the fit is dark in the result, but may be turned on now.
@@ -67,19 +67,27 @@ def render_result(
         stage = replace(result.stage, radiance=radiance, state=np.full(len(radiance), ON))
         result = replace(result, stage=stage)
     if weights is not None:
-        given = checked(WeightsFile(), weights, "The weight file (--weights)")
-        result = replace(
-            result,
-            identity=_weights(
-                given["identity"], "identity", result.identity_names, result.identity
-            ),
-            expression=_weights(
-                given["expression"], "expression", result.expression_names, result.expression
-            ),
-        )
-        color = render(result, samples or SAMPLES)
+        color = render(with_weights(result, weights), samples or SAMPLES)
     else:
         color = relit(result, samples, make=lights is not None)
+    write_picture(out, color)
+
+
+def with_weights(result: Result, weights: dict[str, Any]) -> Result:
+    """The result with some weights as a weight file says. Raises InputError."""
+    given = checked(WeightsFile(), weights, "The weight file (--weights)")
+    return replace(
+        result,
+        identity=_weights(given["identity"], "identity", result.identity_names, result.identity),
+        expression=_weights(
+            given["expression"], "expression", result.expression_names, result.expression
+        ),
+    )
+
+
+def write_picture(out: Path, color: Float[np.ndarray, "height width 3"]) -> None:
+    """Write linear RGB as .exr, or sRGB as .png. Raises InputError for another suffix."""
+    check_output(out)
     if out.suffix.lower() == ".exr":
         write_exr(out, color)
     else:
@@ -124,7 +132,7 @@ def make_cache(folder: Path, samples: int | None, numbers_max: float = NUMBERS_M
 
     ``numbers_max`` that its images may hold.
     """
-    _check_samples(samples)
+    check_samples(samples)
     result = Result.load(folder)
     traced = trace_lights(result, samples or SAMPLES, shrink=True, numbers_max=numbers_max)
     assert traced is not None
@@ -137,7 +145,7 @@ def trace_lights(
     """The result under each of its lights alone; None where that is too large and must not
     ``shrink``.
     """
-    forward, state, stage, textures = _prepared(result, np.ones(len(result.stage), bool))
+    forward, state, stage, textures = prepared(result, np.ones(len(result.stage), bool))
     factor = relight_scale(len(face_pixels(forward, state)), len(stage), numbers_max)
     if factor < 1:
         if not shrink:
@@ -154,7 +162,7 @@ def render(result: Result, samples: int) -> np.ndarray:
     lit = result.stage.radiance.max(axis=1) > 0
     if not lit.any():
         lit[0] = True  # a dark face is still a picture
-    forward, state, stage, textures = _prepared(result, lit)
+    forward, state, stage, textures = prepared(result, lit)
     factor = min(1.0, float(np.sqrt(PICTURE_PIXELS / max(len(face_pixels(forward, state)), 1))))
     camera = state.camera
     state = replace(state, camera=camera if factor == 1 else camera.scaled(factor))
@@ -162,7 +170,7 @@ def render(result: Result, samples: int) -> np.ndarray:
     return color if factor == 1 else resize(color, camera.width, camera.height)
 
 
-def _prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
+def prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, LightStage, Textures]:
     """What renders the result under the lights ``lit`` (N,): forward model, state, stage (camera
     frame), textures.
     """
@@ -202,7 +210,14 @@ def _folder(result: Result) -> Path:
     return result.folder
 
 
-def _check_samples(samples: int | None) -> None:
+def check_output(out: Path) -> None:
+    """Raise InputError unless a picture's name ends as it has to."""
+    if out.suffix.lower() not in OUTPUTS:
+        raise InputError(f"The output '{out}' does not end in {' or '.join(OUTPUTS)}.")
+
+
+def check_samples(samples: int | None) -> None:
+    """Raise InputError for a number of shadow samples that cannot be."""
     if samples is not None and not 1 <= samples <= 4096:
         raise InputError(f"--spp is {samples}; expected 1 to 4096.")
 
