@@ -37,7 +37,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "contract.brdf": (CONTRACT + "test_constants.py", "tests/backend/render/test_brdf.py"),
     **{
         f"contract.{name}": (CONTRACT + "test_constants.py", f"{CONTRACT}test_{name}.py")
-        for name in ("camera", "events", "landmarks", "light_stage", "quality")
+        for name in ("camera", "events", "landmarks", "light_stage", "pins", "quality")
     },
     "contract.files.array_archive": (
         CONTRACT + "files/test_storage.py",
@@ -83,6 +83,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         FIT + "trust/test_guard.py",
     ),
     "fit.solve.descent": (FIT + "solve/test_descent.py",),
+    "fit.energy.pin_term": (FIT + "energy/test_pin_term.py",),
     "fit.energy.photo_term": (
         FIT + "energy/test_energy_values.py",
         FIT + "energy/test_photo_jacobian.py",

@@ -204,7 +204,7 @@ class Job:
             "exposure": self.exposure,
             "white_balance": None if self.white_balance is None else list(self.white_balance),
             "texture_size": self.texture_size,
-            "pins": None if self.pins is None else self.pins.to_json(),
+            "pins": self.pins.to_json() if self.pins else None,
         }
         arrays = {f"initial/{name}": np.asarray(value) for name, value in self.initial.items()}
         if self.camera_to_stage is not None:
