@@ -21,6 +21,7 @@ from ..rig.relief_key import check_relief, write_relief
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
+from ..scene.relight import take_world_back
 from ..scene.several import shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
 from ..skin.displaced_skin import displace
@@ -67,6 +68,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if own is not None and borrowed is not None:
         write_shape(rig, own, identity, borrowed)
     write_relief(rig, relief)
+    take_world_back(scene)
     build_stage(scene, result.stage)
     if moves_stage:
         _put_before(scene.camera, empty, result)

@@ -23,6 +23,7 @@ from ..rig.relief_key import shown_relief
 from ..scene import frames
 from ..scene.camera import read_camera
 from ..scene.paths import absolute
+from ..scene.relight import lit_by_world
 from ..scene.stage import relative_matrix
 
 # Where the fitted face is darker than this share of its median, the photo divided by it is noise.
@@ -97,6 +98,8 @@ class RelitPhoto:
         nothing is.
         """
         fitted, settings = self.result.stage, scene.facestage
+        if lit_by_world(scene):
+            return "A world lights the face"
         if len(stage) != len(fitted):
             return f"The stage has {len(stage)} lights, the result {len(fitted)}"
         for name in ("position", "direction", "axis_x", "side"):

@@ -10,6 +10,7 @@ from mathutils import Vector
 
 from facestage.contract.errors import InputError
 
+from .relight import lit_by_world
 from .several import other_faces
 from .stage import require_stage, stage_lights
 
@@ -46,9 +47,9 @@ def obstacles(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def world_shines(scene: bpy.types.Scene) -> bool:
-    """Whether the world lights the scene."""
+    """Whether the world lights the scene, other than Light From means it to."""
     world = scene.world
-    if world is None:
+    if world is None or lit_by_world(scene):
         return False
     # From Blender 5.0 on a world always has nodes, and asking warns.
     plain = bpy.app.version < (5, 0, 0) and not world.use_nodes

@@ -4,6 +4,7 @@ least squares over what a face, matte and glossy, would show of either.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -13,9 +14,9 @@ from facestage.contract.environment import directions
 from facestage.contract.errors import InputError
 
 from ..pictures.images import image_pixels, load_image
-from .relight import lights_on
+from .relight import lights_on, take_world_back
 from .stage import light_side, read_stage, require_stage, set_light_radiance
-from .surroundings import empty_axes
+from .surroundings import empty_axes, show_world
 
 NORMALS = 300  # of the face, all around
 BEHIND = 0.3  # of the way that normals turned from the camera count, too: cheeks seen from the side
@@ -25,6 +26,28 @@ SWEEPS = 400
 RIDGE = 1e-4  # of the diagonal: lights that look alike share
 
 
+@dataclass(frozen=True)
+class FaceLight:
+    """What a face of many normals shows: (2 n, N) of each of the ``lights`` at radiance 1, (2 n, 3)
+    of the picture and of the fitted lights; n matte rows, then glossy ones.
+    """
+
+    lights: list[bpy.types.Object]
+    of_lights: np.ndarray
+    of_picture: np.ndarray
+    of_fitted: np.ndarray
+
+    @property
+    def matte(self) -> int:
+        """How many rows are matte."""
+        return len(self.of_lights) // 2
+
+    def level(self, shown: np.ndarray) -> float:
+        """By what ``shown`` (2 n, 3) must be brighter to be as bright as the fitted light."""
+        wanted = self.of_fitted[: self.matte].sum()
+        return float(wanted / max(float(shown[: self.matte].sum()), 1e-30))
+
+
 def light_from_picture(scene: bpy.types.Scene, path: Path, degrees: float = 0.0) -> float:
     """Give the stage's lights the light of an equirectangular picture, turned by ``degrees`` about
     the vertical, at the fitted lights' brightness. Lights that are off stay off. Returns the share
@@ -32,7 +55,30 @@ def light_from_picture(scene: bpy.types.Scene, path: Path, degrees: float = 0.0)
 
     Raises InputError when no light is on, or the file holds no such picture.
     """
-    picture = smaller(read_picture(path))
+    face = _face_light(scene, smaller(read_picture(path)), degrees)
+    take_world_back(scene)
+    radiance = nonnegative(face.of_lights, face.of_picture)
+    level = face.level(face.of_lights @ radiance)
+    for light, value in zip(face.lights, level * radiance, strict=True):
+        set_light_radiance(light, value, light_side(light))
+    wanted = face.of_picture[: face.matte]
+    rest = face.of_lights[: face.matte] @ radiance - wanted
+    return float(1.0 - np.linalg.norm(rest) / np.linalg.norm(wanted))
+
+
+def light_by_world(scene: bpy.types.Scene, path: Path, degrees: float = 0.0) -> None:
+    """Let a world of the picture light the scene at the fitted lights' brightness, and the stage's
+    lights be dark; :func:`.relight.take_world_back` undoes it. Raises InputError as
+    :func:`light_from_picture`.
+    """
+    face = _face_light(scene, smaller(read_picture(path)), degrees)
+    take_world_back(scene)
+    show_world(scene, load_image(path), degrees, face.level(face.of_picture))
+    for light in face.lights:
+        set_light_radiance(light, np.zeros(3), light_side(light))
+
+
+def _face_light(scene: bpy.types.Scene, picture: np.ndarray, degrees: float) -> FaceLight:
     lights = lights_on(scene)
     empty = require_stage(scene)
     stage = read_stage(empty)
@@ -45,17 +91,16 @@ def light_from_picture(scene: bpy.types.Scene, path: Path, degrees: float = 0.0)
     angles = facing * 4 * np.arcsin(quarter / (quarter + distance**2))
     height, width = picture.shape[:2]
     towards = directions(height, width, degrees).reshape(-1, 3) @ empty_axes(empty).T
+    flux = picture_angles(height, width)[:, None] * picture.reshape(-1, 3)
     normals, weights = _normals()
     of_lights = _shown(normals, weights, outward, angles[:, None] * np.eye(len(lights)))
-    flux = picture_angles(height, width)[:, None] * picture.reshape(-1, 3)
-    of_picture = _shown(normals, weights, towards, flux)
-    radiance = nonnegative(of_lights, of_picture)
     fitted = np.array([light.facestage_light.fitted_radiance for _, light in lights])
-    matte, wanted = of_lights[: len(normals)], of_picture[: len(normals)]
-    level = (matte @ fitted).sum() / max(float((matte @ radiance).sum()), 1e-30)
-    for (_, light), value in zip(lights, level * radiance, strict=True):
-        set_light_radiance(light, value, light_side(light))
-    return float(1.0 - np.linalg.norm(matte @ radiance - wanted) / np.linalg.norm(wanted))
+    return FaceLight(
+        [light for _, light in lights],
+        of_lights,
+        _shown(normals, weights, towards, flux),
+        of_lights @ fitted,
+    )
 
 
 def read_picture(path: Path) -> np.ndarray:

@@ -11,6 +11,9 @@ from facestage.contract.light_stage import OFF
 from .light_setups import LIGHT_FROM
 from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
 
+# On a world that Light From made: that it is one, and the one before it.
+MARK, BEFORE = "facestage_surroundings", "facestage_before"
+
 
 def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False) -> None:
     """White light from one side, or of a setup that has a name, of the same total radiance as the
@@ -22,6 +25,7 @@ def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False) -> None:
         raise InputError(f"Cannot light from '{name}'; expected one of {', '.join(LIGHT_FROM)}.")
     setup = LIGHT_FROM[name].mirrored() if mirrored else LIGHT_FROM[name]
     lights = lights_on(scene)
+    take_world_back(scene)
     outward = -read_stage(require_stage(scene)).direction[[index for index, _ in lights]]
     shares = sum((beam.lobe(outward) for beam in setup.beams), np.zeros(len(lights)))
     total = total_radiance(scene)
@@ -36,6 +40,7 @@ def next_light(scene: bpy.types.Scene) -> tuple[int, int]:
     Raises InputError when no light is on.
     """
     lights = lights_on(scene)
+    take_world_back(scene)
     shining = [place for place, (_, light) in enumerate(lights) if light.data.energy > 0]
     chosen = (shining[0] + 1) % len(lights) if len(shining) == 1 else 0
     total = total_radiance(scene)
@@ -44,6 +49,21 @@ def next_light(scene: bpy.types.Scene) -> tuple[int, int]:
         color = color / color.mean() if color.any() else np.ones(3)
         set_light_radiance(light, float(place == chosen) * total * color, light_side(light))
     return chosen + 1, len(lights)
+
+
+def lit_by_world(scene: bpy.types.Scene) -> bool:
+    """Whether a world that Light From made lights the scene."""
+    return scene.world is not None and bool(scene.world.get(MARK))
+
+
+def take_world_back(scene: bpy.types.Scene) -> None:
+    """Give the scene the world that it had before Light From made one, if it did."""
+    if not lit_by_world(scene):
+        return
+    world = scene.world
+    scene.world = world.get(BEFORE)
+    if not world.users:
+        bpy.data.worlds.remove(world)
 
 
 def lights_on(scene: bpy.types.Scene) -> list[tuple[int, bpy.types.Object]]:
@@ -69,6 +89,7 @@ def total_radiance(scene: bpy.types.Scene) -> float:
 
 def restore_lights(scene: bpy.types.Scene) -> None:
     """Give every light the radiance that the last fit, or the last build of the stage, gave it."""
+    take_world_back(scene)
     for light in stage_lights(require_stage(scene)):
         radiance = np.array(light.facestage_light.fitted_radiance)
         if radiance.any() or light.facestage_light.state != "OFF":  # an off light keeps its power

@@ -13,6 +13,7 @@ from facestage.contract.light_stage import LightStage
 
 from ..pictures.images import image_pixels
 from .frames import stage_to_blender
+from .relight import BEFORE, MARK
 from .stage import build_stage, require_stage
 
 
@@ -52,6 +53,27 @@ def world_picture(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
     if not pixels.size or not np.isfinite(pixels).all():
         raise InputError(f"The world's picture '{node.image.name}' cannot be read; load it again.")
     return pixels, _turn(node)
+
+
+def show_world(
+    scene: bpy.types.Scene, image: bpy.types.Image, degrees: float, strength: float
+) -> None:
+    """Give the scene a world of a picture, turned by ``degrees``, and remember the one before."""
+    world = bpy.data.worlds.new("Facestage Surroundings")
+    if scene.world is not None:
+        world[BEFORE] = scene.world
+    world[MARK] = True
+    scene.world = world
+    if world.node_tree is None:  # before Blender 5.0 a new world has no nodes
+        world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    place, turned = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
+    turned.inputs["Rotation"].default_value[2] = math.radians(degrees)
+    picture, background = nodes.new("ShaderNodeTexEnvironment"), nodes["Background"]
+    picture.image, background.inputs["Strength"].default_value = image, strength
+    links.new(place.outputs["Generated"], turned.inputs["Vector"])
+    links.new(turned.outputs["Vector"], picture.inputs["Vector"])
+    links.new(picture.outputs["Color"], background.inputs["Color"])
 
 
 def seen_from(empty: bpy.types.Object, stage: LightStage) -> LightStage:

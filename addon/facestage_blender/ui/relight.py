@@ -22,7 +22,7 @@ from ..scene.camera import photo_in_front, require_camera
 from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.light_setups import LIGHT_FROM, SETUPS
 from ..scene.paths import absolute, require_photo, result_folder
-from ..scene.picture_light import light_from_picture
+from ..scene.picture_light import light_by_world, light_from_picture
 from ..scene.relight import next_light, relight, restore_lights
 from .action import Action
 from .backend_task import BackendTask
@@ -94,10 +94,20 @@ class FACESTAGE_OT_light_from_picture(Action, bpy.types.Operator, ImportHelper):
     turn: FloatProperty(
         name="Turn", description="Turns the picture about the vertical", subtype="ANGLE"
     )
+    as_world: BoolProperty(
+        name="As World",
+        description="Let the picture itself light the scene, as its world, and the stage's lights "
+        "be dark; As Fitted gives the world back",
+    )
 
     def act(self, context: bpy.types.Context) -> None:
         """Light the stage, and say how well that goes."""
-        share = light_from_picture(context.scene, absolute(self.filepath), math.degrees(self.turn))
+        path, degrees = absolute(self.filepath), math.degrees(self.turn)
+        if self.as_world:
+            light_by_world(context.scene, path, degrees)
+            self.report({"INFO"}, "The world lights the face; the stage's lights are dark.")
+            return
+        share = light_from_picture(context.scene, path, degrees)
         self.report(
             {"INFO"}, f"The stage's lights give {share:.0%} of the picture's light on the face."
         )

@@ -104,3 +104,70 @@ def test_what_is_no_picture_of_all_directions_is_said(scene, tmp_path: Path) -> 
     black = save(np.zeros((8, 16, 3)), tmp_path / "black.exr")
     refused(act, "black or damaged", filepath=str(black))
     assert not [image for image in bpy.data.images if image.users == 0 and image.filepath]
+
+
+def test_the_picture_is_the_world_and_the_world_comes_back(scene, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.scene.obstacles import world_shines
+    from facestage_blender.scene.stage import build_stage, read_stage
+    from facestage_blender.scene.surroundings import world_picture
+
+    own = scene.world = bpy.data.worlds.new("My World")
+    empty = build_stage(scene, fibonacci_stage(6, radiance=2.0))
+    picture = lamp(np.array([0.0, 0.4, 1.0]), [30.0, 30.0, 30.0], 40.0)
+    path = save(picture, tmp_path / "a.exr")
+    act = bpy.ops.facestage.light_from_picture
+    for _ in range(2):  # a second time: not the first one's world is given back
+        assert act(filepath=str(path), turn=np.radians(40.0), as_world=True) == {"FINISHED"}
+    seen, degrees = world_picture(scene)
+    np.testing.assert_allclose(seen, picture, rtol=1e-3, atol=1e-4)
+    assert degrees == pytest.approx(40.0, abs=1e-3)
+    assert not read_stage(empty).radiance.any() and not world_shines(scene)
+    for back in (
+        lambda: bpy.ops.facestage.relight(direction="fitted"),
+        lambda: bpy.ops.facestage.relight(direction="left"),
+        lambda: bpy.ops.facestage.next_light(),
+        lambda: act(filepath=str(path)),
+    ):
+        act(filepath=str(path), as_world=True)
+        assert back() == {"FINISHED"}
+        assert scene.world == own and len(bpy.data.worlds) == 1
+        assert read_stage(empty).radiance.any()
+    scene.world = None
+    act(filepath=str(path), as_world=True)
+    bpy.ops.facestage.relight(direction="fitted")
+    assert scene.world is None
+
+
+def test_the_world_is_as_bright_as_the_lights_were(scene, tmp_path: Path) -> None:
+    """Irradiance on a card that faces the camera, of the same light from lamps and as a world."""
+    from facestage_blender.scene.picture_light import (
+        light_by_world,
+        light_from_picture,
+        picture_angles,
+    )
+    from facestage_blender.scene.stage import build_stage, read_stage
+
+    stage = fibonacci_stage(40, radiance=2.0)
+    empty = build_stage(scene, stage)
+    towards = directions(64, 128)
+    picture = np.repeat(np.maximum(towards[..., 2:], 0.05), 3, axis=2)
+    path = save(picture, tmp_path / "a.exr")
+
+    def on_card() -> float:
+        lit = read_stage(empty)
+        square = np.linalg.norm(lit.position, axis=1) ** 2
+        cosine = np.maximum(lit.position[:, 2], 0.0) / np.sqrt(square)
+        return float(lit.radiance.mean(axis=1) @ (cosine * lit.side**2 / square))
+
+    fitted = on_card()
+    light_from_picture(scene, path)
+    lamps = on_card()
+    light_by_world(scene, path)
+    strength = scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value
+    flux = picture_angles(64, 128) * picture[..., 0].ravel()
+    world = strength * float(flux @ np.maximum(towards.reshape(-1, 3)[:, 2], 0.0))
+    print(fitted, lamps, world)
+    assert lamps == pytest.approx(world, rel=0.05)
+    assert fitted == pytest.approx(world, rel=0.25)
