@@ -3,6 +3,8 @@
 import blf
 import bpy
 
+from .translations import said
+
 FONT = 0  # the interface's own
 
 
@@ -11,7 +13,7 @@ def draw_wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: float)
     wrap, and end in dots where they are too long.
     """
     column = layout.column(align=True)
-    for index, line in enumerate(wrapped(text, width)):
+    for index, line in enumerate(wrapped(said(text), width)):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
 
 
@@ -45,10 +47,10 @@ def draw_progress(layout: bpy.types.UILayout, state: bpy.types.PropertyGroup, wi
     row.operator("facestage.cancel", icon="CANCEL", text="")
     details = []
     if state.photo_error >= 0:
-        details.append(f"photo error {state.photo_error:.4f}")
+        details.append(said("photo error {error}", error=f"{state.photo_error:.4f}"))
     if state.seconds_left >= 0:
-        details.append(f"about {state.seconds_left:.0f} s left")
+        details.append(said("about {seconds} s left", seconds=f"{state.seconds_left:.0f}"))
     if state.cancel:
-        details = ["Stopping ..."]
+        details = [said("Stopping ...")]
     if details:
         layout.label(text=", ".join(details), icon="TIME")

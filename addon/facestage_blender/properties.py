@@ -39,6 +39,8 @@ from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
+from .translations import FACESTAGE
+
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
 LANDMARK_SOURCES = {
     "FILE": ("From a file", "The landmarks come from a file that was chosen"),
@@ -213,6 +215,7 @@ class OfPhoto:
         default=1,
         min=1,
         soft_max=10,
+        translation_context=FACESTAGE,
     )
     white_balance_known: BoolProperty(
         name="White Balance",

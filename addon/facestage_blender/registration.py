@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import preferences, properties
+from . import preferences, properties, translations
 from .landmarks import overlay as landmark_overlay
 from .pins import overlay as pin_overlay
 from .preview import live as preview
@@ -53,6 +53,7 @@ MODULES = (
 
 def register() -> None:
     """Register every class, then attach the property groups."""
+    translations.register()
     for module in MODULES:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
@@ -77,3 +78,4 @@ def unregister() -> None:
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):
             bpy.utils.unregister_class(cls)
+    translations.unregister()

@@ -9,6 +9,7 @@ import bpy
 from facestage.contract.errors import FacestageError
 
 from ..scene.user_state import preserved
+from ..translations import said
 
 
 class Action:
@@ -32,6 +33,6 @@ class Action:
             with preserved(context.view_layer) if changes else nullcontext():
                 self.act(context)
         except FacestageError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, said(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}

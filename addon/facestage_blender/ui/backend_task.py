@@ -15,6 +15,7 @@ from ..backend.commands import doctor_command, model_command
 from ..backend.process import CANCELLED, BackendProcess, Outcome
 from ..preferences import CHECKING, addon_preferences, backend_command, online_access
 from ..scene.user_state import preserved
+from ..translations import said
 
 POLL_SECONDS = 0.1
 
@@ -149,7 +150,7 @@ class BackendTask:
         if outcome.code == CANCELLED:  # as the user asked: no error
             notice = outcome.message if self.resumable else "Cancelled."
             context.window_manager.facestage.notice = notice
-            self.report({"INFO"}, notice)
+            self.report({"INFO"}, said(notice))
             return {"CANCELLED"}
         if not outcome.ok:
             self._fail(context, outcome.message)
@@ -187,7 +188,7 @@ class BackendTask:
 
     def _fail(self, context: bpy.types.Context, sentence: str) -> None:
         context.window_manager.facestage.failure = sentence
-        self.report({"ERROR"}, sentence)
+        self.report({"ERROR"}, said(sentence))
 
 
 class ModelTask(BackendTask):

@@ -20,6 +20,7 @@ from ..rig.keyframes import key_handles, key_now
 from ..rig.presets import BUILT_IN, apply_preset, forget_preset, keep_preset, preset_names
 from ..rig.sliders import draw_slider
 from ..scene.paths import absolute, result_folder
+from ..translations import said
 from .action import Action
 from .sidebar import SidebarPanel
 
@@ -180,7 +181,7 @@ class FACESTAGE_MT_expressions(bpy.types.Menu):
         column.operator("facestage.keep_expression", text="Keep Expression...", icon="ADD")
         for name in own:
             forget = column.operator(
-                "facestage.forget_expression", text=f"Forget {name}", icon="REMOVE"
+                "facestage.forget_expression", text=said("Forget {name}", name=name), icon="REMOVE"
             )
             forget.name = name
 

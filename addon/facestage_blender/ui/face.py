@@ -12,6 +12,7 @@ from ..rig.control.control_rig import renew_control_rig
 from ..rig.face_rig import build_rig
 from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
 from ..scene.stage import ensure_stage
+from ..translations import said
 from .action import Action
 from .backend_task import ModelTask
 from .sidebar import SidebarPanel, draw_task, line_width
@@ -105,7 +106,10 @@ class FACESTAGE_PT_face(SidebarPanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.facestage
         layout.menu("FACESTAGE_MT_model", text=model_label(settings.model), icon="USER")
         draw_wrapped(
-            layout, f"License: {model_license(context.scene)}", "NONE", line_width(context)
+            layout,
+            said("License: {license}", license=model_license(context.scene)),
+            "NONE",
+            line_width(context),
         )
         if draw_task(layout, context, FACESTAGE_OT_build_rig.task):
             return

@@ -18,6 +18,7 @@ from ..exchange.scene_read import read_jobs
 from ..exchange.write_back import apply_result
 from ..preferences import backend_command
 from ..scene.paths import RESULT_FOLDER, absolute, job_folders, result_folder, work_folder
+from ..translations import said
 from .backend_task import BackendTask
 from .pins import draw_pins
 from .sidebar import SidebarPanel, draw_task, existing, line_width
@@ -94,7 +95,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
             row = layout.row(align=True)
             row.enabled, row.scale_y = ready and not state.task, 1.5
             count = len(settings.photos)
-            several = {"text": f"Fit to {count} Photos"} if count else {}
+            several = {"text": said("Fit to {count} Photos", count=count)} if count else {}
             row.operator("facestage.fit", icon="PLAY", **several)
             folder = existing(work_folder, context.scene)
             if ready and folder is not None and is_folder(partial_folder(folder / RESULT_FOLDER)):
@@ -103,13 +104,15 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
                 missing = [
                     name
                     for name, value in (
-                        ("photo", settings.photo),
-                        ("light stage", settings.stage),
-                        ("face", settings.rig),
+                        (said("photo"), settings.photo),
+                        (said("light stage"), settings.stage),
+                        (said("face"), settings.rig),
                     )
                     if not value
                 ]
-                layout.label(text=f"Still needed: {', '.join(missing)}", icon="INFO")
+                layout.label(
+                    text=said("Still needed: {what}", what=", ".join(missing)), icon="INFO"
+                )
         draw_pins(layout, context)
         if state.verdict:
             icon = "ERROR" if state.doubtful else "INFO"

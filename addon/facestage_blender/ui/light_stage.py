@@ -9,6 +9,7 @@ from ..drawing import draw_wrapped
 from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
 from ..scene.surroundings import light_as_world
+from ..translations import said
 from .action import Action
 from .sidebar import SidebarPanel, line_width
 from .white_balance import draw_white_balance
@@ -136,10 +137,10 @@ def _draw_obstacles(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         except InputError:  # the operators say what is wrong with the stage
             return
     if world_shines(scene):
-        names.append("the world's light")
+        names.append(said("the world's light"))
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        sentence = f"In the way: {', '.join(names[:NAMED])}{more}"
+        sentence = said("In the way: {names}", names=f"{', '.join(names[:NAMED])}{more}")
         draw_wrapped(layout, sentence, "ERROR", line_width(context))
     column = layout.column(align=True)
     if names or len(scene.objects) > LOOKED_AT:

@@ -17,6 +17,7 @@ from ..rig.own_rig import adopt, export_mesh
 from ..scene.paths import work_folder
 from ..scene.stage import ensure_stage
 from ..scene.user_state import preserved
+from ..translations import said
 from .action import Action
 from .backend_task import ModelTask
 from .sidebar import SidebarPanel, draw_task
@@ -143,7 +144,7 @@ class FACESTAGE_PT_own_mesh(SidebarPanel, bpy.types.Panel):
         face = item.facestage_face
         used = bool(face.own_mesh) and context.scene.facestage.rig == item
         layout.label(
-            text=f"{item.name}{' is the face' if used else ''}",
+            text=said("{name} is the face", name=item.name) if used else item.name,
             icon="CHECKMARK" if used else "MESH_DATA",
         )
         column = layout.column(align=True)

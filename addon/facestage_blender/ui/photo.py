@@ -18,6 +18,7 @@ from ..exchange.write_back import apply_result
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from ..landmarks.photo_view import look_through_camera
 from ..scene.paths import absolute
+from ..translations import said
 from .action import Action
 from .faces import draw_faces
 from .landmarks import FACESTAGE_OT_detect_landmarks
@@ -188,7 +189,7 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     counts = [
         f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states
     ]
-    layout.label(text=f"{len(empties)} points to drag (G)", icon="EMPTY_AXIS")
+    layout.label(text=said("{count} points to drag (G)", count=len(empties)), icon="EMPTY_AXIS")
     if counts:
         layout.label(text=", ".join(counts), icon="BLANK1")
     row = layout.row(align=True)
