@@ -133,3 +133,19 @@ def test_a_pin_is_removed_by_the_right_button_and_by_x(blender: Blender, landmar
     blender.click("Pin Face")
     blender.until(f"not {SETTINGS}.pinning")
     blender.shot("pinned-no-more")
+
+
+def test_the_tool_of_the_toolbar_shows_the_wireframe_first(blender: Blender, landmarks: np.ndarray):
+    blender.do(
+        "region = next(each for each in bpy.context.area.regions if each.type == 'WINDOW')\n"
+        "with bpy.context.temp_override(region=region):\n"
+        "    bpy.ops.wm.tool_set_by_id(name='facestage.pins')\n"
+    )
+    here = place(blender, landmarks[4])
+    blender.press(*here)
+    blender.until(f"{SETTINGS}.pinning")
+    assert blender.ask(f"{SETTINGS}.pins") == ""
+    blender.drag(place(blender, landmarks[4]), place(blender, landmarks[4] + 4.0))
+    blender.until(f"{SETTINGS}.pins != ''")
+    blender.shot("by-the-tool")
+    blender.do("bpy.ops.facestage.clear_pins()\nbpy.ops.facestage.pin_face()")

@@ -98,7 +98,9 @@ class FACESTAGE_OT_drag_pin(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Take hold of the face."""
+        """Take hold of the face; where the tool was chosen in the toolbar, show it first."""
+        if not context.scene.facestage.pinning:
+            return set(bpy.ops.facestage.pin_face())
         try:
             screen = photo_on_screen(context)
             pixel = screen.to_photo((event.mouse_region_x, event.mouse_region_y))
@@ -162,6 +164,8 @@ class FACESTAGE_OT_remove_pin(Action, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Remove the one under the pointer."""
+        if not context.scene.facestage.pinning:
+            return {"PASS_THROUGH"}
         try:
             screen = photo_on_screen(context)
             pixel = screen.to_photo((event.mouse_region_x, event.mouse_region_y))
