@@ -14,6 +14,7 @@ from facestage.contract.texture_maps import PLAIN
 
 from ..rig.control.control_rig import renew_control_rig
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
+from ..rig.own_lines import remove_lines
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
@@ -65,6 +66,7 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     textures = load_textures(result)
     moves_stage = not settings.keep_camera and shares_camera(scene)
     move_sliders(rig, sliders)
+    remove_lines(rig)
     if own is not None and borrowed is not None:
         write_shape(rig, own, identity, borrowed)
     write_relief(rig, relief)

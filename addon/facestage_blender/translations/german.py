@@ -299,7 +299,7 @@ _FACE = {
     "Own mesh": "Eigenes Mesh",
     "How a mesh of the user's is tied to its face model": "Wie ein Mesh des Benutzers mit seinem Gesichtsmodell verbunden ist",
     "Use My Mesh": "Mein Mesh verwenden",
-    "Make the active mesh the face to fit: its shape keys become the sliders of the fit. The mesh is not moved yet": "Das aktive Mesh zum Gesicht machen: seine Formschlüssel werden die Regler der Anpassung. Das Mesh wird noch nicht bewegt",
+    "Make the active mesh the face to fit: its shape keys become the sliders of the fit. The mesh is not moved yet; lines show where its landmarks were found, until a fit is applied": "Das aktive Mesh zum Gesicht machen: seine Formschlüssel werden die Regler der Anpassung. Das Mesh wird noch nicht bewegt; Linien zeigen, wo seine Merkmalspunkte gefunden wurden, bis eine Anpassung angewendet wird",
     "Make the mesh of a face active": "Das Mesh eines Gesichts aktiv machen",
     "{name} is the face": "{name} ist das Gesicht",
     "Landmarks on the Mesh": "Merkmalspunkte auf dem Mesh",

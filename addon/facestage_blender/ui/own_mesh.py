@@ -11,6 +11,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, RigFile
 
 from ..rig.control.control_rig import renew_control_rig
+from ..rig.own_lines import show_lines
 from ..rig.own_marks import MARK_GROUP, clear_mark, mark
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import adopt, export_mesh
@@ -59,7 +60,8 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
     bl_label = "Use My Mesh"
     bl_description = (
         "Make the active mesh the face to fit: its shape keys become the sliders of the fit. "
-        "The mesh is not moved yet"
+        "The mesh is not moved yet; lines show where its landmarks were found, until a fit is "
+        "applied"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -90,6 +92,7 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
         ensure_stage(scene)
         adopt(scene, item, f"rig:{path}", model, rig, own)
         renew_control_rig(scene)
+        show_lines(item, model)
         sliders = (
             f"{len(own.expression)} expressions, {len(own.identity) or len(model.identity_names)} "
             "shapes of faces"

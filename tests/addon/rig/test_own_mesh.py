@@ -375,3 +375,27 @@ def test_a_face_found_upside_down_is_refused_unless_it_is_marked(
     assert bpy.ops.facestage.mark_landmark(landmark="chin", vertex=17) == {"FINISHED"}
     rig, own, _ = read_mesh(alice)
     adopt(scene, alice, "rig:x", model, rig, own)
+
+
+def test_lines_show_where_the_landmarks_were_found(scene, alice, head: FaceModel) -> None:
+    from dataclasses import replace
+
+    from facestage_blender.rig.own_lines import remove_lines, show_lines
+    from facestage_blender.rig.own_mesh import read_mesh
+
+    model = model_of(read_mesh(alice)[0], head)
+    assert show_lines(alice, model) is None  # nobody says where they are
+    model = replace(model, landmarks=head.landmarks)
+    show_lines(alice, model)
+    lines = known(show_lines(alice, model))
+    assert [each for each in alice.children if each.type == "MESH"] == [lines]
+    assert lines.hide_render and lines.show_in_front and len(lines.data.vertices) == 68
+    table = head.landmarks["ibug68"]
+    scene.view_layers[0].update()
+    for index in (8, 30, 66):
+        wanted = alice.data.vertices[int(table[index, 0])].co  # weights of 1
+        assert (lines.data.vertices[index].co - wanted).length < 1e-6
+        found = lines.matrix_world @ lines.data.vertices[index].co
+        assert (found - alice.matrix_world @ wanted).length < 1e-6
+    remove_lines(alice)
+    assert not alice.children
