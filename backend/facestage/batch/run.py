@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -132,19 +133,32 @@ def _afresh(tasks: Sequence[Task], out: Path) -> dict[str, BatchRow]:
 def _fitted(
     connection: Connection, tasks: Sequence[Task], read: ReadJobs, out: Path, retries: int
 ) -> Iterator[BatchRow]:
-    """What came of each task, as they end."""
+    """What came of each task, as they end.
+
+    No more are handed out than are fitted at once: a worker that dies counts against all that it
+    holds, those that wait included.
+    """
     from distributed import as_completed
 
-    client = connection.client
-    futures = {}
-    for task in tasks:
-        folder = out / FITS / task.name
-        future = client.submit(
-            fit_row, task, read, folder, connection.threads, pure=False, retries=retries
-        )
-        futures[future] = task
-    for future in as_completed(futures):
-        task = futures.pop(future)
+    client, ahead = connection.client, iter(tasks)
+    underway: dict[Any, Task] = {}
+    ended = as_completed()
+
+    def hand_out() -> None:
+        # Workers come and go.
+        room = max(sum(client.nthreads().values()), 1) - len(underway)
+        for task in islice(ahead, max(room, 0)):
+            folder, threads = out / FITS / task.name, connection.threads
+            future = client.submit(
+                fit_row, task, read, folder, threads, pure=False, retries=retries
+            )
+            underway[future] = task
+            ended.add(future)
+
+    hand_out()
+    for future in ended:
+        task = underway.pop(future)
+        hand_out()
         yield _row(task, future)
 
 
@@ -162,9 +176,10 @@ def _reason(error: BaseException | None) -> str:
     from distributed.scheduler import KilledWorker
 
     if isinstance(error, KilledWorker):
+        times = "once" if error.allowed_failures == 0 else f"{error.allowed_failures + 1} times"
         return (
-            "The process that fitted it died, and so did those that tried again: it may need more "
-            "memory; give --memory, fewer --workers, or a smaller photo."
+            f"The process that fitted it died, {times} in all: it may need more memory; give "
+            "--memory, fewer --workers, or a smaller photo."
         )
     if error is None:
         return "The scheduler gave it up; run the batch again with --resume."

@@ -21,7 +21,8 @@ TASK = Task(3, "ann", (Path("/gone/ann.png"),), Namespace(seed=1))
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (KilledWorker("fit_row-1", WORKER, 2), "died, and so did"),
+        (KilledWorker("fit_row-1", WORKER, 2), "died, 3 times in all"),
+        (KilledWorker("fit_row-1", WORKER, 0), "died, once in all"),
         (MemoryError(), "memory is not enough"),
         (PermissionError(13, "Permission denied", "/out"), "'/out'"),
         (TypeError("two\nlines"), "TypeError: two lines"),

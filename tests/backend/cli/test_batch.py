@@ -46,9 +46,11 @@ def photos(case: Case, tmp_path: Path) -> Path:
     return write(folder / "photos.csv", "\n".join([HEAD, *rows, ""]))
 
 
-def batch(case: Case, photos: Path, out: Path, *more: str) -> subprocess.Popen[str]:
+def batch(
+    case: Case, photos: Path, out: Path, *more: str, workers: int = 2
+) -> subprocess.Popen[str]:
     quick = ["--budget", "draft", "--texture-size", "512", "--freeze", *FROZEN]
-    options = [*QUICK, *quick, "--workers", "2", *more]
+    options = [*QUICK, *quick, "--workers", str(workers), *more]
     # Dask leaves sockets to the garbage.
     return start(
         "batch",
@@ -70,8 +72,8 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
-def kill_a_worker(process: subprocess.Popen[str]) -> None:
-    """Once the first row has ended, so that the others are being fitted."""
+def kill_a_worker(process: subprocess.Popen[str], among: int = 2) -> None:
+    """Once the first row has ended, so that another is being fitted."""
     assert process.stdout is not None
     for line in process.stdout:
         event = Event.from_line(line)
@@ -79,7 +81,7 @@ def kill_a_worker(process: subprocess.Popen[str]) -> None:
             break
     children = psutil.Process(process.pid).children()
     workers = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
-    assert len(workers) == 2
+    assert len(workers) == among
     workers[0].kill()
 
 
@@ -126,6 +128,25 @@ def test_bad_photos_and_a_dead_worker_do_not_stop_the_rest(
     after = {name: (out / FITS / name / "result.json").stat().st_mtime_ns for name in "abd"}
     assert {name for name in after if after[name] != before[name]} == {"d"}
     assert not [path for path in listing(out) if path.name.startswith(".facestage")]
+
+
+@pytest.mark.slow
+def test_a_dead_worker_costs_the_row_that_it_fitted_and_none_that_waits(
+    case: Case, photos: Path, tmp_path: Path
+):
+    head, *rows = photos.read_text().splitlines()
+    write(photos, "\n".join([head, rows[-1], rows[0], rows[1], ""]))  # gone, a, b
+    out = tmp_path / "out"
+    process = batch(case, photos, out, "--retries", "0", workers=1)
+    kill_a_worker(process, among=1)
+    code, _, sentences = ended(process)
+    assert code == 5 and len(sentences.splitlines()) == 2, sentences
+    assert "a (a.png): The process that fitted it died, once in all" in sentences
+    assert {row.name: row.failed for row in read_journal(out).values()} == {
+        "gone": True,
+        "a": True,
+        "b": False,
+    }
 
 
 @pytest.mark.slow
