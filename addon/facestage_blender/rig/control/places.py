@@ -19,7 +19,6 @@ from .handles import JAW, TARGET, TARGETS, Drive, Handle
 WAY_MIN, WAY_MAX = 0.005, 0.025  # of a handle at 1, metres
 TURN_MIN, TURN_MAX = np.radians(3.0), np.radians(45.0)
 USUAL_EYE, USUAL_JAW = np.radians(25.0), np.radians(18.0)
-PEAK = 4  # the power of motion by which vertices count for a place
 NEAR = 0.002  # of a place within which the foremost vertex is taken, metres
 LOOK = 0.3  # from the eyes to what they look at, metres
 AHEAD, FLOATING = 0.02, ("mouth", "tongue")  # of these handles from the lips, metres
@@ -100,9 +99,9 @@ def _skin_place(face: Face, handle: Handle) -> Place:
     along = np.where(shown, sign * move[:, axis], 0.0)
     if handle.side:
         along = np.where(handle.side * face.points[:, 0] > 0, along, 0.0)
-    weight = np.maximum(along, 0.0) ** PEAK
+    weight = _peaked(np.maximum(along, 0.0))
     if weight.sum() <= 0:  # it moves another way: where it moves at all
-        weight = np.linalg.norm(move, axis=1) ** PEAK + 1e-30
+        weight = _peaked(np.linalg.norm(move, axis=1)) + 1e-30
     at = weight @ face.points / weight.sum()
     if not handle.side:
         at[0] = 0.0
@@ -115,6 +114,13 @@ def _skin_place(face: Face, handle: Handle) -> Place:
     if handle.name in FLOATING:
         at += AHEAD * FRONT
     return Place(at, at + 0.006 * UP, FRONT, _ways(face, handle), at)
+
+
+def _peaked(motion: np.ndarray) -> np.ndarray:
+    """How much vertices count for a place: the fourth power of their motion."""
+    squared = motion * motion
+    weight: np.ndarray = squared * squared
+    return weight
 
 
 def _ways(face: Face, handle: Handle) -> dict[Way, float]:
@@ -141,7 +147,7 @@ def _eye(face: Face, handle: Handle) -> Place:
         points = face.points[ball]
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     else:  # a mesh whose eyes nobody has named
-        weight = moved**PEAK + 1e-30
+        weight = _peaked(moved) + 1e-30
         middle = weight @ face.points / weight.sum() - EYEBALL * FRONT
     ways = {}
     for drive in handle.drives:

@@ -48,16 +48,19 @@ def read_face(rig: bpy.types.Object, sliders: Collection[str]) -> Face:
     """The rig's face at rest, as its identity sliders show it, and the motion of ``sliders``."""
     matrix, full = mesh_to_model(rig), full_values(rig)
     blocks = rig.data.shape_keys.key_blocks
-    basis = _points(blocks[0].data)
+    basis = _points(blocks[0])
     points = basis.copy()
-    expressions = set(full)
     moves = {}
     for key in blocks[1:]:
-        if key.name in sliders:
-            offset = _points(key.data) - _points(key.relative_key.data)
-            moves[key.name] = full[key.name] * offset @ matrix[:3, :3].T
-        elif key.name not in expressions and not key.mute and key.value:
-            points += key.value * (_points(key.data) - _points(key.relative_key.data))
+        moved, shown = key.name in sliders, key.name not in full and not key.mute and key.value
+        if not moved and not shown:
+            continue
+        alone = key.relative_key == blocks[0]
+        offset = _points(key) - (basis if alone else _points(key.relative_key))
+        if moved:
+            moves[key.name] = offset @ (full[key.name] * matrix[:3, :3].T)
+        else:
+            points += key.value * offset
     part = _parts(rig)
     return Face(
         points=points @ matrix[:3, :3].T + matrix[:3, 3],
@@ -68,8 +71,9 @@ def read_face(rig: bpy.types.Object, sliders: Collection[str]) -> Face:
     )
 
 
-def _points(data: bpy.types.bpy_prop_collection) -> np.ndarray:
+def _points(key: bpy.types.ShapeKey) -> np.ndarray:
     """(n, 3) float64 coordinates."""
+    data = getattr(key, "points", key.data)  # read at once from Blender 4.1 on
     flat = np.empty(3 * len(data), np.float32)
     data.foreach_get("co", flat)
     return flat.reshape(-1, 3).astype(np.float64)
