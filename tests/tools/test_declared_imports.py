@@ -18,6 +18,8 @@ EXTRAS = PROJECT["optional-dependencies"]
 BLENDER = {"addon_utils", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # The tests' checks of shapes: contract/arrays.py takes it only where it is loaded already.
 CHECKS = {"jaxtyping"}
+# A peer's, which only the comparison with it wants, and asks for: tools/mediapipe_weights.py.
+PEERS = {"ai_edge_litert"}
 
 
 def imported(folder: Path) -> dict[str, Path]:
@@ -55,7 +57,7 @@ def test_every_import_is_declared(folder: str, extras: list[str]):
     texts = [*PROJECT["dependencies"], *(text for extra in extras for text in EXTRAS[extra])]
     declared = {Requirement(text).name for text in texts}
     from_where = packages_distributions()
-    known = sys.stdlib_module_names | BLENDER | CHECKS | own()
+    known = sys.stdlib_module_names | BLENDER | CHECKS | PEERS | own()
     missing = {
         f"{name} in {path.relative_to(REPOSITORY)}"
         for name, path in imported(REPOSITORY / folder).items()
