@@ -65,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--people",
         choices=(TONES, SKIES, BELOW, RELIEF),
-        help="instead: tones, twelve people of six skin types, each under three lights; skies, "
+        help="instead: tones, 36 people of six skin types under three lights; skies, "
         "eight people, each in one of the surroundings that Blender ships; below, four in whose "
         "skin light wanders; relief, two with grooves and bumps of known height, each under three "
         "lights",

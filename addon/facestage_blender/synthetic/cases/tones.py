@@ -1,10 +1,11 @@
-"""Twelve people of six skin types under three lights: is skin tone told from light? No bpy.
+"""36 people of six skin types under three lights: is skin tone told from light? No bpy.
 
-Of each type there are two, whose colors come from different places, so that a prior that was made
+Of each type there are two colors, which come from different places, so that a prior that was made
 from one meets the other: ``a`` is the type's color as spectrophotometers find it (the skin color
 volume of Chardon et al. 1991 and Del Bino and Bernerd 2013), ``b`` is what the pigments of
-:mod:`facestage.models.anatomy.skin` make of much or little melanin and blood. Eyes and teeth are
-each person's own too.
+:mod:`facestage.models.anatomy.skin` make of much or little melanin and blood. Shape, eyes and teeth
+are each photo's own: how white somebody's eyes are limits what a photo can say of a tone, so three
+photos of one person would say the same error three times.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ def tones() -> dict[str, tuple[Recipe, int]]:
     result = {}
     for tone, colors in COLORS.items():
         for which, color in zip("ab", colors, strict=True):
-            seed = zlib.crc32(f"{tone}_{which}".encode()) % 2**31
             for light, (words, lamps) in LIGHTS.items():
                 name = f"{tone}_{which}_{light}"
+                seed = zlib.crc32(name.encode()) % 2**31
                 hard = f"{tone.replace('_', ' ')} skin, {words}"
                 result[name] = Recipe(name, hard, lamps, tone=color), seed
     return result

@@ -16,7 +16,7 @@ from facestage.contract.arrays import Float
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.term import Setup, Term
-from facestage.fit.face.eye_white import eye_white
+from facestage.fit.face.eye_white import eye_is_open, eye_white
 from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
@@ -35,8 +35,6 @@ PIXEL_SIGMA = 0.4
 # and the iris mix in; above, the light's own reflection.
 BRIGHTER_THAN, DARKER_THAN = 0.6, 0.9
 PIXELS_MIN, PIXELS_MAX = 8, 400
-# The skin's red over blue exceeds that of an open eye by so much at least, of the logarithm.
-PALER_MIN = 0.15
 SKIN_MIN = 0.9
 SAMPLES = 16
 
@@ -120,7 +118,7 @@ def _whites(setup: Setup) -> Whites | None:
     low, high = np.quantile(lightness, (BRIGHTER_THAN, DARKER_THAN))
     chosen = (lightness >= low) & (lightness <= high)
     seen = np.maximum(color[chosen].mean(axis=0), 1e-6)
-    if not _paler(seen, photo.color[photo.mask & (setup.problem.skin > SKIN_MIN)]):
+    if not eye_is_open(seen, photo.color[photo.mask & (setup.problem.skin > SKIN_MIN)]):
         return None
     sigma = np.hypot(SIGMA, PIXEL_SIGMA / np.sqrt(chosen.sum()) * np.array([1.0, 0.3, 0.3]))
     return Whites(
@@ -158,14 +156,3 @@ def _by_light(setup: Setup, state: State, surface: Surface) -> Float[np.ndarray,
     )
     skin = Skin(setup.forward.albedo(state, surface), np.full(count, WET_SPECULAR))
     return skin.by_lights(terms.diffuse, terms.specular, indirect=terms.indirect)
-
-
-def _paler(white: Float[np.ndarray, " 3"], skin: Float[np.ndarray, "pixels 3"]) -> bool:
-    """Whether what should be the white of an eye is less red than the skin under the same light: a
-    lid is not.
-    """
-    if not len(skin):
-        return False
-    of_skin = np.log(np.maximum(np.median(skin, axis=0), 1e-6))
-    of_white = np.log(white)
-    return bool((of_skin[0] - of_skin[2]) - (of_white[0] - of_white[2]) > PALER_MIN)

@@ -36,7 +36,9 @@ EXPRESSION_SIGMA = 0.35
 # How far a lamp stands from the nearest light of the lattice, in spacings of the lattice.
 LIGHT_POSITION_SHARE = 0.4
 ROUGHNESS_MEAN, ROUGHNESS_SIGMA = 0.40, 0.10  # skin, Weyrich et al. 2006
-SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.4  # c_spec = 0.7 is skin's index of 1.4
+# c_spec = 0.7 is skin's index of 1.4; of 0.4, dark skin is three degrees lighter
+# (docs/skin-tone.md).
+SPECULAR_MEAN, SPECULAR_SIGMA = 0.8, 0.25
 # Difference of neighbouring texels where the mean is the usual one. Of 0.25, the map takes up what
 # lamps and shape leave over, and gloss that is none makes skin dark (docs/skin-tone.md).
 SPECULAR_SMOOTHNESS = 0.15

@@ -9,12 +9,12 @@ from facestage.contract.face_model import EYES, FaceModel
 from facestage.contract.skin_tone import SKIN_TYPES, skin_type, typology_angle
 
 
-def test_six_types_two_people_three_lights() -> None:
+def test_six_types_two_colors_three_lights() -> None:
     from facestage_blender.synthetic.cases.tones import LIGHTS, tones
 
     cases = tones()
     assert len(cases) == 36 and len(LIGHTS) == 3
-    assert len({seed for _, seed in cases.values()}) == 12
+    assert len({seed for _, seed in cases.values()}) == 36
     kinds = [name.rsplit("_", 2)[0].replace("_", " ") for name in cases]
     assert list(dict.fromkeys(kinds)) == [name for name, _ in SKIN_TYPES]
 
@@ -45,13 +45,14 @@ def test_people_have_the_tone_of_their_type_and_eyes_of_their_own(model: FaceMod
     assert np.std(whites, axis=0).min() > 0.03
 
 
-def test_the_light_does_not_change_who_it_is(model: FaceModel) -> None:
+def test_under_each_light_it_is_somebody_else_of_the_same_tone(model: FaceModel) -> None:
     from facestage_blender.synthetic.cases.tones import tones
 
     cases = tones()
     first, second = (
-        person_of(model, cases[name][0], seed, cases[name][1])
-        for name, seed in (("dark_a_studio", 3), ("dark_a_lamp", 4))
+        person_of(model, cases[name][0], 3, cases[name][1])
+        for name in ("dark_a_studio", "dark_a_lamp")
     )
-    np.testing.assert_array_equal(first.albedo, second.albedo)
-    assert not np.allclose(first.stage.radiance[0], second.stage.radiance[0])
+    assert not np.allclose(first.identity, second.identity)
+    angle, other = (typology_angle(median_color(model, each.albedo)) for each in (first, second))
+    np.testing.assert_allclose(angle, other, atol=2.0)

@@ -13,6 +13,7 @@ from facestage.fit.energy.priors import Priors
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.unknowns import SPECULAR_MEAN, SPECULAR_SIGMA
 from reference.synthetic_scene import Scene, synthetic_scene
 
 PRIOR, LIGHT, MEAN = 1.7, 0.6, 3.0
@@ -41,7 +42,7 @@ def test_roughness_lens_and_expression(given: Scene):
 
 
 def test_the_specular_map_s_level_counts_once_and_each_step_by_itself(given: Scene):
-    found = energies(given, specular=np.full((6, 6), 1.4))
+    found = energies(given, specular=np.full((6, 6), SPECULAR_MEAN + 1.5 * SPECULAR_SIGMA))
     assert found["specular_level"] == pytest.approx(0.5 * PRIOR * 1.5**2)
     assert found["specular_smooth"] == pytest.approx(0)
     # Relative to the mean: 0.8, about.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.energy.whites_term import AXES, Whites, WhitesTerm
+from facestage.fit.face.eye_white import eye_is_open
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
@@ -97,6 +98,22 @@ def test_closed_lids_say_nothing(
     assert whites(lidded, awake) is None, "a lid is where the white should be"
     masked = replace(problem.photograph, mask=np.zeros_like(problem.photograph.mask))
     assert whites(replace(problem, photograph=masked), state) is None
+
+
+@pytest.mark.parametrize(
+    ("skin", "expected"),
+    [
+        pytest.param((0.35, 0.22, 0.16), True, id="light"),
+        pytest.param((0.10, 0.09, 0.09), True, id="dark and grey"),
+        pytest.param((0.40, 0.38, 0.36), False, id="a lid beside grey skin in shadow"),
+        pytest.param((0.45, 0.30, 0.22), True, id="brighter than its whites"),
+    ],
+)
+def test_an_eye_is_paler_or_much_lighter_than_skin(skin: tuple[float, ...], expected: bool):
+    white = np.array([0.45, 0.42, 0.40])
+    assert eye_is_open(white, np.tile(skin, (5, 1))) is expected
+    lid = 1.3 * np.array(skin)
+    assert not eye_is_open(lid, np.tile(skin, (5, 1)))
 
 
 def test_light_that_is_known_needs_no_whites(known: tuple[Problem, State, Whites]):
