@@ -87,7 +87,7 @@ def test_a_bench_measures_every_contender_alike(case: Case, tmp_path: Path):
     assert finals[0]["detail_psnr"] and not finals[2]["detail_psnr"]
     assert "ratio" in read(out / "reach.csv")[0]
     page = (out / "bench.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") == 2 and "http" not in page
+    assert page.count("data:image/png;base64,") == 2 and "://" not in page
     assert {path.name for path in out.glob("*.png")} == {
         f"curves_{case.folder.name}.png",
         f"settings_{case.folder.name}.png",
