@@ -130,6 +130,11 @@ class FaceSettings(bpy.types.PropertyGroup):
         description="The armature whose handles move the face",
         poll=_is_armature,
     )
+    placed_for: StringProperty(
+        name="Placed for",
+        description="The face at rest that the handles were placed for, as a digest",
+        options={"HIDDEN"},
+    )
     own_mesh: StringProperty(
         name="Own mesh", description="How a mesh of the user's is tied to its face model"
     )

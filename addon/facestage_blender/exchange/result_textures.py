@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from pathlib import Path
 
 import bpy
@@ -18,10 +19,11 @@ from ..pictures.images import image_pixels, set_color_space
 SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
 
 
-def load_textures(result: Result) -> dict[str, bpy.types.Image]:
-    """The result's maps by name, packed into the .blend.
+def loading_steps(result: Result) -> Generator[None, None, dict[str, bpy.types.Image]]:
+    """The result's maps by name, packed into the .blend, one in each step.
 
-    Raises InputError when one is missing, damaged or not finite; then none is left behind.
+    Raises InputError when one is missing, damaged or not finite; then, or where it is not carried
+    through, none is left behind.
     """
     loaded: dict[str, bpy.types.Image] = {}
     try:
@@ -29,7 +31,8 @@ def load_textures(result: Result) -> dict[str, bpy.types.Image]:
             folder = Path(result.folder or "")
             if each.required or (result.folder is not None and is_file(folder / each.file)):
                 loaded[each.name] = _load(result, each)
-    except InputError:
+                yield
+    except (InputError, GeneratorExit):
         for image in loaded.values():
             bpy.data.images.remove(image)
         raise

@@ -5,14 +5,18 @@ The world is not touched.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
-from ..rig.control.control_rig import renew_control_rig
+from ..rig.control.control_rig import renewal_steps
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.own_lines import remove_lines
 from ..rig.own_record import OwnMesh
@@ -29,7 +33,7 @@ from ..skin.displaced_skin import displace
 from ..skin.lashes import color_lashes
 from ..skin.material import set_scattering, set_textures
 from ..skin.uneven_skin import set_curvature
-from .result_textures import load_textures
+from .result_textures import loading_steps
 
 
 def apply_result(scene: bpy.types.Scene, result: Result) -> None:
@@ -40,14 +44,42 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     before anything changes when the rig is of another model, or something of the result or the
     scene does not fit.
     """
-    settings = scene.facestage
-    empty, rig = require_stage(scene), require_rig(scene)
+    for _ in apply_steps(scene, result):
+        pass
+
+
+def apply_steps(scene: bpy.types.Scene, result: Result) -> Iterator[None]:
+    """:func:`apply_result` in steps, so that the window is never held for long: the pictures, the
+    scene, the handles.
+    """
+    shape = _checked(scene, result)
+    textures = yield from loading_steps(result)
+    _write(scene, result, shape, textures)
+    yield
+    yield from renewal_steps(scene)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """What the rig is made to show."""
+
+    sliders: dict[str, float]
+    identity: dict[str, float]
+    borrowed: np.ndarray | None  # (n, 3) that a mesh's sliders lack, in its own coordinates
+    relief: np.ndarray | None  # (n, 3), likewise
+
+
+def _checked(scene: bpy.types.Scene, result: Result) -> _Shape:
+    """Raises InputError when the result or the scene does not fit; nothing is changed."""
+    require_stage(scene)
+    rig = require_rig(scene)
     if rig.facestage_face.model != result.model:
         raise InputError(
             f"The result is of the face model '{result.model}', the rig of "
             f"'{rig.facestage_face.model}'; build the rig of the result's model first."
         )
-    if not settings.keep_camera and scene.camera is not None and scene.camera.type != "CAMERA":
+    keep_camera = scene.facestage.keep_camera
+    if not keep_camera and scene.camera is not None and scene.camera.type != "CAMERA":
         raise InputError(
             f"'{scene.camera.name}' serves as the scene's camera and is none; choose a camera."
         )
@@ -63,19 +95,26 @@ def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     if relief is not None:
         check_relief(rig, relief)
         relief = relief_of(rig, relief)
-    textures = load_textures(result)
+    return _Shape(sliders, identity, borrowed, relief)
+
+
+def _write(
+    scene: bpy.types.Scene, result: Result, shape: _Shape, textures: dict[str, bpy.types.Image]
+) -> None:
+    settings = scene.facestage
+    empty, rig = require_stage(scene), require_rig(scene)
     moves_stage = not settings.keep_camera and shares_camera(scene)
-    move_sliders(rig, sliders)
+    move_sliders(rig, shape.sliders)
     remove_lines(rig)
-    if own is not None and borrowed is not None:
-        write_shape(rig, own, identity, borrowed)
-    write_relief(rig, relief)
+    own = OwnMesh.of(rig)
+    if own is not None and shape.borrowed is not None:
+        write_shape(rig, own, shape.identity, shape.borrowed)
+    write_relief(rig, shape.relief)
     take_world_back(scene)
     build_stage(scene, result.stage)
     if moves_stage:
         _put_before(scene.camera, empty, result)
     place(empty, carrier(rig), result.model_to_stage, rig_axes(rig))
-    renew_control_rig(scene)
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     displace(rig, False)  # another relief: by its normal map until it is asked for
     scattering, translucency = (

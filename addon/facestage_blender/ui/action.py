@@ -1,6 +1,6 @@
 """Operators that act at once: one function of another room, and what they report of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from typing import ClassVar
 
@@ -10,6 +10,8 @@ from facestage.contract.errors import FacestageError
 
 from ..scene.user_state import preserved
 from ..translations import said
+
+STEP_SECONDS = 0.01  # between steps
 
 
 class Action:
@@ -36,3 +38,51 @@ class Action:
             self.report({"ERROR"}, said(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
+
+
+class SteppedAction(Action):
+    """Mixin of actions that hold the window for long: from the interface they are done in steps,
+    between which Blender draws but takes no input; from scripts at once.
+    """
+
+    _work: Iterator[None] | None = None
+    _timer: bpy.types.Timer | None = None
+
+    def steps(self, context: bpy.types.Context) -> Iterator[None]:
+        """Do it, yielding between steps. Raises FacestageError as :meth:`act` does."""
+        raise NotImplementedError
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Do all of it."""
+        for _ in self.steps(context):
+            pass
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Begin."""
+        self._work = self.steps(context)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(STEP_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Do one step."""
+        if event.type != "TIMER" or self._work is None:
+            return {"RUNNING_MODAL"}
+        try:
+            with preserved(context.view_layer):
+                if next(self._work, True) is None:
+                    return {"RUNNING_MODAL"}
+        except FacestageError as error:
+            self.report({"ERROR"}, said(str(error)))
+            self.cancel(context)
+            return {"CANCELLED"}
+        self.cancel(context)
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Leave off: it is done, or Blender closes the window."""
+        self._work = None
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None

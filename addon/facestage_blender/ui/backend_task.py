@@ -16,8 +16,10 @@ from ..backend.process import CANCELLED, BackendProcess, Outcome
 from ..preferences import CHECKING, addon_preferences, backend_command, online_access
 from ..scene.user_state import preserved
 from ..translations import said
+from .action import STEP_SECONDS
 
 POLL_SECONDS = 0.1
+GOING_ON, FINISHED = {"RUNNING_MODAL"}, {"FINISHED"}
 
 
 class Running:
@@ -69,6 +71,7 @@ class BackendTask:
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
     _process: BackendProcess | None = None
+    _work: Iterator[None] | None = None  # what follows, once the backend is done
     _scene = ""  # that it was started in: the window may show another one when it is done
 
     def command(self, context: bpy.types.Context) -> list[str]:
@@ -77,6 +80,12 @@ class BackendTask:
 
     def finish(self, context: bpy.types.Context, process: BackendProcess) -> None:
         """Use what the backend wrote. Raises FacestageError when that is not usable."""
+
+    def following(self, _context: bpy.types.Context) -> Iterator[None]:
+        """What is done after :meth:`finish`, in steps: in the window Blender draws between them and
+        takes no input. Raises FacestageError as that does.
+        """
+        yield from ()
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -93,7 +102,10 @@ class BackendTask:
         process = Running.process
         assert process is not None  # _start has just made it
         outcome = process.wait(lambda event: show_event(context.window_manager, event))
-        return self._end(context, process, outcome)
+        verdict = self._begin_following(context, self._end(context, process, outcome))
+        while verdict == GOING_ON:
+            verdict = self._step(context)
+        return verdict
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Run the backend in the background of the user interface."""
@@ -115,6 +127,8 @@ class BackendTask:
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Take over the backend's events."""
         manager, process = context.window_manager, self._process
+        if self._work is not None:
+            return self._step(context) if event.type == "TIMER" else GOING_ON
         if process is None or process is not Running.process:  # the add-on is being disabled
             return self._stop(context, {"CANCELLED"})
         if event.type != "TIMER":
@@ -127,7 +141,10 @@ class BackendTask:
         redraw(manager)
         if outcome is None:
             return {"PASS_THROUGH"}
-        return self._stop(context, self._end(context, process, outcome))
+        verdict = self._stop(context, self._end(context, process, outcome))
+        if verdict == FINISHED:
+            self._timer = manager.event_timer_add(STEP_SECONDS, window=context.window)
+        return self._begin_following(context, verdict)
 
     def _start(self, context: bpy.types.Context) -> bool:
         state = context.window_manager.facestage
@@ -161,7 +178,25 @@ class BackendTask:
         except FacestageError as error:
             self._fail(context, str(error))
             return {"CANCELLED"}
-        return {"FINISHED"}
+        return FINISHED
+
+    def _begin_following(self, context: bpy.types.Context, verdict: set[str]) -> set[str]:
+        if verdict != FINISHED:
+            return verdict
+        self._work = self.following(context)
+        return self._step(context)
+
+    def _step(self, context: bpy.types.Context) -> set[str]:
+        """One step of what follows."""
+        assert self._work is not None  # _begin_following has made it
+        try:
+            with self._there(context), preserved(context.view_layer):
+                if next(self._work, True) is None:
+                    return GOING_ON
+        except FacestageError as error:
+            self._fail(context, str(error))
+            return self._stop(context, {"CANCELLED"})
+        return self._stop(context, FINISHED)
 
     @contextmanager
     def _there(self, context: bpy.types.Context) -> Iterator[None]:
@@ -180,6 +215,7 @@ class BackendTask:
             window.scene = shown
 
     def _stop(self, context: bpy.types.Context, verdict: set[str]) -> set[str]:
+        self._work = None
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None

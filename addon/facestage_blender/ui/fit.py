@@ -1,6 +1,6 @@
 """Step 4: the fit, its options, its progress and its errors."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import bpy
@@ -15,7 +15,7 @@ from ..backend.process import BackendProcess
 from ..drawing import draw_wrapped
 from ..exchange.photos import stored_photos, take_results
 from ..exchange.scene_read import read_jobs
-from ..exchange.write_back import apply_result
+from ..exchange.write_back import apply_steps
 from ..preferences import backend_command
 from ..scene.paths import RESULT_FOLDER, absolute, job_folders, result_folder, work_folder
 from ..translations import said
@@ -64,14 +64,19 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         return fit_command(backend, folders, folder / RESULT_FOLDER, self.resume)
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
-        """Remember the result and apply it."""
+        """Remember the result."""
         folder = work_folder(context.scene) / RESULT_FOLDER
         fitted = take_results(context.scene, folder, self.photos)
         state = context.window_manager.facestage
         state.verdict, state.doubtful = fitted.advice, fitted.status != CONVERGED
         self.report({"WARNING" if state.doubtful else "INFO"}, fitted.advice)
+
+    def following(self, context: bpy.types.Context) -> Iterator[None]:
+        """Apply the result."""
         if self.apply:
-            apply_result(context.scene, Result.load(result_folder(context.scene)))
+            result = Result.load(result_folder(context.scene))
+            yield
+            yield from apply_steps(context.scene, result)
 
 
 class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):

@@ -1,5 +1,6 @@
 """Step 1: the photo, or the person's photos, and what is known of them."""
 
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,12 +15,12 @@ from facestage.contract.result import Result
 
 from ..drawing import draw_wrapped
 from ..exchange.photos import add_photos, choose_photo, numbered, remove, show
-from ..exchange.write_back import apply_result
+from ..exchange.write_back import apply_steps
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from ..landmarks.photo_view import look_through_camera
 from ..scene.paths import absolute
 from ..translations import said
-from .action import Action
+from .action import Action, SteppedAction
 from .faces import draw_faces
 from .landmarks import FACESTAGE_OT_detect_landmarks
 from .sidebar import SidebarPanel, draw_task, line_width
@@ -70,7 +71,7 @@ class FACESTAGE_OT_add_photos(Action, bpy.types.Operator, ImportHelper):
         look_through_camera(context)
 
 
-class FACESTAGE_OT_show_photo(Action, bpy.types.Operator):
+class FACESTAGE_OT_show_photo(SteppedAction, bpy.types.Operator):
     """Shows one of the person's photos."""
 
     bl_idname = "facestage.show_photo"
@@ -88,7 +89,7 @@ class FACESTAGE_OT_show_photo(Action, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def act(self, context: bpy.types.Context) -> None:
+    def steps(self, context: bpy.types.Context) -> Iterator[None]:
         """Show the photo, and apply its result."""
         scene = context.scene
         result = numbered(scene, self.number).result if self.apply else ""
@@ -96,7 +97,8 @@ class FACESTAGE_OT_show_photo(Action, bpy.types.Operator):
         fitted = Result.load(absolute(result)) if result and is_fitted(scene) else None
         show(scene, self.number)
         if fitted is not None:
-            apply_result(scene, fitted)
+            yield
+            yield from apply_steps(scene, fitted)
         look_through_camera(context)
 
 

@@ -1,5 +1,6 @@
 """Step 5: the result: applied, reported."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
@@ -11,18 +12,18 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.result import Result
 from facestage.contract.result_files import REPORT, RESULT
 
-from ..exchange.write_back import apply_result
+from ..exchange.write_back import apply_steps
 from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
 from ..skin.displaced_skin import displace, is_displaced
 from ..skin.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from ..skin.pores import give_pores, pores_of, remove_pores
-from .action import Action
+from .action import Action, SteppedAction
 from .relight import draw_light
 from .sidebar import SidebarPanel, existing
 
 
-class FACESTAGE_OT_apply_result(Action, bpy.types.Operator):
+class FACESTAGE_OT_apply_result(SteppedAction, bpy.types.Operator):
     """Puts the last fit into the scene."""
 
     bl_idname = "facestage.apply_result"
@@ -39,9 +40,11 @@ class FACESTAGE_OT_apply_result(Action, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def act(self, context: bpy.types.Context) -> None:
+    def steps(self, context: bpy.types.Context) -> Iterator[None]:
         """Load the result and apply it."""
-        apply_result(context.scene, Result.load(result_folder(context.scene, self.folder)))
+        result = Result.load(result_folder(context.scene, self.folder))
+        yield
+        yield from apply_steps(context.scene, result)
 
 
 class FACESTAGE_OT_open_report(Action, bpy.types.Operator):

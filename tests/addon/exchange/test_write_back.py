@@ -331,3 +331,35 @@ def test_handles_go_where_the_fitted_skin_is(ready, stand_in, tmp_path: Path) ->
     assert (after - before).length > 1e-4
     add_control_rig(ready)  # nothing changes where it is fitted already
     assert (armature.data.bones["jaw_master"].tail_local - after).length < 1e-6
+
+
+def test_handles_are_placed_anew_only_for_another_shape(ready, stand_in, tmp_path: Path) -> None:
+    from facestage_blender.exchange.write_back import apply_result, apply_steps
+    from facestage_blender.rig.control.control_rig import add_control_rig
+
+    armature = add_control_rig(ready)
+    result = fitted(ready, stand_in, tmp_path)
+    assert len(list(apply_steps(ready, result))) == 6  # pictures, scene, handles
+    place = armature.data.bones["jaw_master"].tail_local.copy()
+    lengthen(armature, "jaw_master")
+    longer = armature.data.bones["jaw_master"].tail_local.copy()
+    assert (longer - place).length > 1e-3
+    smiling = replace(result, expression=0.5 * result.expression)
+    assert len(list(apply_steps(ready, smiling))) == 4
+    assert (armature.data.bones["jaw_master"].tail_local - longer).length < 1e-6
+    apply_result(ready, replace(result, identity=0.5 * result.identity))
+    assert (armature.data.bones["jaw_master"].tail_local - longer).length > 1e-3
+    lengthen(armature, "jaw_master")
+    add_control_rig(ready)  # whoever asks for it gets it
+    apply_result(ready, result)
+    assert (armature.data.bones["jaw_master"].tail_local - place).length < 1e-6
+
+
+def lengthen(armature, bone: str) -> None:
+    """Put the end of a bone elsewhere by hand."""
+    import bpy
+
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones[bone].tail.z += 0.01
+    bpy.ops.object.mode_set(mode="OBJECT")

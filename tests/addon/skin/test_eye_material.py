@@ -87,13 +87,25 @@ def test_a_result_with_a_picture_of_the_eyes_loads(scene, head: FaceModel, tmp_p
     from types import SimpleNamespace
 
     os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
+    import bpy
     import cv2
 
-    from facestage_blender.exchange.result_textures import load_textures
+    from facestage_blender.exchange.result_textures import loading_steps
 
     for name in ("albedo", "specular", "eyes"):
         pixels = np.full((8, 16 if name == "eyes" else 8, 3), 0.25, np.float32)
         assert cv2.imwrite(str(tmp_path / f"{name}.exr"), pixels)
-    loaded = load_textures(cast(Any, SimpleNamespace(folder=tmp_path)))
+    loaded: dict[str, Any] = {}
+
+    def load():
+        loaded.update((yield from loading_steps(cast(Any, SimpleNamespace(folder=tmp_path)))))
+
+    assert len(list(load())) == 3  # one picture a step
     assert sorted(loaded) == ["albedo", "eyes", "specular"]
     assert tuple(loaded["eyes"].size) == (16, 8)
+    given_up = loading_steps(cast(Any, SimpleNamespace(folder=tmp_path)))
+    before = len(bpy.data.images)
+    next(given_up)
+    assert len(bpy.data.images) == before + 1
+    given_up.close()
+    assert len(bpy.data.images) == before

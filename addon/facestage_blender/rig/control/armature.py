@@ -39,7 +39,8 @@ def shape_bones(
     model frame. Raises InputError where the armature is not to be edited.
     """
     layer = bpy.context.view_layer
-    layer.update()  # until then it does not list what was made just now
+    if layer.objects.get(armature.name) is None:
+        layer.update()  # until then it does not list what was made just now
     if layer.objects.get(armature.name) is None or armature.library is not None:
         raise InputError(
             f"'{armature.name}' is in no collection that is shown; show the collection of the face."

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -11,12 +15,12 @@ from facestage.contract.errors import InputError
 from ...scene.user_state import preserved
 from ..face_rig import require_rig
 from ..keyframes import curves_of, own_actions, remove_curves
-from ..sliders import control_rig, rest_handles
+from ..sliders import control_rig, is_bound, rest_handles
 from . import armature as bones
 from .binding import bind, unbind
 from .handles import Handle, handles_for
 from .places import Place, places, size
-from .reading import expression_names, full_values, mesh_to_model, read_face
+from .reading import expression_names, full_values, mesh_to_model, read_face, rest_points
 from .widgets import remove_unused
 
 NAME = "Facestage Rig"
@@ -26,13 +30,23 @@ TRANSFORMS = {
 }
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """Where the bones go."""
+
+    handles: list[Handle]
+    places: dict[str, Place]
+    size: float  # half the width of the skin, metres
+    digest: str  # of the points at rest that this is for
+
+
 def add_control_rig(scene: bpy.types.Scene) -> bpy.types.Object:
     """Give the scene's face an armature with handles, or put that which it has where the face is.
 
     Raises InputError for a face without ARKit's expressions, or one whose keys cannot be moved.
     """
     rig = require_rig(scene)
-    handles = _handles(rig)
+    plan = _plan(rig, _handles(rig), rest_points(rig))
     armature, deleted = control_rig(rig), rig.facestage_face.control_rig
     with preserved(bpy.context.view_layer):
         if armature is None:
@@ -40,24 +54,40 @@ def add_control_rig(scene: bpy.types.Scene) -> bpy.types.Object:
                 _take_away(rig, deleted)
             armature = _new(rig)
             try:
-                _build(rig, armature, handles)
+                _build(rig, armature, plan)
             except InputError:
                 _take_away(rig, armature)
                 raise
         else:
-            _build(rig, armature, handles)
+            _build(rig, armature, plan)
     return armature
 
 
 def renew_control_rig(scene: bpy.types.Scene) -> None:
     """Put the handles of the scene's face, if it has any, where its skin is by now, at rest."""
+    for _ in renewal_steps(scene):
+        pass
+
+
+def renewal_steps(scene: bpy.types.Scene) -> Iterator[None]:
+    """:func:`renew_control_rig` in three steps; one where the bones are where they should be."""
     rig = scene.facestage.rig
     armature = control_rig(rig) if rig is not None and rig.name in scene.objects else None
     if armature is None:
         return
     rest_handles(rig, whole=True)
-    if bpy.context.view_layer.objects.get(armature.name) is not None:
-        add_control_rig(scene)
+    if bpy.context.view_layer.objects.get(armature.name) is None:
+        return
+    handles, rest = _handles(require_rig(scene)), rest_points(rig)
+    keys = rig.data.shape_keys.key_blocks
+    bound = all(is_bound(keys[drive.slider]) for each in handles for drive in each.drives)
+    if bound and rig.facestage_face.placed_for == _digest(rest):
+        return
+    yield
+    plan = _plan(rig, handles, rest)
+    yield
+    with preserved(bpy.context.view_layer):
+        _build(rig, armature, plan)
 
 
 def remove_control_rig(scene: bpy.types.Scene) -> None:
@@ -110,15 +140,30 @@ def _new(rig: bpy.types.Object) -> bpy.types.Object:
     return armature
 
 
-def _build(rig: bpy.types.Object, armature: bpy.types.Object, handles: list[Handle]) -> None:
-    face = read_face(rig, {drive.slider for each in handles for drive in each.drives})
-    found: dict[str, Place] = places(face, handles)
+def _plan(rig: bpy.types.Object, handles: list[Handle], rest: np.ndarray) -> _Plan:
+    face = read_face(rig, rest, {drive.slider for each in handles for drive in each.drives})
+    return _Plan(handles, places(face, handles), size(face), _digest(rest))
+
+
+def _digest(points: np.ndarray) -> str:
+    return hashlib.sha256(points.tobytes()).hexdigest()
+
+
+def _build(rig: bpy.types.Object, armature: bpy.types.Object, plan: _Plan) -> None:
+    handles, found = plan.handles, plan.places
     to_mesh = np.linalg.inv(mesh_to_model(rig))
-    bones.shape_bones(armature, handles, found, to_mesh)
-    bones.dress(armature, handles, found, to_mesh, size(face))
-    unit = float(np.cbrt(abs(np.linalg.det(to_mesh[:3, :3]))))
-    bind(rig, armature, handles, found, full_values(rig), unit)
-    bones.hang(rig, armature)
+    # The mesh would be shaped anew at every change of the bones.
+    hidden = rig.hide_viewport
+    rig.hide_viewport = True
+    try:
+        bones.shape_bones(armature, handles, found, to_mesh)
+        bones.dress(armature, handles, found, to_mesh, plan.size)
+        unit = float(np.cbrt(abs(np.linalg.det(to_mesh[:3, :3]))))
+        bind(rig, armature, handles, found, full_values(rig), unit)
+        bones.hang(rig, armature)
+    finally:
+        rig.hide_viewport = hidden
+    rig.facestage_face.placed_for = plan.digest
     bpy.context.view_layer.update()
 
 

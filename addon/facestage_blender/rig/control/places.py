@@ -94,21 +94,21 @@ def _whole(face: Face, jaw: Place | None) -> dict[str, Place]:
 
 def _skin_place(face: Face, handle: Handle) -> Place:
     axis, sign = handle.toward
-    move = face.moves[handle.at]
-    shown = face.skin if np.abs(move[face.skin]).max(initial=0.0) > SEEN else ~face.skin
-    along = np.where(shown, sign * move[:, axis], 0.0)
+    move, skin = face.moves[handle.at], np.flatnonzero(face.skin)
+    seen = skin if np.abs(move[skin]).max(initial=0.0) > SEEN else np.flatnonzero(~face.skin)
+    points, along = face.points[seen], sign * move[seen, axis]
     if handle.side:
-        along = np.where(handle.side * face.points[:, 0] > 0, along, 0.0)
+        along = np.where(handle.side * points[:, 0] > 0, along, 0.0)
     weight = _peaked(np.maximum(along, 0.0))
     if weight.sum() <= 0:  # it moves another way: where it moves at all
-        weight = _peaked(np.linalg.norm(move, axis=1)) + 1e-30
-    at = weight @ face.points / weight.sum()
+        points, weight = face.points, _peaked(np.linalg.norm(move, axis=1)) + 1e-30
+    at = weight @ points / weight.sum()
     if not handle.side:
         at[0] = 0.0
-    apart = np.linalg.norm((face.points - at)[:, :2], axis=1)
-    apart[~face.skin] = np.inf
+    surface = face.points[skin]
+    apart = np.hypot(surface[:, 0] - at[0], surface[:, 1] - at[1])
     near = np.flatnonzero(apart <= max(NEAR, float(apart.min())))
-    at = face.points[near[face.points[near, 2].argmax()]].copy()
+    at = surface[near[surface[near, 2].argmax()]].copy()
     if not handle.side:
         at[0] = 0.0
     if handle.name in FLOATING:
@@ -126,8 +126,9 @@ def _peaked(motion: np.ndarray) -> np.ndarray:
 def _ways(face: Face, handle: Handle) -> dict[Way, float]:
     """How far the skin goes in each direction of the handle's; several sliders share it."""
     ways: dict[Way, list[float]] = {}
+    skin = np.flatnonzero(face.skin)
     for drive in handle.drives:
-        along = drive.sign * face.moves[drive.slider][face.skin, drive.axis]
+        along = drive.sign * face.moves[drive.slider][skin, drive.axis]
         ways.setdefault(way_of(drive), []).append(float(along.max(initial=0.0)))
     return {way: float(np.clip(np.mean(each), WAY_MIN, WAY_MAX)) for way, each in ways.items()}
 
@@ -139,14 +140,13 @@ def way_of(drive: Drive) -> Way:
 
 def _eye(face: Face, handle: Handle) -> Place:
     """An eyeball's middle, and how far its sliders turn it (Arun, Huang and Blostein 1987)."""
-    moved = np.zeros(len(face.points))
-    for drive in handle.drives:
-        moved = np.maximum(moved, np.linalg.norm(face.moves[drive.slider], axis=1))
     ball = face.eyes & (handle.side * face.points[:, 0] > 0)
     if ball.any():
         points = face.points[ball]
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     else:  # a mesh whose eyes nobody has named
+        motions = [np.linalg.norm(face.moves[each.slider], axis=1) for each in handle.drives]
+        moved = np.max(motions, axis=0)
         weight = _peaked(moved) + 1e-30
         middle = weight @ face.points / weight.sum() - EYEBALL * FRONT
     ways = {}

@@ -44,26 +44,33 @@ def mesh_to_model(rig: bpy.types.Object) -> np.ndarray:
     return frames.to_contract(rig_axes(rig))
 
 
-def read_face(rig: bpy.types.Object, sliders: Collection[str]) -> Face:
-    """The rig's face at rest, as its identity sliders show it, and the motion of ``sliders``."""
+def rest_points(rig: bpy.types.Object) -> np.ndarray:
+    """(n, 3) float64: the rig's face at rest, as its identity sliders show it, in the mesh's own
+    coordinates.
+    """
+    full, blocks = full_values(rig), rig.data.shape_keys.key_blocks
+    points = _points(blocks[0]).astype(np.float64)
+    for key in blocks[1:]:
+        if key.name not in full and not key.mute and key.value:
+            points += key.value * (_points(key) - _points(key.relative_key))
+    return points
+
+
+def read_face(rig: bpy.types.Object, rest: np.ndarray, sliders: Collection[str]) -> Face:
+    """The rig's face, at rest as ``rest`` (n, 3), and the motion of ``sliders``, in the model
+    frame.
+    """
     matrix, full = mesh_to_model(rig), full_values(rig)
     blocks = rig.data.shape_keys.key_blocks
-    basis = _points(blocks[0])
-    points = basis.copy()
-    moves = {}
-    for key in blocks[1:]:
-        moved, shown = key.name in sliders, key.name not in full and not key.mute and key.value
-        if not moved and not shown:
-            continue
+    basis, moves = _points(blocks[0]), {}
+    for name in sliders:
+        key = blocks[name]
         alone = key.relative_key == blocks[0]
         offset = _points(key) - (basis if alone else _points(key.relative_key))
-        if moved:
-            moves[key.name] = offset @ (full[key.name] * matrix[:3, :3].T)
-        else:
-            points += key.value * offset
+        moves[name] = offset @ (full[name] * matrix[:3, :3].T).astype(np.float32)
     part = _parts(rig)
     return Face(
-        points=points @ matrix[:3, :3].T + matrix[:3, 3],
+        points=rest @ matrix[:3, :3].T + matrix[:3, 3],
         moves=moves,
         skin=part[SKIN] | part[len(PARTS)],
         eyes=part[EYES],
@@ -72,11 +79,11 @@ def read_face(rig: bpy.types.Object, sliders: Collection[str]) -> Face:
 
 
 def _points(key: bpy.types.ShapeKey) -> np.ndarray:
-    """(n, 3) float64 coordinates."""
+    """(n, 3) float32 coordinates."""
     data = getattr(key, "points", key.data)  # read at once from Blender 4.1 on
     flat = np.empty(3 * len(data), np.float32)
     data.foreach_get("co", flat)
-    return flat.reshape(-1, 3).astype(np.float64)
+    return flat.reshape(-1, 3)
 
 
 def _parts(rig: bpy.types.Object) -> np.ndarray:
@@ -88,7 +95,7 @@ def _parts(rig: bpy.types.Object) -> np.ndarray:
     mesh.polygons.foreach_get("material_index", index)
     mesh.polygons.foreach_get("loop_total", total)
     vertex = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", vertex)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)  # at once, unlike loops
     slots = np.minimum(np.array([*slot_parts(rig), len(PARTS)]), len(PARTS))
     part = np.repeat(slots[np.minimum(index, len(slots) - 1)], total)
     found = np.zeros((len(PARTS) + 1, len(mesh.vertices)), bool)
