@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 
 from . import preferences, properties, translations
-from .landmarks import overlay as landmark_overlay
-from .pins import overlay as pin_overlay
+from .landmarks.overlay import OVERLAY as LANDMARK_OVERLAY
+from .pins.overlay import OVERLAY as PIN_OVERLAY
 from .preview import live as preview
 from .scene import keeping
 from .ui import (
@@ -61,16 +61,16 @@ def register() -> None:
     backend_task.register()
     keeping.register()
     preview.register()
-    landmark_overlay.register()
-    pin_overlay.register()
+    LANDMARK_OVERLAY.register()
+    PIN_OVERLAY.register()
     pins.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, last first; a fit still running is stopped."""
     pins.unregister()
-    pin_overlay.unregister()
-    landmark_overlay.unregister()
+    PIN_OVERLAY.unregister()
+    LANDMARK_OVERLAY.unregister()
     preview.unregister()
     keeping.unregister()
     backend_task.unregister()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facestage.contract.environment import directions, environment_stage
+from facestage.contract.environment import directions, environment_stage, split_turn
+from facestage.contract.errors import InputError
 from facestage.contract.light_stage import FROZEN
 
 HEIGHT, WIDTH = 64, 128
@@ -73,3 +74,21 @@ def test_all_light_is_kept_and_none_is_negative():
     quarter = (0.5 * stage.side) ** 2
     angle = 4 * np.arcsin(quarter / (quarter + 4.0))
     np.testing.assert_allclose((angle[:, None] * stage.radiance).sum(axis=0), wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("said", "name", "degrees"),
+    [
+        ("sky.exr@-40.5", "sky.exr", -40.5),
+        ("sky.exr", "sky.exr", 0.0),
+        ("/some/where@home/sky.exr@90", "/some/where@home/sky.exr", 90.0),
+    ],
+)
+def test_the_turn_stands_behind_the_last_at(said: str, name: str, degrees: float):
+    assert split_turn(said) == (name, degrees)
+
+
+@pytest.mark.parametrize("turn", ["left", "nan", "inf", ""])
+def test_a_turn_that_is_no_number_is_refused(turn: str):
+    with pytest.raises(InputError, match=f"turned by '{turn}'"):
+        split_turn(f"sky.exr@{turn}")

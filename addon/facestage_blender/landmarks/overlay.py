@@ -5,7 +5,6 @@ the face's lines.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, ClassVar
 
 import bpy
 import numpy as np
@@ -16,6 +15,7 @@ from facestage.contract.landmarks import Landmarks
 from .empties import HIDDEN, IGNORED, VISIBLE, edited_landmarks, landmark_empties, shown_plane
 from .plane import on_plane, photo_size, plane_matrix
 from .scheme import handles, lines
+from .screen_drawing import ScreenDrawing
 
 Color = tuple[float, float, float, float]
 COLORS = {
@@ -28,27 +28,6 @@ FOLLOWER_COLOR, LINE_COLOR = (0.35, 0.8, 1.0, 0.75), (1.0, 1.0, 1.0, 0.4)
 # pixels of the screen at a scale of 1
 HANDLE_RADIUS, SELECTED_RADIUS, FOLLOWER_RADIUS = 3.2, 5.2, 1.6
 CORNERS = np.exp(2j * np.pi * np.arange(9) / 8).view(np.float64).reshape(-1, 2)
-
-
-class Overlay:
-    """Blender's handle of the drawing, and what was drawn last with what it was made of."""
-
-    handle: ClassVar[Any] = None
-    made_of: ClassVar[object] = None
-    landmarks: ClassVar[Landmarks | None] = None
-
-
-def register() -> None:
-    """Draw in every 3D View from now on."""
-    if not bpy.app.background:
-        Overlay.handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    if Overlay.handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(Overlay.handle, "WINDOW")
-    Overlay.handle = Overlay.made_of = Overlay.landmarks = None
 
 
 def draw() -> None:
@@ -83,13 +62,14 @@ def current_landmarks(scene: bpy.types.Scene) -> Landmarks | None:
             for item in empties
         ),
     )
-    if made_of != Overlay.made_of:
-        try:
-            Overlay.landmarks = edited_landmarks(scene)
-        except InputError:
-            Overlay.landmarks = None
-        Overlay.made_of = made_of
-    return Overlay.landmarks
+    return OVERLAY.kept(made_of, lambda: _edited(scene))
+
+
+def _edited(scene: bpy.types.Scene) -> Landmarks | None:
+    try:
+        return edited_landmarks(scene)
+    except InputError:
+        return None
 
 
 def on_screen(scene: bpy.types.Scene, landmarks: Landmarks, view: np.ndarray) -> np.ndarray:
@@ -157,3 +137,6 @@ def paint(kind: str, points: np.ndarray, color: Color, indices: np.ndarray | Non
     gpu.state.blend_set("ALPHA")
     batch.draw(shader)
     gpu.state.blend_set("NONE")
+
+
+OVERLAY: ScreenDrawing[Landmarks | None] = ScreenDrawing(draw)

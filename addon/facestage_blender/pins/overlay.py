@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import bpy
 import numpy as np
@@ -13,6 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, SKIN
 
 from ..landmarks.overlay import Color, discs, paint
+from ..landmarks.screen_drawing import ScreenDrawing
 from ..rig.own_marks import slot_parts
 from ..scene.camera import camera_pose, read_camera
 from .picking import facing
@@ -66,29 +66,6 @@ class Mesh:
         seen = np.zeros(len(self.edges), bool)
         seen[self.corner_edge[facing(pixels, self.triangles)[self.corner_polygon]]] = True
         return self.edges[seen]
-
-
-class Overlay:
-    """Blender's handle of the drawing, and the mesh that was drawn last with what it was made
-    of.
-    """
-
-    handle: ClassVar[Any] = None
-    made_of: ClassVar[object] = None
-    mesh: ClassVar[Mesh | None] = None
-
-
-def register() -> None:
-    """Draw in every 3D View from now on."""
-    if not bpy.app.background:
-        Overlay.handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    if Overlay.handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(Overlay.handle, "WINDOW")
-    Overlay.handle = Overlay.made_of = Overlay.mesh = None
 
 
 def draw() -> None:
@@ -145,9 +122,7 @@ def drawn_mesh(rig: bpy.types.Object) -> Mesh:
     """What of the rig's mesh is drawn, read anew only when it is another one."""
     mesh = rig.data
     made_of = (rig.name, mesh.name, len(mesh.vertices), len(mesh.loops), *slot_parts(rig))
-    if Overlay.mesh is None or made_of != Overlay.made_of:
-        Overlay.mesh, Overlay.made_of = Mesh.of(rig), made_of
-    return Overlay.mesh
+    return OVERLAY.kept(made_of, lambda: Mesh.of(rig))
 
 
 def wire_color(pixels: np.ndarray, edges: np.ndarray) -> Color:
@@ -155,3 +130,6 @@ def wire_color(pixels: np.ndarray, edges: np.ndarray) -> Color:
     lengths = np.linalg.norm(pixels[edges[:, 0]] - pixels[edges[:, 1]], axis=1)
     gap = float(np.median(lengths)) if len(lengths) else WIRE_GAP
     return (*WIRE_COLOR, WIRE_ALPHA * float(np.clip(gap / WIRE_GAP, 0.25, 1.0)))
+
+
+OVERLAY: ScreenDrawing[Mesh] = ScreenDrawing(draw)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from facestage.contract.environment import split_turn
 from facestage.contract.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,16 +19,7 @@ def read_environment(said: str) -> tuple[np.ndarray, float]:
     """
     from facestage.images.image_io import read_exr
 
-    given, mark, text = said.rpartition("@")
-    given, text = (given, text) if mark else (text, "0")
-    try:
-        degrees = float(text)
-    except ValueError:
-        degrees = math.nan
-    if not math.isfinite(degrees):
-        raise InputError(
-            f"The surroundings '{said}' are turned by '{text}', expected degrees, as in sky.exr@40."
-        )
+    given, degrees = split_turn(said)
     if Path(given).suffix.lower() != ".exr":
         raise InputError(
             f"The surroundings '{given}' are no .exr file; save them as OpenEXR (ZIP)."

@@ -5,11 +5,13 @@ The picture is a latitude-longitude map of linear radiance, as Blender and other
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from facestage.contract.arrays import Float
+from facestage.contract.errors import InputError
 from facestage.contract.light_stage import (
     DEFAULT_RADIUS,
     DEFAULT_SIDE,
@@ -21,6 +23,24 @@ from facestage.contract.light_stage import (
 )
 
 ENVIRONMENT_COUNT = 60  # lights for a map
+
+
+def split_turn(said: str) -> tuple[str, float]:
+    """NAME, and the degrees that NAME@DEGREES turns it by about the vertical; 0 without.
+
+    Raises InputError.
+    """
+    name, mark, text = said.rpartition("@")
+    name, text = (name, text) if mark else (said, "0")
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = math.nan
+    if not math.isfinite(degrees):
+        raise InputError(
+            f"The surroundings '{said}' are turned by '{text}', expected degrees, as in sky.exr@40."
+        )
+    return name, degrees
 
 
 def directions(

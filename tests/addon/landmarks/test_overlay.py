@@ -49,3 +49,18 @@ def test_drawing_is_over_the_points(scene, name: str) -> None:
     landmark_empties(scene)[0].location.x += 0.1
     bpy.context.view_layer.update()
     assert current_landmarks(scene) is not landmarks
+
+
+def test_what_is_drawn_is_made_anew_only_when_it_changed(scene) -> None:
+    from facestage_blender.landmarks.screen_drawing import ScreenDrawing
+
+    made: list[str] = []
+
+    def make() -> int:
+        made.append("again")
+        return len(made)
+
+    drawing: ScreenDrawing[int] = ScreenDrawing(lambda: None)
+    assert [drawing.kept(of, make) for of in ("a", "a", "b", "b", "a")] == [1, 1, 2, 2, 3]
+    drawing.unregister()
+    assert drawing.kept("a", make) == 4

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from facestage.contract.environment import split_turn
 from facestage.contract.errors import InputError
 
 from ...pictures.images import load_image
@@ -35,16 +36,7 @@ def read_surroundings(text: str) -> Surroundings:
 
     Raises InputError.
     """
-    given, mark, degrees = text.rpartition("@")
-    given, degrees = (given, degrees) if mark else (text, "0")
-    try:
-        turn = float(degrees)
-    except ValueError:
-        turn = math.nan
-    if not math.isfinite(turn):
-        raise InputError(
-            f"The light '{text}' is turned by '{degrees}', expected degrees, as in interior@40."
-        )
+    given, turn = split_turn(text)
     known = shipped()
     if given in known:
         return Surroundings(given, known[given], turn)
