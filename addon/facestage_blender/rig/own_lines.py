@@ -9,6 +9,8 @@ import numpy as np
 
 from facestage.contract.face_model import FaceModel
 
+from ..scene.several import home
+
 NAME = "Facestage Landmark Lines"
 SCHEME = "ibug68"
 COLOR = (0.1, 0.9, 1.0, 1.0)
@@ -42,7 +44,7 @@ def show_lines(item: bpy.types.Object, model: FaceModel) -> bpy.types.Object | N
     lines[NAME] = True
     lines.show_in_front, lines.hide_render, lines.hide_select = True, True, True
     lines.color = COLOR
-    item.users_collection[0].objects.link(lines)
+    home(item).objects.link(lines)
     lines.parent = item
     return lines
 

@@ -4,13 +4,15 @@ light.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import bpy
 
 from ..properties import OfFace, StoredFace
 
-RECEIVERS = "facestage_receivers"  # on a collection: it says what a stage lights
+# On a collection: it says what a stage lights, or what does not shade what it lights.
+RECEIVERS, BLOCKERS = "facestage_receivers", "facestage_blockers"
+_NAMES = {RECEIVERS: "{} in Its Light", BLOCKERS: "Beside {}"}
 
 
 def other_faces(scene: bpy.types.Scene) -> Iterator[StoredFace]:
@@ -29,34 +31,53 @@ def shares_camera(scene: bpy.types.Scene) -> bool:
     )
 
 
+def home(item: bpy.types.Object) -> bpy.types.Collection:
+    """The collection that an object lies in, of those that do not only say what lights it."""
+    return next(
+        each for each in item.users_collection if RECEIVERS not in each and BLOCKERS not in each
+    )
+
+
 def separate_light(scene: bpy.types.Scene) -> None:
-    """Let each of several faces be lit by its own stage alone, which lights nothing else; with one
-    face the stage lights all.
+    """Let each of several faces be lit by its own stage alone, which lights nothing else and is not
+    in the other faces' shade: their fits knew nothing of each other. With one face the stage lights
+    all.
     """
     settings = scene.facestage
-    for face in (settings, *other_faces(scene)):
-        if face.stage is not None:
-            _light(face, face.rig if settings.faces else None)
-    for unused in [each for each in bpy.data.collections if RECEIVERS in each and not each.users]:
+    faces = [settings, *other_faces(scene)]
+    for face in (each for each in faces if each.stage is not None):
+        rig = face.rig if settings.faces else None
+        beside = [each.rig for each in faces if each.rig not in (None, rig)]
+        _link(face, "receiver_collection", RECEIVERS, [rig])
+        _link(face, "blocker_collection", BLOCKERS, beside if rig is not None else [])
+    for unused in [
+        each
+        for each in bpy.data.collections
+        if (RECEIVERS in each or BLOCKERS in each) and not each.users
+    ]:
         bpy.data.collections.remove(unused)
 
 
-def _light(face: OfFace, rig: bpy.types.Object | None) -> None:
-    """Let a face's stage light ``rig`` alone; None: all that there is."""
+def _link(face: OfFace, role: str, mark: str, rigs: Sequence[bpy.types.Object | None]) -> None:
+    """Let ``rigs`` alone be lit by a face's stage (RECEIVERS), or all but these shade it
+    (BLOCKERS); without any, all that there is does.
+    """
     lights = [each for each in face.stage.children_recursive if each.type == "LIGHT"]
-    found = {each.light_linking.receiver_collection for each in lights} - {None}
-    ours = [each for each in found if each.get(RECEIVERS)]
-    if rig is None:
+    found = {getattr(each.light_linking, role) for each in lights} - {None}
+    ours = [each for each in found if each.get(mark)]
+    wanted = {item for rig in rigs if rig is not None for item in (rig, *rig.children_recursive)}
+    if not wanted:
         for light in lights:
-            if light.light_linking.receiver_collection in ours:
-                light.light_linking.receiver_collection = None
+            if getattr(light.light_linking, role) in ours:
+                setattr(light.light_linking, role, None)
         return
-    lit = ours[0] if ours else bpy.data.collections.new(f"{rig.name} in Its Light")
-    lit[RECEIVERS] = True
-    wanted = {rig, *rig.children_recursive}
-    for item in set(lit.objects) - wanted:
-        lit.objects.unlink(item)
-    for item in wanted - set(lit.objects):
-        lit.objects.link(item)
+    linked = ours[0] if ours else bpy.data.collections.new(_NAMES[mark].format(face.rig.name))
+    linked[mark] = True
+    for item in set(linked.objects) - wanted:
+        linked.objects.unlink(item)
+    for item in wanted - set(linked.objects):
+        linked.objects.link(item)
+    for member in linked.collection_objects if mark == BLOCKERS else ():
+        member.light_linking.link_state = "EXCLUDE"
     for light in lights:
-        light.light_linking.receiver_collection = lit
+        setattr(light.light_linking, role, linked)

@@ -17,6 +17,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import PARTS, SKIN, FaceModel
 
 from ..pictures.images import image_pixels
+from ..scene.several import home
 from .lash_nodes import BALL, CORNERS, OFFSET, ROOT, WEIGHTS, lash_group
 from .material import plain_material
 
@@ -82,7 +83,7 @@ def grow_lashes(rig: bpy.types.Object) -> bpy.types.Object:
     mesh = bpy.data.meshes.new(NAME)
     lashes = bpy.data.objects.new(NAME, mesh)
     lashes[NAME] = True
-    rig.users_collection[0].objects.link(lashes)
+    home(rig).objects.link(lashes)
     lashes.parent = rig
     _fill(mesh, rig)
     modifier = lashes.modifiers.new(NAME, "NODES")

@@ -93,10 +93,77 @@ def test_each_face_is_lit_by_its_own_stage(first, landmark_file: Path) -> None:
     for face, lights in ((rig, stage), (other, others)):
         found = {_lit_by(light) for light in lights.children if light.type == "LIGHT"}
         assert len(found) == 1 and list(known(found.pop()).objects) == [face]
+        beside = {
+            each.light_linking.blocker_collection
+            for each in lights.children
+            if each.type == "LIGHT"
+        }
+        assert len(beside) == 1
+        (shut_out,) = known(beside.pop()).collection_objects
+        assert shut_out.light_linking.link_state == "EXCLUDE"
     assert not [item for item in _in_the_way(first) if item in (rig, stage)]
     assert bpy.ops.facestage.remove_face(number=2) == {"FINISHED"}
     assert all(_lit_by(light) is None for light in stage.children if light.type == "LIGHT")
-    assert not [each for each in bpy.data.collections if "facestage_receivers" in each]
+    assert all(_shaded_by(light) is None for light in stage.children if light.type == "LIGHT")
+    assert not [each for each in bpy.data.collections if each.name != "Facestage"]
+
+
+def test_a_face_looks_as_if_it_were_alone(scene, head, tmp_path: Path) -> None:
+    """A second head, with a stage of its own, stands between the first one and its lights."""
+    import bpy
+
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.scene.stage import build_stage, default_stage
+
+    first = build_stage(scene, default_stage(5, 1.0, 0.2))
+    build_rig(scene, head, "default", first)
+    assert bpy.ops.facestage.add_face() == {"FINISHED"}
+    second = build_stage(scene, default_stage(5, 1.0, 0.2))
+    other = build_rig(scene, head, "default", second)
+    second.location = (-0.3, -0.03, -0.05)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    camera.location, camera.rotation_euler = (0.0, -0.8, 0.0), (np.pi / 2, 0.0, 0.0)
+    together = _rendered(scene, tmp_path)
+    for item in (other, *second.children_recursive):
+        item.hide_render = True
+    alone = _rendered(scene, tmp_path)
+    there = np.isclose(alone, 0.0).sum() / alone.size
+    assert 0.2 < there < 0.95  # the head is in the picture, and does not fill it
+    shown = (alone > 0) & (together > 0)
+    assert together[shown].mean() == pytest.approx(alone[shown].mean(), rel=0.01)
+    for light in first.children:
+        if light.type == "LIGHT":
+            light.light_linking.blocker_collection = None
+    other.hide_render = False
+    assert _rendered(scene, tmp_path)[shown].mean() < 0.95 * alone[shown].mean()
+
+
+def _rendered(scene, folder: Path) -> np.ndarray:
+    """Radiance (h, w) by Cycles, direct light, where the first head is."""
+    import bpy
+
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_adaptive_sampling, scene.cycles.max_bounces = (
+        64,
+        False,
+        0,
+    )
+    scene.cycles.use_denoising = False
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(folder / "picture.exr")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = np.array(image.pixels[:]).reshape(48, 48, 4)[:, 16:, 0]
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def _shaded_by(light):
+    return light.light_linking.blocker_collection
 
 
 def _lit_by(light):
@@ -218,6 +285,7 @@ def test_a_fit_goes_to_the_scene_that_it_was_started_in(
         task, apply, resume = "Fitting", True, False
         command = FACESTAGE_OT_fit.command
         finish = FACESTAGE_OT_fit.finish  # type: ignore[assignment]
+        following = FACESTAGE_OT_fit.following  # type: ignore[assignment]
 
         def report(self, _kind: set[str], _text: str) -> None: ...  # type: ignore[override]
 
@@ -233,7 +301,11 @@ def test_a_fit_goes_to_the_scene_that_it_was_started_in(
     outcome = process.wait()
     bpy.ops.scene.new(type="NEW")
     other = bpy.context.scene
-    task._end(bpy.context, process, outcome)
+    verdict = task._begin_following(bpy.context, task._end(bpy.context, process, outcome))
+    while verdict == {"RUNNING_MODAL"}:
+        assert bpy.context.scene == other
+        verdict = task._step(bpy.context)
+    assert verdict == {"FINISHED"}
     assert bpy.context.scene == other and not other.facestage.result
     assert values(rig) == pytest.approx(fitted)
     bpy.ops.scene.delete()
