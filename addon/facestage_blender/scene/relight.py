@@ -33,16 +33,20 @@ def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False) -> None:
         set_light_radiance(light, np.full(3, total * share), light_side(light))
 
 
-def next_light(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Let one light alone shine, as bright as all of the fitted ones, in its fitted color: the
-    first, or the one after that which does so already. Returns its number and how many there are.
+def next_light(scene: bpy.types.Scene, number: int = 0) -> tuple[int, int]:
+    """Let one light alone shine, as bright as all of the fitted ones, in its fitted color: that of
+    this number, 1 is the first; 0: the first, or the one after that which does so already. Returns
+    its number and how many there are.
 
-    Raises InputError when no light is on.
+    Raises InputError when no light is on, or there is no such light.
     """
     lights = lights_on(scene)
+    if number > len(lights):
+        raise InputError(f"There is no light {number}; {len(lights)} of the stage's are on.")
     take_world_back(scene)
     shining = [place for place, (_, light) in enumerate(lights) if light.data.energy > 0]
-    chosen = (shining[0] + 1) % len(lights) if len(shining) == 1 else 0
+    following = (shining[0] + 1) % len(lights) if len(shining) == 1 else 0
+    chosen = number - 1 if number else following
     total = total_radiance(scene)
     for place, (_, light) in enumerate(lights):
         color = np.array(light.facestage_light.fitted_radiance)

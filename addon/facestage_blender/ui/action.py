@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from typing import ClassVar
 
 import bpy
+from bpy.props import EnumProperty
 
 from facestage.contract.errors import FacestageError
 
@@ -38,6 +39,37 @@ class Action:
             self.report({"ERROR"}, said(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
+
+
+class Toggle(Action):
+    """Mixin of actions that turn something on, or off where it is on; scripts say which."""
+
+    state: EnumProperty(
+        name="State",
+        description="What it is to be",
+        items=[
+            ("TOGGLE", "Toggle", "The other state"),
+            ("ON", "On", "On, whatever it is now"),
+            ("OFF", "Off", "Off, whatever it is now"),
+        ],
+        default="TOGGLE",
+        options={"SKIP_SAVE"},
+    )
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it is on now. Raises FacestageError as :meth:`act` does."""
+        raise NotImplementedError
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Turn it on or off, which it is not. Raises FacestageError as :meth:`act` does."""
+        raise NotImplementedError
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Change the state where another one is wanted."""
+        is_on = self.is_on(context)
+        wanted = not is_on if self.state == "TOGGLE" else self.state == "ON"
+        if wanted != is_on:
+            self.turn(context, wanted)
 
 
 class SteppedAction(Action):

@@ -16,14 +16,14 @@ from ..pins.screen import PhotoOnScreen
 from ..rig.face_rig import require_rig
 from ..scene.camera import camera_pose, put_photo_in_front, require_camera
 from ..scene.paths import require_photo
-from .action import Action
+from .action import Action, Toggle
 
 TOOL = "facestage.pins"
 SELECT_TOOL = "builtin.select_box"
 REACH = 12.0  # pixels of the screen, at a scale of 1, around a pin
 
 
-class FACESTAGE_OT_pin_face(Action, bpy.types.Operator):
+class FACESTAGE_OT_pin_face(Toggle, bpy.types.Operator):
     """Shows the face as a wireframe over the photo."""
 
     bl_idname = "facestage.pin_face"
@@ -34,19 +34,21 @@ class FACESTAGE_OT_pin_face(Action, bpy.types.Operator):
         "not fitted yet is put where the landmarks are; once more to end"
     )
 
-    def act(self, context: bpy.types.Context) -> None:
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether the wireframe is shown."""
+        return bool(context.scene.facestage.pinning)
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
         """Begin, or end."""
         scene = context.scene
         settings, camera = scene.facestage, require_camera(scene)
-        if settings.pinning:
-            settings.pinning = False
-        else:
+        if on:
             require_photo(scene)
             Pinning(scene)  # says what is missing
             if settings.landmarks and not settings.result and not settings.pins:
                 place_by_landmarks(scene)
-            settings.pinning = True
-        put_photo_in_front(camera, settings.pinning)
+        settings.pinning = on
+        put_photo_in_front(camera, on)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Begin or end, in the view too."""
@@ -100,7 +102,7 @@ class FACESTAGE_OT_drag_pin(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Take hold of the face; where the tool was chosen in the toolbar, show it first."""
         if not context.scene.facestage.pinning:
-            return set(bpy.ops.facestage.pin_face())
+            return set(bpy.ops.facestage.pin_face(state="ON"))
         try:
             screen = photo_on_screen(context)
             pixel = screen.to_photo((event.mouse_region_x, event.mouse_region_y))

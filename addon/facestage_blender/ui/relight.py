@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.files.paths import is_file
@@ -24,7 +24,7 @@ from ..scene.light_setups import LIGHT_FROM, SETUPS
 from ..scene.paths import absolute, require_photo, result_folder
 from ..scene.picture_light import light_by_world, light_from_picture
 from ..scene.relight import next_light, relight, restore_lights
-from .action import Action
+from .action import Action, Toggle
 from .backend_task import BackendTask
 from .sidebar import draw_task, line_width
 
@@ -74,9 +74,16 @@ class FACESTAGE_OT_next_light(Action, bpy.types.Operator):
         "Let one light of the stage shine alone, as bright as all together; again: the next one"
     )
 
+    number: IntProperty(
+        name="Light",
+        description="Which of the lights that are on, 1 is the first; 0: the next one",
+        min=0,
+        options={"SKIP_SAVE"},
+    )
+
     def act(self, context: bpy.types.Context) -> None:
-        """Go on to the next, and say which."""
-        number, count = next_light(context.scene)
+        """Show it, and say which it is."""
+        number, count = next_light(context.scene, self.number)
         self.report({"INFO"}, f"Light {number} of {count} alone.")
 
 
@@ -131,7 +138,7 @@ class FACESTAGE_MT_light_from(bpy.types.Menu):
         layout.operator("facestage.light_from_picture", text="Picture ...", icon="WORLD")
 
 
-class FACESTAGE_OT_relight_preview(Action, bpy.types.Operator):
+class FACESTAGE_OT_relight_preview(Toggle, bpy.types.Operator):
     """Turns the live relight preview on and off."""
 
     bl_idname = "facestage.relight_preview"
@@ -142,12 +149,16 @@ class FACESTAGE_OT_relight_preview(Action, bpy.types.Operator):
     )
     bl_options: ClassVar[set[str]] = set()
 
-    def act(self, context: bpy.types.Context) -> None:
-        """Turn the preview on, or off when it is on."""
-        if live.Preview.photo is not None:
-            live.stop()
-        else:
+    def is_on(self, _context: bpy.types.Context) -> bool:
+        """Whether it is shown."""
+        return live.Preview.photo is not None
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Show the preview, or no more."""
+        if on:
             live.start(context.scene)
+        else:
+            live.stop()
 
 
 class FACESTAGE_OT_prepare_relight(BackendTask, bpy.types.Operator):
@@ -167,7 +178,7 @@ class FACESTAGE_OT_prepare_relight(BackendTask, bpy.types.Operator):
         live.start(context.scene)
 
 
-class FACESTAGE_OT_before_after(Action, bpy.types.Operator):
+class FACESTAGE_OT_before_after(Toggle, bpy.types.Operator):
     """Shows the photo over all that the camera sees, or takes it away again."""
 
     bl_idname = "facestage.before_after"
@@ -182,11 +193,14 @@ class FACESTAGE_OT_before_after(Action, bpy.types.Operator):
         """Not while pins or landmarks want to see the photo."""
         return not context.scene.facestage.pinning and shown_plane(context.scene) is None
 
-    def act(self, context: bpy.types.Context) -> None:
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether the photo covers what the camera sees."""
+        return photo_in_front(require_camera(context.scene))
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
         """Show the one or the other."""
-        camera = require_camera(context.scene)
         require_photo(context.scene)
-        live.show_before(camera, not photo_in_front(camera))
+        live.show_before(require_camera(context.scene), on)
 
 
 def draw_light(layout: bpy.types.UILayout, context: bpy.types.Context, folder: Path) -> None:

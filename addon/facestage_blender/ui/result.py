@@ -15,10 +15,11 @@ from facestage.contract.result_files import REPORT, RESULT
 from ..exchange.write_back import apply_steps
 from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
+from ..scene.several import separate_light
 from ..skin.displaced_skin import displace, is_displaced
 from ..skin.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
 from ..skin.pores import give_pores, pores_of, remove_pores
-from .action import Action, SteppedAction
+from .action import Action, SteppedAction, Toggle
 from .relight import draw_light
 from .sidebar import SidebarPanel, existing
 
@@ -62,7 +63,7 @@ class FACESTAGE_OT_open_report(Action, bpy.types.Operator):
         bpy.ops.wm.url_open(url=report.as_uri())
 
 
-class FACESTAGE_OT_lashes(Action, bpy.types.Operator):
+class FACESTAGE_OT_lashes(Toggle, bpy.types.Operator):
     """Gives the rig lashes, or takes them away."""
 
     bl_idname = "facestage.lashes"
@@ -72,16 +73,21 @@ class FACESTAGE_OT_lashes(Action, bpy.types.Operator):
         "Exported files hold none"
     )
 
-    def act(self, context: bpy.types.Context) -> None:
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it has any."""
+        return lashes_of(require_rig(context.scene)) is not None
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
         """Grow them, or remove those that there are."""
         rig = require_rig(context.scene)
-        if lashes_of(rig) is None:
+        if on:
             grow_lashes(rig)
         else:
             remove_lashes(rig)
+        separate_light(context.scene)
 
 
-class FACESTAGE_OT_pores(Action, bpy.types.Operator):
+class FACESTAGE_OT_pores(Toggle, bpy.types.Operator):
     """Gives the skin made-up pores, or takes them away."""
 
     bl_idname = "facestage.pores"
@@ -91,16 +97,20 @@ class FACESTAGE_OT_pores(Action, bpy.types.Operator):
         "measured on faces. Not fitted, and not in exported files; again: none"
     )
 
-    def act(self, context: bpy.types.Context) -> None:
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it has any."""
+        return pores_of(require_rig(context.scene)) is not None
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
         """Give them, or remove those that there are."""
         rig = require_rig(context.scene)
-        if pores_of(rig) is None:
+        if on:
             give_pores(rig)
         else:
             remove_pores(rig)
 
 
-class FACESTAGE_OT_displace_skin(Action, bpy.types.Operator):
+class FACESTAGE_OT_displace_skin(Toggle, bpy.types.Operator):
     """Turns the displacement of the skin on and off."""
 
     bl_idname = "facestage.displace_skin"
@@ -110,10 +120,13 @@ class FACESTAGE_OT_displace_skin(Action, bpy.types.Operator):
         "the picture needs, instead of by the normal map; once more to go back"
     )
 
-    def act(self, context: bpy.types.Context) -> None:
-        """Turn it on, or off when it is on."""
-        rig = require_rig(context.scene)
-        displace(rig, not is_displaced(rig))
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it is displaced."""
+        return is_displaced(require_rig(context.scene))
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Displace it, or no more."""
+        displace(require_rig(context.scene), on)
 
 
 class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
