@@ -4,6 +4,8 @@ FaceModel.
 
 from __future__ import annotations
 
+import math
+
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -13,7 +15,7 @@ from facestage.contract.face_model import FaceModel
 
 from ..scene import frames
 from ..scene.several import separate_light
-from ..scene.stage import facestage_collection
+from ..scene.stage import facestage_collection, relative_matrix, require_stage
 from ..skin.lashes import remember_lids, renew_lashes
 from ..skin.material import part_materials, show_model
 from . import relief_key
@@ -192,6 +194,18 @@ def rig_axes(rig: bpy.types.Object) -> str | np.ndarray:
     """What :mod:`.frames` must know of the axes that the rig's own coordinates have."""
     own = OwnMesh.of(rig)
     return frames.STAGE if own is None else own.matrix
+
+
+def head_yaw(scene: bpy.types.Scene) -> float:
+    """Radians by which the scene's face, as it is posed, looks to the right of where the stage's
+    camera is; 0 where there is none.
+    """
+    rig = scene.facestage.rig
+    if rig is None or rig.name not in scene.objects:
+        return 0.0
+    local = relative_matrix(require_stage(scene), rig)
+    x, _, z = frames.to_stage_matrix(local, rig_axes(rig))[:3, 2]
+    return math.atan2(x, z)
 
 
 def relief_of(rig: bpy.types.Object, relief: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
 """Portrait light that has a name: where its lamps are, and how the light is shared. No bpy.
 
 Stage frame: x is the picture's right, z towards the camera. The key comes from the picture's left.
+A face that looks elsewhere has the same light where it turns to: it is the face that photographers
+count the degrees from.
 """
 
 from __future__ import annotations
@@ -49,6 +51,18 @@ class Setup:
             replace(beam, towards=(-beam.towards[0], *beam.towards[1:])) for beam in self.beams
         )
         return replace(self, beams=tuple(beams))
+
+    def before(self, yaw: float) -> Setup:
+        """As a face sees it that is turned by ``yaw`` radians to the picture's right."""
+        beams = (replace(beam, towards=_turned(beam.towards, yaw)) for beam in self.beams)
+        return replace(self, beams=tuple(beams))
+
+
+def _turned(towards: tuple[float, float, float], yaw: float) -> tuple[float, float, float]:
+    """A direction turned about the vertical, from the camera to the picture's right."""
+    x, y, z = towards
+    cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
+    return cosine * x + sine * z, y, cosine * z - sine * x
 
 
 def _at(left: float, up: float) -> tuple[float, float, float]:

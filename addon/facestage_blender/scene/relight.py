@@ -8,22 +8,26 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import OFF
 
-from .light_setups import LIGHT_FROM
+from .light_setups import LIGHT_FROM, SETUPS
 from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
 
 # On a world that Light From made: that it is one, and the one before it.
 MARK, BEFORE = "facestage_surroundings", "facestage_before"
 
 
-def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False) -> None:
+def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False, yaw: float = 0.0) -> None:
     """White light from one side, or of a setup that has a name, of the same total radiance as the
     fitted lights. Lights that are off stay off.
 
-    ``mirrored``: mirrored. Raises InputError when there is no such light, or when no light is on.
+    ``mirrored``: mirrored; ``yaw``: radians that a face for which a setup is meant is turned by to
+    the picture's right. Sides are the picture's. Raises InputError when there is no such light, or
+    when no light is on.
     """
     if name not in LIGHT_FROM:
         raise InputError(f"Cannot light from '{name}'; expected one of {', '.join(LIGHT_FROM)}.")
     setup = LIGHT_FROM[name].mirrored() if mirrored else LIGHT_FROM[name]
+    if name in SETUPS:
+        setup = setup.before(yaw)
     lights = lights_on(scene)
     take_world_back(scene)
     outward = -read_stage(require_stage(scene)).direction[[index for index, _ in lights]]

@@ -241,6 +241,8 @@ _LIGHT = {
     "A softbox 55 degrees to the side, high, hardly any fill: a lit triangle on the cheek in shade": "Eine Softbox 55 Grad seitlich, hoch, kaum Aufhellung: ein helles Dreieck auf der Wange im Schatten",
     "A softbox straight from the side: one half of the face is lit": "Eine Softbox genau von der Seite: eine Hälfte des Gesichts ist hell",
     "Mirrored": "Gespiegelt",
+    "Follow Head": "Kopf folgen",
+    "Portrait light counts its degrees from where the face looks, not from the camera. Left, right, top, bottom and front are always the picture's": "Porträtlicht zählt seine Grade von der Blickrichtung des Gesichts an, nicht von der Kamera. Links, rechts, oben, unten und vorn sind immer die des Bildes",
     "The key comes from the other side of the picture": "Das Führungslicht kommt von der anderen Seite des Bildes",
     "Next Light": "Nächstes Licht",
     "Let one light of the stage shine alone, as bright as all together; again: the next one": "Ein Licht der Bühne allein leuchten lassen, so hell wie alle zusammen; noch einmal: das nächste",

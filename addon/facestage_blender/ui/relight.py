@@ -18,6 +18,7 @@ from ..drawing import draw_wrapped
 from ..landmarks.empties import shown_plane
 from ..preferences import backend_command
 from ..preview import live
+from ..rig.face_rig import head_yaw
 from ..scene.camera import photo_in_front, require_camera
 from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.light_setups import LIGHT_FROM, SETUPS
@@ -48,6 +49,12 @@ class FACESTAGE_OT_relight(Action, bpy.types.Operator):
     mirrored: BoolProperty(
         name="Mirrored", description="The key comes from the other side of the picture"
     )
+    follow_head: BoolProperty(
+        name="Follow Head",
+        description="Portrait light counts its degrees from where the face looks, not from the "
+        "camera. Left, right, top, bottom and front are always the picture's",
+        default=True,
+    )
 
     @classmethod
     def description(
@@ -62,7 +69,8 @@ class FACESTAGE_OT_relight(Action, bpy.types.Operator):
         if self.direction == "fitted":
             restore_lights(context.scene)
         else:
-            relight(context.scene, self.direction, self.mirrored)
+            yaw = head_yaw(context.scene) if self.follow_head else 0.0
+            relight(context.scene, self.direction, self.mirrored, yaw)
 
 
 class FACESTAGE_OT_next_light(Action, bpy.types.Operator):

@@ -50,6 +50,47 @@ def test_a_setup_lights_from_where_it_is_known_for(scene, name: str) -> None:
     np.testing.assert_allclose(level @ outward[:, 0] / level.sum(), -mean[0], atol=0.15)
 
 
+@pytest.mark.parametrize("name", SETUPS)
+@pytest.mark.parametrize("degrees", [-40.0, 25.0])
+def test_the_light_of_a_turned_head_is_turned_with_it(name: str, degrees: float) -> None:
+    """The key is as far from where the face looks as it is from the camera without a turn."""
+    yaw = np.radians(degrees)
+    gaze = np.array([np.sin(yaw), 0.0, np.cos(yaw)])  # to the picture's right
+    for plain, turned in zip(SETUPS[name].beams, SETUPS[name].before(yaw).beams, strict=True):
+        before, after = np.array(plain.towards), np.array(turned.towards)
+        assert after @ gaze == pytest.approx(before[2])
+        assert after[1] == before[1] and np.linalg.norm(after) == pytest.approx(1.0)
+        assert after @ np.cross([0, 1, 0], gaze) == pytest.approx(before[0])  # the same side
+        assert (turned.share, turned.sharpness) == (plain.share, plain.sharpness)
+
+
+@pytest.mark.parametrize("degrees", [-40.0, 0.0, 40.0])
+def test_portrait_light_follows_the_head_unless_told_not_to(scene, head, degrees: float) -> None:
+    import bpy
+
+    from facestage_blender.rig.face_rig import build_rig, head_yaw
+    from facestage_blender.scene.stage import build_stage
+
+    stage = joined(fibonacci_stage(60, radiance=1.0), fibonacci_stage(60, behind=True))
+    empty = build_stage(scene, stage)
+    empty.rotation_euler = (0.3, 0.1, 1.0)  # the stage's own turn says nothing of the head's
+    rig = build_rig(scene, head, "default", empty)
+    rig.rotation_euler.z = np.radians(degrees)
+    bpy.context.view_layer.update()
+    assert head_yaw(scene) == pytest.approx(np.radians(degrees))
+
+    def key(**how: object) -> float:
+        """Degrees to the picture's right that the light comes from."""
+        assert bpy.ops.facestage.relight(**how) == {"FINISHED"}
+        radiance, outward = radiance_of(scene)
+        x, _, z = radiance.mean(axis=1) @ outward
+        return float(np.degrees(np.arctan2(x, z)))
+
+    plain = key(direction="loop", follow_head=False)
+    assert key(direction="loop") - plain == pytest.approx(degrees, abs=3.0)
+    assert key(direction="left") == pytest.approx(key(direction="left", follow_head=False))
+
+
 def test_a_rim_is_behind_where_there_are_lights(scene) -> None:
     from facestage_blender.scene.relight import relight
     from facestage_blender.scene.stage import build_stage
