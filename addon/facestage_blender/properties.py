@@ -43,7 +43,7 @@ from .translations import FACESTAGE
 
 LIGHT_STATES = {"ON": ON, "FROZEN": FROZEN, "OFF": OFF}
 LANDMARK_SOURCES = {
-    "FILE": ("From a file", "The landmarks come from a file that was chosen"),
+    "FILE": ("From a File", "The landmarks come from a file that was chosen"),
     "DETECTED": ("Detected", "The landmarks were found by Detect Landmarks"),
     "EDITED": ("Edited", "The landmarks were edited by hand"),
 }
@@ -67,6 +67,11 @@ RELATIVE = (
 def _sentence(words: str) -> str:
     """``words`` with a capital first letter; "dB" stays as it is."""
     return words[:1].upper() + words[1:]
+
+
+def _title(words: str) -> str:
+    """``words`` as Blender writes labels."""
+    return " ".join(word if word in {"in", "mm"} else _sentence(word) for word in words.split())
 
 
 def _on_light_state(owner: "LightSettings", _context: bpy.types.Context) -> None:
@@ -110,7 +115,7 @@ class LightSettings(bpy.types.PropertyGroup):
         update=_on_light_state,
     )
     fitted_radiance: FloatVectorProperty(
-        name="Fitted radiance",
+        name="Fitted Radiance",
         description="What the last fit found, to return to after relighting",
         size=3,
     )
@@ -119,14 +124,14 @@ class LightSettings(bpy.types.PropertyGroup):
 class FaceSettings(bpy.types.PropertyGroup):
     """Marks a mesh as a face rig."""
 
-    is_rig: BoolProperty(name="Face rig", description="This mesh was built by Facestage")
-    model: StringProperty(name="Face model", description="The face model this rig was built from")
+    is_rig: BoolProperty(name="Face Rig", description="This mesh was built by Facestage")
+    model: StringProperty(name="Face Model", description="The face model this rig was built from")
     roughness: FloatProperty(
         name="Roughness", description="Roughness of the skin as last fitted", default=0.45
     )
     control_rig: PointerProperty(
         type=bpy.types.Object,
-        name="Control rig",
+        name="Control Rig",
         description="The armature whose handles move the face",
         poll=_is_armature,
     )
@@ -136,10 +141,10 @@ class FaceSettings(bpy.types.PropertyGroup):
         options={"HIDDEN"},
     )
     own_mesh: StringProperty(
-        name="Own mesh", description="How a mesh of the user's is tied to its face model"
+        name="Own Mesh", description="How a mesh of the user's is tied to its face model"
     )
     fit_shape: BoolProperty(
-        name="Fit the face's shape",
+        name="Fit the Face's Shape",
         description="The fit may give the mesh the shape of the face in the photo. Where the "
         "mesh has no identity "
         "sliders, the shape is borrowed from the default face and written to one new shape "
@@ -147,13 +152,13 @@ class FaceSettings(bpy.types.PropertyGroup):
         default=True,
     )
     identity_prefix: StringProperty(
-        name="Identity sliders",
+        name="Identity Sliders",
         description="Shape keys whose names begin so change who the face is; all others are "
         "expressions",
         default="identity",
     )
     own_materials: BoolProperty(
-        name="Facestage skin",
+        name="Facestage Skin",
         description="Give face, eyes and mouth Facestage's material with the fitted textures. "
         "Your materials stay in "
         "the file; off: they stay on the mesh",
@@ -164,7 +169,9 @@ class FaceSettings(bpy.types.PropertyGroup):
 # The image of each texture map, as NAME_image.
 FaceSettings.__annotations__ |= {
     f"{each.name}_image": PointerProperty(
-        type=bpy.types.Image, name=each.title, description=f"{each.title} texture, linear"
+        type=bpy.types.Image,
+        name=_title(each.title),
+        description=f"{_title(each.title)} texture, linear",
     )
     for each in (*TEXTURE_MAPS, EYE_MAP)
 }
@@ -228,7 +235,7 @@ class OfPhoto:
         "it is a guess, and the skin's color with it",
     )
     white_balance: FloatVectorProperty(
-        name="Color of the light",
+        name="Color of the Light",
         description="What something grey or white shows in the photo; how bright it is does not "
         "matter",
         subtype="COLOR",
@@ -237,7 +244,7 @@ class OfPhoto:
         soft_max=1.0,
     )
     known_lens: BoolProperty(
-        name="Known lens",
+        name="Known Lens",
         description="The scene camera's focal length and shift are those of the photo; "
         "otherwise they are guessed",
     )
@@ -251,11 +258,11 @@ class PhotoSettings(OfPhoto, bpy.types.PropertyGroup):
     """One of several photos of the person, as it was when another one came to be shown."""
 
     # The lens, under the names that Blender's cameras have for it.
-    lens: FloatProperty(name="Focal length", description="In millimetres", default=50.0)
-    sensor_width: FloatProperty(name="Sensor width", description="In millimetres", default=36.0)
-    sensor_height: FloatProperty(name="Sensor height", description="In millimetres", default=24.0)
+    lens: FloatProperty(name="Focal Length", description="In millimetres", default=50.0)
+    sensor_width: FloatProperty(name="Sensor Width", description="In millimetres", default=36.0)
+    sensor_height: FloatProperty(name="Sensor Height", description="In millimetres", default=24.0)
     sensor_fit: StringProperty(
-        name="Sensor fit", description="Which side of the sensor is the picture's", default="AUTO"
+        name="Sensor Fit", description="Which side of the sensor is the picture's", default="AUTO"
     )
     shift_x: FloatProperty(name="Shift X", description="Of the lens, in widths")
     shift_y: FloatProperty(name="Shift Y", description="Of the lens, in widths")
@@ -289,21 +296,25 @@ class OfFace(OfPhoto):
     )
     stage: PointerProperty(
         type=bpy.types.Object,
-        name="Light stage",
+        name="Light Stage",
         description="The empty that carries the light stage",
     )
     rig: PointerProperty(
-        type=bpy.types.Object, name="Face rig", description="The face that is fitted", poll=_is_mesh
+        type=bpy.types.Object, name="Face Rig", description="The face that is fitted", poll=_is_mesh
     )
     landmark_plane: PointerProperty(
         type=bpy.types.Object,
-        name="Photo plane",
+        name="Photo Plane",
         description="Carries the landmarks' empties while they are edited",
     )
     pinning: BoolProperty(
         name="Pinning", description="The face is shown as a wireframe that can be dragged"
     )
-    model: StringProperty(name="Face model", description=MODEL_FORMS, default=DEFAULT_MODEL)
+    model: StringProperty(
+        name="Face Model",
+        description=f"As the backend calls it: {MODEL_FORMS}",
+        default=DEFAULT_MODEL,
+    )
     light_count: IntProperty(
         name="Lights",
         description="Number of area lights on the hemisphere",
@@ -311,6 +322,7 @@ class OfFace(OfPhoto):
         min=1,
         soft_max=200,
         max=10000,
+        translation_context=FACESTAGE,
     )
     light_radius: FloatProperty(
         name="Radius",
@@ -329,7 +341,7 @@ class OfFace(OfPhoto):
         unit="LENGTH",
     )
     light_color: EnumProperty(
-        name="Light color",
+        name="Light Color",
         description="Whether the lights may differ in color",
         items=[
             (LIGHT_COLORS[0], "Each Its Own", "Every light has a color of its own"),
@@ -337,7 +349,7 @@ class OfFace(OfPhoto):
         ],
     )
     surround: EnumProperty(
-        name="Light behind",
+        name="Light Behind",
         description="Whether the fit adds lights behind the face to those of the stage",
         items=[
             (AUTO, "Where Needed", "Lights behind the face where the photo shows light from there"),
@@ -349,7 +361,7 @@ class OfFace(OfPhoto):
         name="Textures",
         description="The most pixels along the textures of the next fit; as many as the photo "
         "fills are made",
-        items=[("0", "2048, as usual", "Textures of 2048 pixels at most")]
+        items=[("0", "2048, as Usual", "Textures of 2048 pixels at most")]
         + [
             (str(size), str(size), f"Textures of {size} pixels at most")
             for size in TEXTURE_SIZES
@@ -357,26 +369,27 @@ class OfFace(OfPhoto):
         ],
     )
     exposure_known: BoolProperty(
-        name="Exposure known",
+        name="Exposure Known",
         description="Whether lights that are frozen are as bright as the photo shows them; else "
         "the fit finds the one factor that their brightness lacks",
         default=True,
     )
     freeze: EnumProperty(
-        name="Keep as is",
+        name="Keep as Is",
         description="What the fit must not change",
         items=[
-            (name, name.replace("_", " ").capitalize(), parameter.keep, "NONE", 1 << bit)
+            (name, _title(name.replace("_", " ")), parameter.keep, "NONE", 1 << bit)
             for bit, (name, parameter) in enumerate(TABLE.items())
         ],
         options={"ENUM_FLAG"},
+        translation_context=FACESTAGE,
     )
     start_from_rig: BoolProperty(
-        name="Start from the rig",
+        name="Start from the Rig",
         description="Start the fit at the rig's present sliders instead of the mean face",
     )
     keep_camera: BoolProperty(
-        name="Keep camera",
+        name="Keep Camera",
         description="Leave the scene's camera where it is and move the head; otherwise the "
         "camera is placed by the fit",
     )
@@ -433,7 +446,7 @@ class SceneSettings(OfFace, bpy.types.PropertyGroup):
 
     world_before: PointerProperty(
         type=bpy.types.World,
-        name="World before",
+        name="World Before",
         description="The world that was put out of the way",
     )
     faces: CollectionProperty(
@@ -462,12 +475,12 @@ class RunState(bpy.types.PropertyGroup):
         name="Progress", description="Share of the work done", min=0, max=1, subtype="FACTOR"
     )
     photo_error: FloatProperty(
-        name="Photo error",
+        name="Photo Error",
         description="Root mean square difference to the photo, linear",
         default=-1,
     )
     seconds_left: FloatProperty(
-        name="Time left", description="Estimate of the seconds left", default=-1
+        name="Time Left", description="Estimate of the seconds left", default=-1
     )
     cancel: BoolProperty(name="Cancel", description="Set to ask the running process to stop")
 
@@ -502,9 +515,9 @@ def attach() -> None:
     bpy.types.Object.facestage_face = PointerProperty(type=FaceSettings)
     bpy.types.Object.facestage_landmark = PointerProperty(type=LandmarkSettings)
     bpy.types.Material.facestage_part = EnumProperty(
-        name="Part of the face",
+        name="Part of the Face",
         description="What this material covers",
-        items=[("AUTO", "By name", "As the material's name says, else skin")]
+        items=[("AUTO", "By Name", "As the material's name says, else skin")]
         + [(part.upper(), part.capitalize(), PART_HELP[part]) for part in PARTS],
     )
     bpy.types.Scene.facestage = PointerProperty(type=SceneSettings)

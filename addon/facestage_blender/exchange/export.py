@@ -49,7 +49,7 @@ class Format:
 
 FORMATS = {
     "GLB": Format(
-        "glTF binary",
+        "glTF Binary",
         ".glb",
         "export_scene.gltf",
         {
@@ -91,7 +91,7 @@ FORMATS = {
         embeds=False,
     ),
     "OBJ": Format(
-        "OBJ, without sliders",
+        "OBJ, Without Sliders",
         ".obj",
         "wm.obj_export",
         {

@@ -39,7 +39,7 @@ from .result_textures import loading_steps
 def apply_result(scene: bpy.types.Scene, result: Result) -> None:
     """Write the fitted face, lights and camera into the scene.
 
-    With the scene's "Keep camera" the camera stays and only the head moves; where another face was
+    With the scene's "Keep Camera" the camera stays and only the head moves; where another face was
     fitted in the same camera's picture, the stage moves in the camera's place. Raises InputError
     before anything changes when the rig is of another model, or something of the result or the
     scene does not fit.

@@ -59,7 +59,7 @@ def adopt(
     """Make the object the scene's rig for the model that the backend made of it; nothing is moved
     yet.
 
-    With the object's "Facestage skin" the materials of face, eyes and mouth give way to
+    With the object's "Facestage Skin" the materials of face, eyes and mouth give way to
     Facestage's; the user's stay in the file.
 
     Raises InputError before anything changes where nothing was marked and the face that was found

@@ -57,7 +57,7 @@ def give_pores(rig: bpy.types.Object) -> None:
     skins = _skins(rig)
     if not skins:
         raise InputError(
-            "The rig's skin is not Facestage's, so it can have no pores; switch Facestage skin "
+            "The rig's skin is not Facestage's, so it can have no pores; switch Facestage Skin "
             "on for it and apply the result."
         )
     _set_attributes(rig)

@@ -142,11 +142,12 @@ class FACESTAGE_PT_options(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "device")
         layout.prop(settings, "seed")
         layout.prop(settings, "output")
-        layout.label(text="Keep as is")
+        layout.label(text="Keep as Is")
         grid = layout.grid_flow(columns=2, align=True, row_major=True)
         grid.use_property_split = False
         grid.prop(settings, "freeze")
-        column = layout.column(align=True, heading="Trust")
+        layout.label(text="Trust")
+        column = layout.column(align=True)
         for name in ("photo", "landmarks", "prior", "light"):
             column.prop(settings, f"weight_{name}")
 

@@ -9,7 +9,7 @@ from ..drawing import draw_wrapped
 from ..scene.obstacles import clear, cleared, give_back, obstacles, world_shines
 from ..scene.stage import new_stage, require_stage, stage_lights
 from ..scene.surroundings import light_as_world
-from ..translations import said
+from ..translations import FACESTAGE, said
 from .action import Action
 from .sidebar import SidebarPanel, line_width
 from .white_balance import draw_white_balance
@@ -175,6 +175,7 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
     """The stage's lights one by one."""
 
     bl_label = "Lights"
+    bl_translation_context = FACESTAGE
     bl_parent_id = "FACESTAGE_PT_stage"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -191,8 +192,9 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
         )
         column = layout.column(align=True)
         for light in stage_lights(context.scene.facestage.stage):
-            row = column.row(align=True)
-            row.label(text=f"{light.facestage_light.index + 1}")
+            numbered = column.split(factor=0.12, align=True)
+            numbered.label(text=f"{light.facestage_light.index + 1}")
+            row = numbered.row(align=True)
             row.prop(light.facestage_light, "state", text="", icon_only=True)
             values = row.row(align=True)
             values.active = light.facestage_light.state != "OFF"

@@ -153,14 +153,23 @@ class FACESTAGE_PT_own_mesh(SidebarPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(face, "fit_shape")
         column.prop(face, "own_materials")
-        layout.prop(face, "identity_prefix")
+        _draw_split(layout, face, "identity_prefix", said("Identity Sliders"))
         materials = [slot.material for slot in item.material_slots if slot.material is not None]
         if materials:
             column = layout.column(align=True)
             for material in materials:
-                column.prop(material, "facestage_part", text=material.name)
+                _draw_split(column, material, "facestage_part", material.name, "MATERIAL")
         if not draw_task(layout, context, FACESTAGE_OT_use_my_mesh.task):
             layout.operator("facestage.use_my_mesh", icon="FILE_REFRESH" if used else "ADD")
+
+
+def _draw_split(
+    layout: bpy.types.UILayout, owner: object, name: str, label: str, icon: str = "NONE"
+) -> None:
+    """A setting with more room for its label than Blender gives one in a sidebar."""
+    row = layout.split(factor=0.55, align=True)
+    row.label(text=label, icon=icon, translate=False)
+    row.prop(owner, name, text="")
 
 
 class FACESTAGE_PT_mesh_landmarks(_OnMesh, SidebarPanel, bpy.types.Panel):

@@ -26,7 +26,12 @@ from .landmarks import FACESTAGE_OT_detect_landmarks
 from .sidebar import SidebarPanel, draw_task, line_width
 
 FILTER = ";".join(f"*{suffix}" for suffix in PHOTO_SUFFIXES)
-FROM = {"FILE": "from the file", "DETECTED": "found automatically", "EDITED": "edited by hand"}
+FROM = {
+    "FILE": "{count} points, from the file",
+    "DETECTED": "{count} points, found automatically",
+    "EDITED": "{count} points, edited by hand",
+}
+FEWER = {HIDDEN: "{count} hidden", IGNORED: "{count} ignored"}
 MARKS = ((VISIBLE, "HIDE_OFF"), (HIDDEN, "HIDE_ON"), (IGNORED, "X"))
 
 
@@ -145,12 +150,10 @@ class FACESTAGE_PT_photo(SidebarPanel, bpy.types.Panel):
         if photo:
             row.operator("facestage.add_photos", icon="ADD", text="" if settings.photos else "Add")
         if not draw_task(layout, context, FACESTAGE_OT_detect_landmarks.task):
-            row = layout.row(align=True)
+            row = layout.split(factor=0.62, align=True)
             row.enabled = bool(settings.photo) and not state.task
             row.operator("facestage.detect_landmarks", icon="VIEWZOOM")
-            face = row.row(align=True)
-            face.ui_units_x = 4.5
-            face.prop(settings, "face_number")
+            row.prop(settings, "face_number")
         row = layout.row(align=True)
         file = bpy.path.basename(settings.landmarks)
         row.operator(
@@ -189,7 +192,7 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     empties = landmark_empties(context.scene)
     states = [empty.facestage_landmark.state for empty in empties]
     counts = [
-        f"{states.count(state)} {state.lower()}" for state in (HIDDEN, IGNORED) if state in states
+        said(words, count=states.count(state)) for state, words in FEWER.items() if state in states
     ]
     layout.label(text=said("{count} points to drag (G)", count=len(empties)), icon="EMPTY_AXIS")
     if counts:
@@ -206,15 +209,15 @@ def draw_editing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def landmark_lines(settings: bpy.types.PropertyGroup) -> list[str]:
     """How many landmarks there are, where they come from, and how many the fit trusts less."""
     if not settings.landmarks:
-        return ["Landmarks: found automatically"]
+        return [said("Landmarks: found automatically")]
     try:
         path = absolute(settings.landmarks)
         count, left = _count(path, path.stat().st_mtime_ns)
     except (OSError, InputError):
-        return ["The landmark file cannot be read"]
+        return [said("The landmark file cannot be read")]
     return [
-        f"{count} points, {FROM[settings.landmarks_from]}",
-        *([f"{left} hidden or ignored"] if left else []),
+        said(FROM[settings.landmarks_from], count=count),
+        *([said("{count} hidden or ignored", count=left)] if left else []),
     ]
 
 

@@ -43,7 +43,7 @@ class FACESTAGE_OT_relight(Action, bpy.types.Operator):
     direction: EnumProperty(
         name="From",
         description="Where the light comes from, as seen in the picture",
-        items=[("fitted", "As fitted", "The lights that the fit found")]
+        items=[("fitted", "As Fitted", "The lights that the fit found")]
         + [(name, setup.label, setup.help) for name, setup in LIGHT_FROM.items()],
     )
     mirrored: BoolProperty(

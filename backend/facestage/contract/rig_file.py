@@ -35,18 +35,18 @@ UNKNOWN_PART = 255
 # What a user may mark: name -> (words, index in the ibug68 scheme). Left and right are the
 # subject's.
 MARKS: Mapping[str, tuple[str, int]] = {
-    "eye_right_outer": ("Outer corner of the right eye", 36),
-    "eye_right_inner": ("Inner corner of the right eye", 39),
-    "eye_left_inner": ("Inner corner of the left eye", 42),
-    "eye_left_outer": ("Outer corner of the left eye", 45),
-    "nose_bridge": ("Bridge of the nose, between the eyes", 27),
-    "nose_tip": ("Tip of the nose", 30),
-    "nose_base": ("Base of the nose, above the lip", 33),
-    "mouth_right": ("Right corner of the mouth", 48),
-    "mouth_left": ("Left corner of the mouth", 54),
-    "lip_upper": ("Middle of the upper lip's upper edge", 51),
-    "lip_lower": ("Middle of the lower lip's lower edge", 57),
-    "chin": ("Lowest point of the chin", 8),
+    "eye_right_outer": ("Outer Corner of the Right Eye", 36),
+    "eye_right_inner": ("Inner Corner of the Right Eye", 39),
+    "eye_left_inner": ("Inner Corner of the Left Eye", 42),
+    "eye_left_outer": ("Outer Corner of the Left Eye", 45),
+    "nose_bridge": ("Bridge of the Nose, Between the Eyes", 27),
+    "nose_tip": ("Tip of the Nose", 30),
+    "nose_base": ("Base of the Nose, Above the Lip", 33),
+    "mouth_right": ("Right Corner of the Mouth", 48),
+    "mouth_left": ("Left Corner of the Mouth", 54),
+    "lip_upper": ("Middle of the Upper Lip's Upper Edge", 51),
+    "lip_lower": ("Middle of the Lower Lip's Lower Edge", 57),
+    "chin": ("Lowest Point of the Chin", 8),
 }
 
 

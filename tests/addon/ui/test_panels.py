@@ -33,7 +33,7 @@ class Drawn:
     def box(self, **_: object) -> Drawn:
         return Drawn(self.words)
 
-    row = column = grid_flow = box
+    row = column = grid_flow = split = box
 
 
 @pytest.fixture

@@ -25,12 +25,15 @@ OTHER_ROOMS = {"headless", "synthetic", "translations"}  # without a panel
 @pytest.fixture
 def words(scene, repository: Path) -> set[str]:
     """All that the add-on says in fixed words, from its classes and its code."""
+    import bpy
+
     from facestage_blender import registration
 
     found: set[str] = set()
     for module in registration.MODULES:
         for kind in module.CLASSES:
             found |= set(of_class(kind))
+    found |= set(of_property(bpy.types.Material.bl_rna.properties["facestage_part"]))
     for path in (repository / "addon" / "facestage_blender").rglob("*.py"):
         if not OTHER_ROOMS & set(path.parts):
             found |= set(of_code(ast.parse(path.read_text(encoding="utf-8"))))
@@ -52,9 +55,13 @@ def of_class(kind: Any) -> Iterator[str]:
     for each in rna.properties:
         if each.identifier in NOT_SHOWN or each.is_hidden:
             continue
-        yield from (each.name, each.description)
-        for item in each.enum_items if each.type == "ENUM" else ():
-            yield from (item.name, item.description)
+        yield from of_property(each)
+
+
+def of_property(each: Any) -> Iterator[str]:
+    yield from (each.name, each.description)
+    for item in each.enum_items if each.type == "ENUM" else ():
+        yield from (item.name, item.description)
 
 
 def of_code(tree: ast.AST) -> Iterator[str]:
