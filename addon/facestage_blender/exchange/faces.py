@@ -23,6 +23,7 @@ from ..scene.paths import absolute
 from ..scene.several import separate_light
 from ..scene.stage import stage_lights
 from ..skin.lashes import remove_lashes
+from ..skin.wet_eyes import dry_eyes
 
 # What a face has made for itself, and what another one therefore begins without.
 _MADE = (
@@ -83,6 +84,7 @@ def remove_face(scene: bpy.types.Scene, number: int) -> None:
         if rig.facestage_face.control_rig is not None:
             remove_control_rig(scene)
         remove_lashes(rig)
+        dry_eyes(rig)
         if not rig.facestage_face.own_mesh:
             _delete(rig)
     if stage is not None:

@@ -33,6 +33,7 @@ from ..skin.displaced_skin import displace
 from ..skin.lashes import color_lashes
 from ..skin.material import set_scattering, set_textures
 from ..skin.uneven_skin import set_curvature
+from ..skin.wet_eyes import keep_wet
 from .result_textures import loading_steps
 
 
@@ -124,6 +125,7 @@ def _write(
     if translucency > 0:
         set_curvature(rig, result.vertices)
     color_lashes(rig)
+    keep_wet(rig)
     if not settings.keep_camera and not moves_stage:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)

@@ -16,8 +16,10 @@ from facestage.contract.face_model import FaceModel
 from ..scene import frames
 from ..scene.several import separate_light
 from ..scene.stage import facestage_collection, relative_matrix, require_stage
-from ..skin.lashes import remember_lids, renew_lashes
+from ..skin.lashes import renew_lashes
+from ..skin.lids import remember_lids
 from ..skin.material import part_materials, show_model
+from ..skin.wet_eyes import renew_wet_eyes
 from . import relief_key
 from .landmark_points import remember_landmarks
 from .own_record import OwnMesh
@@ -63,6 +65,7 @@ def build_rig(
     remember_lids(mesh, model)
     remember_landmarks(mesh, model)
     renew_lashes(rig)
+    renew_wet_eyes(rig)
     separate_light(scene)
     return rig
 

@@ -33,6 +33,7 @@ TRANSLUCENCY = "Translucency"  # how unevenly light comes out where the switch i
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 NORMAL_NODE = "Normal Map"
 PORES = "Pores"  # the bump of pores.py, which lies between the normal map and the group
+IRIS = "Iris behind the Cornea"  # the nodes of iris_depth.py, which have normals of their own
 TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
 
@@ -76,33 +77,33 @@ def skin_group() -> bpy.types.NodeTree:
 def _wire_group(group: bpy.types.NodeTree) -> None:
     nodes, links = group.nodes, group.links
     inputs, output = (
-        _node(nodes, "NodeGroupInput", -900, 0),
-        _node(nodes, "NodeGroupOutput", 700, 0),
+        node_at(nodes, "NodeGroupInput", -900, 0),
+        node_at(nodes, "NodeGroupOutput", 700, 0),
     )
 
-    scale = _node(nodes, "ShaderNodeVectorMath", -600, 250)
+    scale = node_at(nodes, "ShaderNodeVectorMath", -600, 250)
     scale.operation = "SCALE"
     scale.inputs["Scale"].default_value = K_DIFFUSE
     links.new(inputs.outputs["Albedo"], scale.inputs[0])
-    diffuse = _node(nodes, "ShaderNodeBsdfDiffuse", -350, 250)
+    diffuse = node_at(nodes, "ShaderNodeBsdfDiffuse", -350, 250)
     diffuse.inputs["Roughness"].default_value = 0.0
     normal = _normal_or_smooth(nodes, links, inputs.outputs[NORMAL.socket])
     uneven = emerging(group, inputs.outputs[TRANSLUCENCY], normal, scale.outputs["Vector"])
     links.new(uneven, diffuse.inputs["Color"])
 
-    lobe = _node(nodes, "ShaderNodeBsdfPrincipled", -600, 0)
+    lobe = node_at(nodes, "ShaderNodeBsdfPrincipled", -600, 0)
     lobe.distribution = "GGX"
     lobe.inputs["Base Color"].default_value = (F0, F0, F0, 1.0)
     lobe.inputs["Metallic"].default_value = 1.0
     lobe.inputs["Specular Tint"].default_value = (1.0, 1.0, 1.0, 1.0)
     links.new(inputs.outputs["Roughness"], lobe.inputs["Roughness"])
 
-    below = _node(nodes, "ShaderNodeSubsurfaceScattering", -350, 550)
+    below = node_at(nodes, "ShaderNodeSubsurfaceScattering", -350, 550)
     below.falloff = "RANDOM_WALK_SKIN"
     below.inputs["Radius"].default_value = [METRES * each for each in RADIUS_MM]
     links.new(scale.outputs["Vector"], below.inputs["Color"])
     links.new(inputs.outputs[SCATTERING], below.inputs["Scale"])
-    body = _node(nodes, "ShaderNodeMixShader", -100, 350)
+    body = node_at(nodes, "ShaderNodeMixShader", -100, 350)
     links.new(inputs.outputs[SUBSURFACE], body.inputs[0])
     links.new(diffuse.outputs["BSDF"], body.inputs[1])
     links.new(below.outputs["BSSRDF"], body.inputs[2])
@@ -112,14 +113,14 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
 
     total = body.outputs[0]
     for step in range(int(SPECULAR_MAX)):
-        share = _node(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
+        share = node_at(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
         share.operation, share.use_clamp = "SUBTRACT", True
         share.inputs[1].default_value = float(step)
         links.new(inputs.outputs["Specular"], share.inputs[0])
-        mix = _node(nodes, "ShaderNodeMixShader", -100, -200 * step)
+        mix = node_at(nodes, "ShaderNodeMixShader", -100, -200 * step)
         links.new(share.outputs[0], mix.inputs["Fac"] if "Fac" in mix.inputs else mix.inputs[0])
         links.new(lobe.outputs["BSDF"], mix.inputs[2])
-        add = _node(nodes, "ShaderNodeAddShader", 200 + 220 * step, 100 - 100 * step)
+        add = node_at(nodes, "ShaderNodeAddShader", 200 + 220 * step, 100 - 100 * step)
         links.new(total, add.inputs[0])
         links.new(mix.outputs[0], add.inputs[1])
         total = add.outputs[0]
@@ -130,16 +131,16 @@ def _normal_or_smooth(
     nodes: bpy.types.Nodes, links: bpy.types.NodeLinks, given: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
     """The normal that is given; the mesh's own where none is, which a group's input says as 0."""
-    length = _node(nodes, "ShaderNodeVectorMath", -900, 800)
+    length = node_at(nodes, "ShaderNodeVectorMath", -900, 800)
     length.operation = "LENGTH"
     links.new(given, length.inputs[0])
-    is_given = _node(nodes, "ShaderNodeMath", -750, 800)
+    is_given = node_at(nodes, "ShaderNodeMath", -750, 800)
     is_given.operation = "GREATER_THAN"
     is_given.inputs[1].default_value = 0.5
     links.new(length.outputs["Value"], is_given.inputs[0])
-    chosen = _node(nodes, "ShaderNodeMix", -600, 800)
+    chosen = node_at(nodes, "ShaderNodeMix", -600, 800)
     chosen.data_type = "VECTOR"
-    smooth = _node(nodes, "ShaderNodeNewGeometry", -900, 1000)
+    smooth = node_at(nodes, "ShaderNodeNewGeometry", -900, 1000)
     links.new(is_given.outputs[0], chosen.inputs["Factor"])
     a, b = (
         next(each for each in chosen.inputs if each.name == name and each.type == "VECTOR")
@@ -168,11 +169,11 @@ def plain_material(
     name: str, color: tuple[float, float, float], roughness: float
 ) -> bpy.types.Material:
     """A new dielectric material of one color (linear RGB), for what is not skin."""
-    material, nodes, links = _empty_material(name)
-    surface = _node(nodes, "ShaderNodeBsdfPrincipled", 0, 0)
+    material, nodes, links = empty_material(name)
+    surface = node_at(nodes, "ShaderNodeBsdfPrincipled", 0, 0)
     surface.inputs["Base Color"].default_value = (*color, 1.0)
     surface.inputs["Roughness"].default_value = roughness
-    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    output = node_at(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(surface.outputs["BSDF"], output.inputs["Surface"])
     return material
 
@@ -181,15 +182,15 @@ def _see_through() -> bpy.types.Material:
     """Tear film, lashes and the like: the fit does not trace them, so they must not hide the
     eyes.
     """
-    material, nodes, links = _empty_material(f"Facestage {PARTS[OTHER].capitalize()}")
-    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    material, nodes, links = empty_material(f"Facestage {PARTS[OTHER].capitalize()}")
+    output = node_at(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(
-        _node(nodes, "ShaderNodeBsdfTransparent", 0, 0).outputs["BSDF"], output.inputs["Surface"]
+        node_at(nodes, "ShaderNodeBsdfTransparent", 0, 0).outputs["BSDF"], output.inputs["Surface"]
     )
     return material
 
 
-def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
+def empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
     """A new material, its nodes (none) and its links."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # before Blender 5.0 a new material has no nodes
@@ -199,11 +200,11 @@ def _empty_material(name: str) -> tuple[bpy.types.Material, Any, Any]:
 
 
 def _part_material(name: str, uv_map: str, scatters: bool) -> bpy.types.Material:
-    material, nodes, links = _empty_material(name)
-    skin = _node(nodes, "ShaderNodeGroup", 0, 0)
+    material, nodes, links = empty_material(name)
+    skin = node_at(nodes, "ShaderNodeGroup", 0, 0)
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
     skin[SCATTERS] = bool(scatters)
-    output = _node(nodes, "ShaderNodeOutputMaterial", 300, 0)
+    output = node_at(nodes, "ShaderNodeOutputMaterial", 300, 0)
     links.new(skin.outputs["BSDF"], output.inputs["Surface"])
     for each in TEXTURE_MAPS:
         node = picture_node(material, each, uv_map)
@@ -220,11 +221,11 @@ def picture_node(
     if each.socket in nodes:
         return nodes[each.socket]
     row = TEXTURE_MAPS.index(each)
-    node = _node(nodes, "ShaderNodeTexImage", -700, 100 - 320 * row)
+    node = node_at(nodes, "ShaderNodeTexImage", -700, 100 - 320 * row)
     node.name = node.label = each.socket
     node.interpolation, node.extension = "Linear", "EXTEND"
     if uv_map:
-        uvs = _node(nodes, "ShaderNodeUVMap", -950, 100 - 320 * row)
+        uvs = node_at(nodes, "ShaderNodeUVMap", -950, 100 - 320 * row)
         uvs.uv_map = uv_map
         links.new(uvs.outputs["UV"], node.inputs["Vector"])
     return node
@@ -233,8 +234,8 @@ def picture_node(
 def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) -> None:
     """Turn a material's normals as a normal map says, or no more."""
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    if NORMAL.socket not in nodes[GROUP].inputs:
-        return  # a group that its user has made another of
+    if NORMAL.socket not in nodes[GROUP].inputs or IRIS in nodes:
+        return  # a group that its user has made another of, or eyes that are flat in the map
     bent = nodes[PORES].inputs["Normal"] if PORES in nodes else nodes[GROUP].inputs[NORMAL.socket]
     for link in list(bent.links):
         links.remove(link)
@@ -330,7 +331,8 @@ def show_model(rig: bpy.types.Object, model: FaceModel) -> None:
     set_textures(rig, images, {name: getattr(rig.facestage_face, name) for name in PLAIN})
 
 
-def _node(nodes: bpy.types.Nodes, kind: str, x: float, y: float) -> bpy.types.Node:
+def node_at(nodes: bpy.types.Nodes, kind: str, x: float, y: float) -> bpy.types.Node:
+    """A new node of a kind, placed."""
     node = nodes.new(kind)
     node.location = (x, y)
     return node

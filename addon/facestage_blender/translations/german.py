@@ -461,6 +461,8 @@ _RESULT = {
     "Result folder; empty: the last fit's": "Ergebnisordner; leer: der der letzten Anpassung",
     "Open Report": "Bericht öffnen",
     "Open the last fit's report in the web browser": "Den Bericht der letzten Anpassung im Browser öffnen",
+    "Wet Eyes": "Feuchte Augen",
+    "Give the eyes a clear cornea with the iris behind it, and tears along the lids; they follow gaze and lids. Not fitted, and not in exported files; again: none": "Den Augen eine klare Hornhaut mit der Iris dahinter und Tränen an den Lidern geben; sie folgen Blick und Lidern. Nicht angepasst und nicht in exportierten Dateien; noch einmal: keine",
     "Lashes": "Wimpern",
     "Let the rig have eyelashes, in the color of its brows, that follow its lids; again: none. Exported files hold none": "Dem Rig Wimpern in der Farbe seiner Brauen geben, die den Lidern folgen; noch einmal: keine. Exportierte Dateien haben keine",
     "Displace Skin": "Haut verformen",

@@ -17,8 +17,10 @@ from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
 from ..scene.several import separate_light
 from ..skin.displaced_skin import displace, is_displaced
-from ..skin.lashes import grow_lashes, has_lids, lashes_of, remove_lashes
+from ..skin.lashes import grow_lashes, lashes_of, remove_lashes
+from ..skin.lids import has_lids
 from ..skin.pores import give_pores, pores_of, remove_pores
+from ..skin.wet_eyes import dry_eyes, wet_eyes, wet_eyes_of
 from .action import Action, SteppedAction, Toggle
 from .relight import draw_light
 from .sidebar import SidebarPanel, existing
@@ -84,6 +86,30 @@ class FACESTAGE_OT_lashes(Toggle, bpy.types.Operator):
             grow_lashes(rig)
         else:
             remove_lashes(rig)
+        separate_light(context.scene)
+
+
+class FACESTAGE_OT_wet_eyes(Toggle, bpy.types.Operator):
+    """Gives the eyes cornea and tears, or takes them away."""
+
+    bl_idname = "facestage.wet_eyes"
+    bl_label = "Wet Eyes"
+    bl_description = (
+        "Give the eyes a clear cornea with the iris behind it, and tears along the lids; they "
+        "follow gaze and lids. Not fitted, and not in exported files; again: none"
+    )
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether they are wet."""
+        return wet_eyes_of(require_rig(context.scene)) is not None
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Wet them, or dry them."""
+        rig = require_rig(context.scene)
+        if on:
+            wet_eyes(rig)
+        else:
+            dry_eyes(rig)
         separate_light(context.scene)
 
 
@@ -161,10 +187,13 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             )
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
-            row = layout.row()
+            row = layout.row(align=True)
             row.enabled = has_lids(settings.rig)
             row.operator(
                 "facestage.lashes", icon="STRANDS", depress=lashes_of(settings.rig) is not None
+            )
+            row.operator(
+                "facestage.wet_eyes", icon="HIDE_OFF", depress=wet_eyes_of(settings.rig) is not None
             )
             pores = pores_of(settings.rig)
             row = layout.row(align=True)
@@ -180,6 +209,7 @@ CLASSES = (
     FACESTAGE_OT_apply_result,
     FACESTAGE_OT_open_report,
     FACESTAGE_OT_lashes,
+    FACESTAGE_OT_wet_eyes,
     FACESTAGE_OT_pores,
     FACESTAGE_OT_displace_skin,
     FACESTAGE_PT_result,

@@ -39,7 +39,7 @@ def shown(item: Any) -> np.ndarray:
 
 def hairs(lashes: Any) -> np.ndarray:
     """(hairs, sections, 3) the middle of each section."""
-    from facestage_blender.skin.lashes import SECTIONS, SIDES
+    from facestage_blender.skin.hairs import SECTIONS, SIDES
 
     return shown(lashes).reshape(-1, SECTIONS, SIDES, 3).mean(axis=2)
 

@@ -18,7 +18,10 @@ from facestage.contract.arrays import Float, Float32
 from facestage.models.anatomy.regions import IRIS_RADIUS, PUPIL_RADIUS
 
 PUPIL = 0.006  # albedo
-PUPIL_EDGE, LIMBUS = 0.00018, (-0.0006, 0.0004)  # metres: half a width; from the iris' radius
+PUPIL_EDGE, LIMBUS = 0.00018, (-0.0005, 0.0007)  # metres: half a width; from the iris' radius
+# The dark ring where the white begins to lie over the iris' border: log albedo, where from the
+# iris' radius and how broad (metres), and how far it takes the iris' own hue away.
+RING, RING_AT, RING_WIDTH, RING_GREY = -0.4, 0.0001, 0.00038, 0.7
 # Log albedo: the fibres' spread, the collarette, the ring round the pupil, the rim.
 FIBRES, COLLARETTE, INNER_RING, RIM = 0.22, 0.16, -0.5, -0.95
 # Of the white's albedo, what the vessels take, and the blood that shows towards the corners.
@@ -68,11 +71,14 @@ def eye_albedo(
     log_white = (
         np.log(white) + np.log1p(-vessels[:, None] * VESSELS) + np.log1p(-blush[:, None] * BLUSH)
     )
-    log_iris = np.log(iris) + iris_log_change(radius, angle, seed)[:, None]
+    ring = np.exp(-(((radius - IRIS_RADIUS - RING_AT) / RING_WIDTH) ** 2))[:, None]
+    grey = RING_GREY * _smooth((radius - IRIS_RADIUS) / 0.0015 + 1)[:, None]
+    hue = np.log(iris) - np.log(iris).mean()
+    log_iris = np.log(iris) - grey * hue + iris_log_change(radius, angle, seed)[:, None]
     low, high = LIMBUS
     outside = _smooth((radius - IRIS_RADIUS - low) / (high - low))[:, None]
     pupil = _smooth((PUPIL_RADIUS + PUPIL_EDGE - radius) / (2 * PUPIL_EDGE))[:, None]
-    logs = (1 - outside) * log_iris + outside * log_white
+    logs = (1 - outside) * log_iris + outside * log_white + RING * ring
     return np.asarray(np.exp((1 - pupil) * logs + pupil * np.log(PUPIL)), np.float32)
 
 
