@@ -13,7 +13,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ class Blender:
     process: subprocess.Popen[bytes] | None = None
     asked: int = 0
     shots: int = 0
+    longest: dict[str, float] = field(default_factory=dict)  # milliseconds
 
     def start(self, *arguments: str) -> None:
         """Start Blender with its default scene and wait until it answers."""
@@ -169,6 +170,17 @@ class Blender:
         """Have drawn what has changed: without a graphics card a drawing takes seconds."""
         if self.process is None or self.process.poll() is None:
             self.do("bpy.ops.wm.redraw_timer(type='DRAW_WIN_SWAP', iterations=1)")
+
+    @contextmanager
+    def stalls(self, what: str) -> Iterator[None]:
+        """Note in stalls.json the longest time in which the window answers nothing while ``what``
+        is done: milliseconds of its thread's processor time, drawing with them.
+        """
+        self.do("beat['longest'] = 0.0")
+        yield
+        self.longest[what] = round(1000.0 * self.ask("beat['longest']"), 1)
+        path = self.out / "stalls.json"
+        path.write_text(json.dumps(self.longest, indent=1), encoding="utf-8")
 
     def shot(self, name: str) -> Path:
         """A picture of the whole screen, numbered in the order of the walk."""

@@ -10,6 +10,7 @@ import pytest
 
 from window.blender import Blender, missing, screen
 
+os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"  # before anything imports OpenCV
 ADDON = "bpy.context.preferences.addons['bl_ext.user_default.facestage_blender']"
 VARIABLE = "FACESTAGE_WINDOW"
 

@@ -1,12 +1,14 @@
 """Runs inside Blender: does what the tests ask, one file of Python at a time, and answers.
 
 A request is N.py in the folder $FACESTAGE_TALK; the answer is N.json. The code runs in the
-largest 3D View's context; what it leaves in ``answer`` is sent back.
+largest 3D View's context; what it leaves in ``answer`` is sent back. ``beat``: how long the window
+has answered nothing meanwhile.
 """
 
 import json
 import os
 import sys
+import time
 import traceback
 from pathlib import Path
 
@@ -14,6 +16,17 @@ import bpy
 
 TALK = Path(os.environ["FACESTAGE_TALK"])
 SECONDS = 0.05
+# Processor seconds of this thread: when it was free last, what requests took since, and the longest
+# that it was not free.
+beat = {"last": time.thread_time(), "asked": 0.0, "longest": 0.0}
+
+
+def tick() -> float:
+    """Note how long the thread was not free, but for what the tests asked."""
+    now = time.thread_time()
+    beat["longest"] = max(beat["longest"], now - beat["last"] - beat["asked"])
+    beat["last"], beat["asked"] = now, 0.0
+    return 0.0
 
 
 def view() -> dict[str, object]:
@@ -30,9 +43,10 @@ def view() -> dict[str, object]:
 def listen() -> float:
     """Do what has been asked since the last call."""
     for request in sorted(TALK.glob("*.py")):
+        start = time.thread_time()
         code = request.read_text(encoding="utf-8")
         request.unlink()
-        known = {"bpy": bpy, "answer": None}
+        known = {"bpy": bpy, "answer": None, "beat": beat}
         try:
             with bpy.context.temp_override(**view()):
                 exec(compile(code, request.name, "exec"), known)
@@ -42,8 +56,10 @@ def listen() -> float:
         partial = request.with_suffix(".partial")
         partial.write_text(json.dumps(answer, default=str), encoding="utf-8")
         partial.rename(request.with_suffix(".json"))
+        beat["asked"] += time.thread_time() - start
     return SECONDS
 
 
 bpy.app.timers.register(listen, persistent=True)
+bpy.app.timers.register(tick, persistent=True)
 sys.stdout.flush()

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import struct
 import time
 from pathlib import Path
 
@@ -15,7 +14,10 @@ import cv2
 import numpy as np
 import pytest
 
-from facestage.contract.files.color import srgb_to_linear
+from facestage.contract.arkit import ARKIT_NAMES
+from facestage.contract.camera import Camera
+from facestage.contract.files.color import linear_to_srgb, srgb_to_linear
+from reference.gltf_viewer import AreaLamp, Viewed, view
 from window.blender import Blender
 
 ADDON = "bpy.context.preferences.addons['bl_ext.user_default.facestage_blender']"
@@ -25,7 +27,50 @@ STATE = "bpy.context.window_manager.facestage"
 SPACE = "bpy.context.area.spaces.active"
 BROWSER = (250, 190, 1100, 625)  # where Blender opens its file browser on this screen
 BELOW = 31  # pixels from a panel's title to its first row
+SEEN = """
+import numpy as np
+from bl_ext.user_default.facestage_blender.scene.camera import camera_pose, read_camera
+scene = bpy.context.scene
+to_face = np.linalg.inv(np.array(scene.facestage.rig.matrix_world))  # which is exported upright
+width, height = scene.render.resolution_x, scene.render.resolution_y
+lens = read_camera(scene.camera.data, width, height)
+lamps = []
+for item in bpy.context.view_layer.objects:
+    if item.type == "LIGHT" and not item.hide_render:
+        size = item.data.size
+        radiance = item.data.energy * np.array(item.data.color) / (np.pi * size**2)
+        pose = to_face @ np.array(item.matrix_world)
+        lamps.append([pose.tolist(), [size, size], radiance.tolist()])
+answer = {
+    "size": [width, height], "focal": lens.focal_px, "principal": list(lens.principal_px),
+    "pose": (to_face @ camera_pose(scene.camera)).tolist(), "lamps": lamps,
+}
+"""
+CYCLES = """
+scene = bpy.context.scene
+scene.facestage.rig.data.shape_keys.key_blocks["jawOpen"].value = {jaw}
+render = scene.render
+wanted = {{
+    "engine": "CYCLES", "film_transparent": True, "resolution_percentage": 100 * {scale},
+    "use_border": True, "use_crop_to_border": True, "border_min_x": {left} / render.resolution_x,
+    "border_max_x": {right} / render.resolution_x,
+    "border_min_y": 1 - {bottom} / render.resolution_y,
+    "border_max_y": 1 - {top} / render.resolution_y,
+}}
+kept = {{name: getattr(render, name) for name in wanted}}
+for name, value in wanted.items():
+    setattr(render, name, value)
+render.image_settings.file_format, render.image_settings.color_mode = "OPEN_EXR", "RGBA"
+scene.cycles.samples, scene.cycles.use_denoising = 32, False
+render.filepath = {path!r}
+bpy.ops.render.render(write_still=True)
+for name, value in kept.items():
+    setattr(render, name, value)
+render.image_settings.file_format = "PNG"
+"""
 PATH_FIELD, ACCEPT = (825, 208), (1280, 790)
+NAME_FIELD = 700, 790
+CLOSER = 2
 
 
 @pytest.fixture(scope="module")
@@ -122,20 +167,25 @@ def test_the_stage_names_what_is_in_the_way_and_hides_it(blender: Blender):
 
 
 def test_the_face_rig_is_built(blender: Blender):
-    blender.click("Build Face Rig")
-    blender.until(f"{SETTINGS}.rig", 200)
-    blender.idle()
+    with blender.stalls("Build Face Rig"):
+        blender.click("Build Face Rig")
+        blender.until(f"{SETTINGS}.rig", 200)
+        blender.idle()
     blender.shot("rig")
     blender.find("Rebuild Face Rig")
 
 
 def test_the_fit_shows_its_progress_and_its_result(blender: Blender):
     blender.do(f"{SETTINGS}.quality = 'draft'")
-    blender.click("Fit to Photo")
-    blender.until(f"{STATE}.task == 'Fitting' and {STATE}.fraction > 0.05", 200)
-    blender.shot("fit-running")
-    blender.find("s left")
-    blender.idle()
+    with blender.stalls("Fit to Photo"):
+        blender.click("Fit to Photo")
+        blender.until(f"{STATE}.task == 'Fitting' and {STATE}.fraction > 0.05", 200)
+        blender.shot("fit-running")
+        blender.find("s left")
+        blender.until(f"{STATE}.fraction > 0.95 or not {STATE}.task", 300)
+    with blender.stalls("Apply"):
+        blender.idle()
+        blender.until(f"{SETTINGS}.result")
     assert blender.ask(f"{STATE}.failure") == ""
     blender.until(f"{SETTINGS}.result")
     blender.shot("fit-done")
@@ -220,18 +270,51 @@ def test_eevee_renders_the_face_as_bright_as_the_photo(blender: Blender, photo: 
     assert rendered / shown == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_face_is_exported_with_its_skin(blender: Blender):
-    path = blender.out / "face.glb"
+def test_another_program_shows_the_exported_face(blender: Blender):
+    """Exported by the mouse; read by trimesh, drawn by Mitsuba, and compared with Cycles."""
+    path = blender.out / "my photos" / "face.glb"
     path.unlink(missing_ok=True)
-    blender.do(f"bpy.ops.facestage.export(filepath={str(path)!r})")
-    content = path.read_bytes()
-    length = struct.unpack_from("<I", content, 12)[0]
-    described = json.loads(content[20 : 20 + length])
-    assert any(
-        "baseColorTexture" in each.get("pbrMetallicRoughness", {})
-        for each in described["materials"]
-    )
-    assert "jawOpen" in described["meshes"][0]["extras"]["targetNames"]
+    blender.scroll(40)
+    blender.click("Export Face")
+    blender.press(*PATH_FIELD)
+    blender.press(*PATH_FIELD)
+    blender.key("ctrl+a")
+    blender.type(f"{path.parent}/")
+    blender.key("Return")
+    blender.shot("export-browser")
+    blender.press(*NAME_FIELD)
+    blender.press(*NAME_FIELD)
+    blender.key("ctrl+a")
+    blender.type(path.name)
+    blender.key("Return")
+    blender.press(*ACCEPT)
+    blender.wait(path.exists, 60, "a file")
+    exported = view(path)
+    assert set(ARKIT_NAMES) <= set(exported.weights)
+    assert exported.parts[0].color.shape[0] >= 512
+    seen = blender.do(SEEN)
+    width, height = seen["size"]
+    lens = Camera(width, height, seen["focal"], tuple(seen["principal"]))
+    box, camera = _closer(lens, np.array(seen["pose"]), exported)
+    pose, lamps = np.array(seen["pose"]), [AreaLamp(*map(np.array, each)) for each in seen["lamps"]]
+    pictures, files = [], blender.out / "elsewhere.exr"
+    for jaw in (exported.weights["jawOpen"], 0.6):
+        blender.do(CYCLES.format(jaw=jaw, path=str(files), scale=CLOSER, **box), 600)
+        expected = cv2.imread(str(files), cv2.IMREAD_UNCHANGED)[..., [2, 1, 0, 3]]
+        found = exported.picture(camera, pose, lamps, 256, {**exported.weights, "jawOpen": jaw})
+        pictures.append((expected, found))
+    blender.do("bpy.ops.facestage.set_expression(to='FITTED')")
+    rows = [
+        np.hstack([linear_to_srgb(np.clip(each[..., :3], 0, 1)) for each in pair])
+        for pair in pictures
+    ]
+    sheet = blender.out / f"{blender.shots:02d}-blender-and-another-program.png"
+    blender.shots += 1
+    assert cv2.imwrite(str(sheet), (255 * np.vstack(rows)[..., ::-1]).round().astype(np.uint8))
+    for expected, found in pictures:
+        match = _psnr(expected, found)
+        print(f"Cycles and another program: {match:.1f} dB, at least 24; {sheet}")
+        assert match >= 24.0
 
 
 def test_a_saved_file_finds_all_again(blender: Blender):
@@ -344,6 +427,40 @@ def _runs(process: int) -> bool:
     except OSError:
         return False
     return status.rpartition(")")[2].split()[0] != "Z"
+
+
+def _closer(lens: Camera, pose: np.ndarray, exported: Viewed) -> tuple[dict[str, int], Camera]:
+    """The head's part of the camera's picture, and the camera that sees it CLOSER times larger."""
+    to_camera = np.linalg.inv(pose)
+    points = np.concatenate([part.vertices for part in exported.parts])
+    pixels = lens.project(points @ to_camera[:3, :3].T + to_camera[:3, 3])
+    left, top = np.maximum(np.floor(pixels.min(axis=0)).astype(int), 0).tolist()
+    size = lens.width, lens.height
+    right, bottom = np.minimum(np.ceil(pixels.max(axis=0)).astype(int), size).tolist()
+    (x, y), scale = lens.principal_px, CLOSER
+    return {"left": left, "top": top, "right": right, "bottom": bottom}, Camera(
+        scale * (right - left),
+        scale * (bottom - top),
+        scale * lens.focal_px,
+        (scale * (x - left), scale * (y - top)),
+    )
+
+
+def _psnr(one: np.ndarray, other: np.ndarray) -> float:
+    """Decibels in sRGB between two linear pictures (h, w, 4), where both are covered, by means of
+    squares of 4 pixels: neither is without noise.
+    """
+    one, other = (_squares(each) for each in (one, other))
+    mask = np.minimum(one[..., 3], other[..., 3]) > 0.99
+    assert mask.mean() > 0.05
+    apart = [linear_to_srgb(np.clip(each[mask][:, :3], 0, 1)) for each in (one, other)]
+    return float(-10 * np.log10(((apart[0] - apart[1]) ** 2).mean()))
+
+
+def _squares(picture: np.ndarray, side: int = 4) -> np.ndarray:
+    height, width = (size // side for size in picture.shape[:2])
+    cut = picture[: height * side, : width * side]
+    return np.asarray(cut.reshape(height, side, width, side, -1).mean(axis=(1, 3)))
 
 
 def _cheeks(picture: Path, landmarks: dict[str, list[list[float]]]) -> float:

@@ -197,6 +197,8 @@ def _copy(
 ) -> Iterator[None]:
     """The face as it is exported, the only selected object of the scene while the block runs."""
     before = {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images")}
+    for layer in scene.view_layers:
+        layer.update()  # a script may have moved the rig just now
     matrix = rig.matrix_world.copy()
     mesh = rig.data.copy()
     copy = bpy.data.objects.new(NAME, mesh)

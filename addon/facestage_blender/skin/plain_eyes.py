@@ -66,7 +66,8 @@ def spread_uvs(mesh: bpy.types.Mesh, index: int) -> None:
     left, bottom, right, top = uv_box(points[chosen])
     size = np.maximum([right - left, top - bottom], 1e-6)
     points[chosen] = (points[chosen] - [left, bottom]) / size
-    layer.uv.foreach_set("vector", uvs)
+    # Not layer.uv: until Blender 5.1 that writes into the mesh that this one was copied from, too.
+    mesh.attributes[layer.name].data.foreach_set("vector", uvs)
 
 
 def _median(pixels: np.ndarray, box: Box) -> float:

@@ -94,6 +94,13 @@ def shown_points(item) -> np.ndarray:
     return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def uvs_of(item) -> np.ndarray:
+    """The UV map of a mesh, flat."""
+    uvs = np.empty(2 * len(item.data.loops), np.float32)
+    item.data.uv_layers[0].uv.foreach_get("vector", uvs)
+    return uvs
+
+
 def apart(one: np.ndarray, other: np.ndarray) -> float:
     """The largest distance in metres of a point of one from the nearest point of the other."""
     return float(max(KDTree(one).query(other)[0].max(), KDTree(other).query(one)[0].max()))
@@ -143,6 +150,39 @@ def test_an_imported_face_looks_and_moves_as_the_exported_one(
     assert apart(shown_points(there), opened) > 100 * TOLERANCE
 
 
+@pytest.mark.parametrize("jaw", [JAW, 0.0])
+def test_another_program_shows_the_exported_face(face, tmp_path: Path, jaw: float) -> None:
+    """Read by trimesh and drawn by Mitsuba, which have nothing of Blender's."""
+    import bpy
+
+    from facestage_blender.exchange.export import export_face
+    from facestage_blender.pictures.render import render_linear, save_png, srgb
+    from facestage_blender.rig.sliders import set_slider
+    from facestage_blender.scene.camera import camera_pose, read_camera
+    from reference.gltf_viewer import AreaLamp, view
+
+    written = export_face(face, tmp_path / "face.glb", in_place=True)
+    there = view(written[0])
+    assert there.weights["jawOpen"] == pytest.approx(JAW)
+    set_slider(face.facestage.rig.data.shape_keys.key_blocks["jawOpen"], jaw)
+    expected = render_linear(face, 64)
+    lamps = [
+        AreaLamp(
+            np.array(item.matrix_world),
+            np.full(2, item.data.size),
+            item.data.energy * np.array(item.data.color) / (np.pi * item.data.size**2),
+        )
+        for item in bpy.data.objects
+        if item.type == "LIGHT"
+    ]
+    camera = read_camera(face.camera.data, SIZE, SIZE)
+    found = there.picture(camera, camera_pose(face.camera), lamps, 256, {"jawOpen": jaw})
+    save_png(tmp_path / "two.png", srgb(np.hstack([expected[..., :3], found[..., :3]])))
+    match = psnr(expected, found)
+    print(f"{match:.1f} dB, at least 30; {tmp_path / 'two.png'}")
+    assert match >= 30.0
+
+
 def test_eyes_keep_their_own_picture(face, head: FaceModel, tmp_path: Path) -> None:
     """A left half of red and a right half of blue, whatever the albedo below them is."""
     from dataclasses import replace
@@ -164,7 +204,9 @@ def test_eyes_keep_their_own_picture(face, head: FaceModel, tmp_path: Path) -> N
     albedo = texture_image("albedo", np.full((64, 64, 3), 0.3, np.float32))
     eyes = texture_image("eyes", pixels)
     set_textures(rig, {"albedo": albedo, "specular": gloss, EYE_MAP.name: eyes}, {"roughness": 0.4})
+    before = uvs_of(rig)
     written = export_face(face, tmp_path / "face.glb", in_place=True)
+    np.testing.assert_array_equal(uvs_of(rig), before)
     there = imported(face, written[0])
     index, material = next(
         (index, slot.material)

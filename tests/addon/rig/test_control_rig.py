@@ -12,6 +12,7 @@ from facestage.contract.arkit import ARKIT_NAMES, spellings
 from facestage.contract.face_model import FaceModel
 
 EXACT = 2e-5
+SEEN = 1e-4  # what a slider shows above rounding
 
 # Handle, property, axis, metres or radians, and what it moves.
 MOVES = [
@@ -108,7 +109,7 @@ def shown(rig) -> dict[str, float]:
     return {
         key.name: key.value
         for key in list(rig.data.shape_keys.key_blocks)[1:]
-        if abs(key.value) > EXACT and not key.name.startswith("identity/")
+        if abs(key.value) > SEEN and not key.name.startswith("identity/")
     }
 
 
