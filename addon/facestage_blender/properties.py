@@ -388,6 +388,11 @@ class OfFace(OfPhoto):
         name="Start from the Rig",
         description="Start the fit at the rig's present sliders instead of the mean face",
     )
+    pin_focal: BoolProperty(
+        name="Find Focal Length",
+        description="Pins find the focal length, too, from the next drag on: a dozen or more, all "
+        "over the face. The face goes as much further away, and shows as large as before",
+    )
     keep_camera: BoolProperty(
         name="Keep Camera",
         description="Leave the scene's camera where it is and move the head; otherwise the "

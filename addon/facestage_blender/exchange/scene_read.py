@@ -69,7 +69,8 @@ def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
             prior=settings.weight_prior,
             light=settings.weight_light,
         ),
-        initial=_initial(scene, frozen, camera_to_stage),
+        initial=_initial(scene, frozen, camera_to_stage)
+        | (_pinned(scene, camera is None) if photo is None and given.pins else {}),
         budget_seconds=settings.budget or None,
         quality=settings.quality,
         seed=settings.seed,
@@ -112,3 +113,19 @@ def _initial(
     if camera_to_stage is not None and (settings.start_from_rig or "pose" in frozen):
         values["model_to_camera"] = np.linalg.inv(camera_to_stage) @ read_model_to_stage(scene)
     return values
+
+
+def _pinned(scene: bpy.types.Scene, finds_focal: bool) -> dict[str, np.ndarray]:
+    """A face that was pinned is where the fit of its photo starts: as it stands in the camera."""
+    if scene.facestage.photos:  # whose other photos start elsewhere, with another identity
+        return {}
+    lens = require_camera(scene)
+    width, height = load_image(require_photo(scene)).size
+    identity, expression = (
+        np.array(list(each.values())) for each in read_weights(require_rig(scene))
+    )
+    pose = np.linalg.inv(read_camera_to_stage(scene)) @ read_model_to_stage(scene)
+    found = {"identity": identity, "expression": expression, "model_to_camera": pose}
+    if finds_focal:
+        found["focal_px"] = np.array(read_camera(lens.data, width, height).focal_px)
+    return found

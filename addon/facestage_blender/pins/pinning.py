@@ -23,6 +23,7 @@ from ..rig.own_marks import slot_parts
 from ..rig.sliders import carrier
 from ..scene.camera import camera_pose, read_camera, require_camera
 from ..scene.paths import require_photo
+from ..scene.several import shares_camera
 from .picking import surface_at
 from .record import Record, moved_pin, with_pin, without_pin
 from .rig_shapes import Slider, current_vertices, read_handles, read_shapes, read_values, sliders_of
@@ -32,6 +33,7 @@ from .solver import Guess, Shapes, Sight, energy, positions, solve, upright_pose
 # independent points all of them are.
 LANDMARK_SIGMA_SHARE, INDEPENDENT = 0.0085, 17.0
 HIDDEN_SIGMA = 3.0
+FOCAL_SIGMA = 0.25  # of the logarithm of a focal length that is unknown
 # A face that nothing says the place of follows its pins as a whole.
 LOOSE = 10.0
 DRAG_STEPS = 4  # of the solver for each move of the mouse
@@ -50,6 +52,7 @@ class Setting:
     handles: np.ndarray
     carrier_pose: Matrix
     rig_pose: Matrix
+    lens_mm: float
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> Setting:
@@ -67,15 +70,23 @@ class Setting:
             read_handles(rig, sliders),
             carrier(rig).matrix_world.copy(),
             rig.matrix_world.copy(),
+            camera.data.lens,
         )
 
     def guess(self) -> Guess:
-        """How the face stands."""
+        """How the face stands, through which lens."""
         to_camera = np.linalg.inv(camera_pose(self.camera)) @ np.array(self.rig.matrix_world)
-        return Guess(to_camera, read_values(self.rig, self.sliders))
+        focal_px = self.lens_now().focal_px
+        return Guess(to_camera, read_values(self.rig, self.sliders), focal_px)
+
+    def lens_now(self) -> Camera:
+        """The camera's lens as it is by now."""
+        return read_camera(self.camera.data, self.lens.width, self.lens.height)
 
     def show(self, guess: Guess) -> None:
-        """Let the face stand so."""
+        """Let the face stand so, and the camera have this lens."""
+        if guess.focal_px is not None and guess.focal_px != self.lens_now().focal_px:
+            self.camera.data.lens = self.lens_mm * guess.focal_px / self.lens.focal_px
         pose = Matrix((camera_pose(self.camera) @ guess.to_camera).tolist())
         moved = carrier(self.rig)
         if moved == self.rig:
@@ -94,7 +105,7 @@ class Setting:
         to_camera = self.guess().to_camera
         points = current_vertices(self.rig) @ to_camera[:3, :3].T + to_camera[:3, 3]
         return surface_at(
-            pixel, self.lens.project(points), -points[:, 2], shown_triangles(self.rig)
+            pixel, self.lens_now().project(points), -points[:, 2], shown_triangles(self.rig)
         )
 
 
@@ -115,6 +126,7 @@ class Pinning:
         self._anchors = corners, weights
         settings = scene.facestage
         self._loose = 1.0 if settings.result or settings.landmarks else LOOSE
+        self._focal_sigma = FOCAL_SIGMA if finds_focal(scene) else 0.0
         self._prepare()
 
     @property
@@ -126,7 +138,7 @@ class Pinning:
     def shown(self) -> np.ndarray:
         """(p, 2) pixels at which the pinned points of the face show."""
         points = positions(self._shapes, self.guess)[len(self._anchors[0]) :]
-        return np.asarray(self.setting.lens.project(points))
+        return np.asarray(self._lens(self.guess).project(points))
 
     @property
     def landmarks(self) -> np.ndarray:
@@ -197,7 +209,7 @@ class Pinning:
         self._shapes = self.setting.shapes(corners, weights)
         count = len(self._anchors[0])
         seen = positions(self._shapes, self.before)[:count]
-        self._targets = np.asarray(self.setting.lens.project(seen))
+        self._targets = np.asarray(self._lens(self.before).project(seen))
         self._face_px = face_size(self._targets)
 
     def _sight(self) -> Sight:
@@ -206,16 +218,31 @@ class Pinning:
         deviation = np.full(count, self._loose * LANDMARK_SIGMA_SHARE * self._face_px)
         deviation[~np.isfinite(self._targets).all(axis=1)] = np.inf
         return Sight(
-            self.setting.lens,
+            self._lens(self.before if self._focal_sigma else self.guess),
             np.concatenate([np.nan_to_num(self._targets), self.pins.points]),
             np.concatenate([deviation, self.pins.deviation]),
             np.concatenate([np.full(count, INDEPENDENT / count), np.ones(pins)]),
             np.arange(count + pins) >= count,
+            self._focal_sigma,
         )
+
+    def _lens(self, guess: Guess) -> Camera:
+        focal_px = guess.focal_px or self.setting.lens.focal_px
+        return replace(self.setting.lens, focal_px=focal_px)
+
+
+def finds_focal(scene: bpy.types.Scene) -> bool:
+    """Whether pins find the focal length, too: where the lens is unknown, and nothing else shows
+    through it.
+    """
+    settings = scene.facestage
+    known = settings.known_lens or settings.keep_camera or "focal" in settings.freeze
+    return settings.pin_focal and not known and not shares_camera(scene)
 
 
 def place_by_landmarks(scene: bpy.types.Scene) -> None:
-    """Stand the rig where the photo's landmarks are, with the sliders that they ask for.
+    """Stand the rig where the photo's landmarks are, with the sliders that they ask for, and the
+    focal length where that is unknown.
 
     Raises InputError when there are none, or something is missing.
     """
@@ -224,7 +251,8 @@ def place_by_landmarks(scene: bpy.types.Scene) -> None:
     if landmarks is None:
         raise InputError("The photo has no landmarks; press Detect Landmarks first.")
     indices, corners, weights = anchors(setting.rig, landmarks.scheme)
-    shapes, sight = setting.shapes(corners, weights), _sight_of(landmarks, indices, setting.lens)
+    sight = _sight_of(landmarks, indices, setting.lens, FOCAL_SIGMA if finds_focal(scene) else 0.0)
+    shapes = setting.shapes(corners, weights)
     rest = np.clip(np.zeros(len(setting.sliders)), shapes.low, shapes.high)
     to_camera = upright_pose(shapes.at(rest), sight, np.array(setting.rig.matrix_world.to_scale()))
     start = Guess(to_camera, rest)
@@ -261,7 +289,7 @@ def shown_triangles(rig: bpy.types.Object) -> np.ndarray:
     return corners.reshape(-1, 3)[~np.isin(slots, left_out)]
 
 
-def _sight_of(landmarks: Landmarks, indices: np.ndarray, lens: Camera) -> Sight:
+def _sight_of(landmarks: Landmarks, indices: np.ndarray, lens: Camera, focal_sigma: float) -> Sight:
     pixels = landmarks.points[indices]
     deviation = np.full(len(indices), LANDMARK_SIGMA_SHARE * face_size(pixels))
     deviation[~landmarks.visible[indices]] *= HIDDEN_SIGMA
@@ -270,11 +298,16 @@ def _sight_of(landmarks: Landmarks, indices: np.ndarray, lens: Camera) -> Sight:
         deviation = np.where(weights > 0, deviation / np.sqrt(np.maximum(weights, 1e-30)), np.inf)
     deviation[~np.isfinite(pixels).all(axis=1)] = np.inf
     share = np.full(len(indices), INDEPENDENT / len(indices))
-    return Sight(lens, np.nan_to_num(pixels), deviation, share, np.zeros(len(indices), bool))
+    sure = np.zeros(len(indices), bool)
+    return Sight(lens, np.nan_to_num(pixels), deviation, share, sure, focal_sigma)
 
 
 def _same(one: Guess, other: Guess) -> bool:
-    return one.sliders.shape == other.sliders.shape and (
-        np.allclose(one.to_camera, other.to_camera, atol=SAME)
-        and np.allclose(one.sliders, other.sliders, atol=SAME)
+    if one.sliders.shape != other.sliders.shape:
+        return False
+    focal, before = one.focal_px or 0.0, other.focal_px or 0.0  # older files do not say
+    if focal and before and abs(focal - before) > SAME * before:
+        return False
+    return np.allclose(one.to_camera, other.to_camera, atol=SAME) and np.allclose(
+        one.sliders, other.sliders, atol=SAME
     )

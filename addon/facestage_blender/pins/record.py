@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
+from facestage.contract.camera import FOCAL_MAX, FOCAL_MIN
 from facestage.contract.errors import InputError
 from facestage.contract.pins import DEVIATION_MIN, Pins
 from facestage.contract.schemas.array_field import Array
-from facestage.contract.schemas.fields import Part, Plain, Table, Text
+from facestage.contract.schemas.fields import Number, Part, Plain, Table, Text
 from facestage.contract.schemas.schema import FileSchema, checked, decoded_meta
 
 from ..properties import OfPhoto
@@ -28,6 +29,7 @@ class _GuessSchema(FileSchema):
 
     to_camera = Array((4, 4), minimum=-NUMBER_MAX, maximum=NUMBER_MAX)
     sliders = Array(("sliders",), minimum=-NUMBER_MAX, maximum=NUMBER_MAX)
+    focal_px = Number(FOCAL_MIN, FOCAL_MAX, load_default=None)
 
 
 class _RecordSchema(FileSchema):
@@ -132,4 +134,8 @@ def moved_pin(pins: Pins, index: int, pixel: np.ndarray) -> Pins:
 
 
 def _as_json(guess: Guess) -> dict[str, object]:
-    return {name: value.tolist() for name, value in vars(guess).items()}
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in vars(guess).items()
+        if value is not None
+    }

@@ -66,6 +66,8 @@ _PHOTO = {
     "The camera of the face's photo": "Die Kamera zum Foto des Gesichts",
     "Known Lens": "Objektiv bekannt",
     "The scene camera's focal length and shift are those of the photo; otherwise they are guessed": "Brennweite und Versatz der Szenenkamera sind die des Fotos; sonst werden sie geschätzt",
+    "Find Focal Length": "Brennweite suchen",
+    "Pins find the focal length, too, from the next drag on: a dozen or more, all over the face. The face goes as much further away, and shows as large as before": "Nadeln finden vom nächsten Ziehen an auch die Brennweite: ein Dutzend oder mehr, über das ganze Gesicht verteilt. Das Gesicht rückt ebenso viel weiter weg und bleibt im Bild so groß, wie es war",
     "Keep Camera": "Kamera behalten",
     "Leave the scene's camera where it is and move the head; otherwise the camera is placed by the fit": "Die Szenenkamera stehen lassen und den Kopf bewegen; sonst stellt die Anpassung die Kamera auf",
     "Focal Length": "Brennweite",

@@ -239,6 +239,8 @@ def draw_pins(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column = layout.column(align=True)
         column.label(text="Drag the wireframe", icon="MOUSE_LMB_DRAG")
         column.label(text="Right click on a pin: remove it", icon="MOUSE_RMB")
+        if not settings.known_lens and not settings.keep_camera:
+            column.prop(settings, "pin_focal")
     if count:
         layout.label(text=f"{count} pin{'s' if count > 1 else ''} for the next fit")
 

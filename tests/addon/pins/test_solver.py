@@ -46,19 +46,24 @@ def truth(scale: float = 1.0) -> Guess:
     return Guess(pose(scale), np.array([1.2, -0.7, 0.4, 2.0, 0.6, 0.0]))
 
 
-def sight_of(shapes: Shapes, guess: Guess, deviation: float = 0.01, sure: bool = True) -> Sight:
+def sight_of(
+    shapes: Shapes, guess: Guess, deviation: float = 0.01, sure: bool = True, focal: float = 0.0
+) -> Sight:
     count = len(shapes.rest)
     pixels = CAMERA.project(positions(shapes, guess))
     one = np.ones(count)
-    return Sight(CAMERA, pixels, deviation * one, one, np.full(count, sure))
+    return Sight(CAMERA, pixels, deviation * one, one, np.full(count, sure), focal)
 
 
-def test_jacobian_equals_finite_differences():
+@pytest.mark.parametrize("focal", [0.0, 0.25])
+def test_jacobian_equals_finite_differences(focal: float):
     shapes, guess, centre = face(), truth(), np.array([0.0, 0.0, -0.78])
-    sight = sight_of(shapes, guess)
+    sight = sight_of(shapes, guess, focal=focal)
+    guess, unknowns = replace(guess, focal_px=810.0), 6 + MODES + bool(focal)
     found, step = jacobian(shapes, sight, guess, centre), 1e-6
-    for column in range(6 + MODES):
-        by = np.zeros(6 + MODES)
+    assert found.shape[2] == unknowns
+    for column in range(unknowns):
+        by = np.zeros(unknowns)
         by[column] = step
         plus, minus = (
             residuals(shapes, sight, guess.turned(sign * by, centre)) for sign in (1, -1)
@@ -82,6 +87,27 @@ def test_pins_of_a_known_face_recover_it(scale: float):
     assert np.abs(away).max() < 1e-2
     np.testing.assert_allclose(found.sliders, wanted.sliders, atol=0.02)
     np.testing.assert_allclose(found.to_camera, wanted.to_camera, atol=2e-3)
+
+
+@pytest.mark.parametrize("wrong", [0.6, 1.0, 1.8])
+def test_pins_of_a_known_face_recover_the_focal_length(wrong: float):
+    """From a camera that has another one; where that is known, it stays, and the face is off."""
+    shapes, wanted, rest = face(), truth(), np.zeros(MODES)
+    sight = sight_of(shapes, wanted, deviation=1e-3)
+    for sigma in (0.25, 0.0):
+        guessed = replace(CAMERA, focal_px=wrong * CAMERA.focal_px)
+        sight = replace(sight, camera=guessed, focal_sigma=sigma)
+        start = Guess(upright_pose(shapes.rest, sight, np.ones(3)), rest)
+        found = solve(shapes, sight, start, rest)
+        focal = sight.lens(found).focal_px
+        if sigma:
+            away = sight.lens(found).project(positions(shapes, found)) - sight.pixels
+            print(f"{guessed.focal_px:.0f} px to {focal:.2f}, true 700; {np.abs(away).max():.4f}")
+            assert np.abs(away).max() < 1e-2
+            assert focal == pytest.approx(CAMERA.focal_px, rel=0.01)
+            np.testing.assert_allclose(found.to_camera, wanted.to_camera, atol=1e-2)
+        else:
+            assert focal == guessed.focal_px
 
 
 def test_the_answer_is_a_minimum_within_the_bounds():

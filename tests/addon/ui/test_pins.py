@@ -107,6 +107,85 @@ def test_pins_go_into_the_job_of_their_photo_and_are_cleared(ready, tmp_path: Pa
     assert Job.load(tmp_path / "work" / "job").pins is None
 
 
+def test_the_fit_starts_from_the_face_as_it_was_pinned(ready, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.pins.pinning import Setting
+
+    ready.facestage.result = ""
+    bpy.ops.facestage.drag_pin(start=(48, 42), to=(51, 41))
+    bpy.ops.facestage.fit(apply=False)
+    job, setting = Job.load(tmp_path / "work" / "job"), Setting.of(ready)
+    assert job.camera is None
+    assert job.initial["focal_px"] == pytest.approx(setting.lens.focal_px)
+    guess = setting.guess()
+    np.testing.assert_allclose(job.initial["model_to_camera"][:3, 3], guess.to_camera[:3, 3])
+    shown = np.concatenate([job.initial["identity"], job.initial["expression"]])
+    np.testing.assert_allclose(shown, guess.sliders)
+    ready.facestage.known_lens = True
+    bpy.ops.facestage.fit(apply=False)
+    assert "focal_px" not in Job.load(tmp_path / "work" / "job").initial
+    bpy.ops.facestage.clear_pins()
+    bpy.ops.facestage.fit(apply=False)
+    assert Job.load(tmp_path / "work" / "job").initial == {}
+
+
+@pytest.mark.parametrize("wrong", [0.75, 1.4])
+@pytest.mark.parametrize("asked", [True, False])
+def test_pins_find_the_focal_length_when_asked(ready, wrong: float, asked: bool) -> None:
+    """The egg through a wrong lens, pinned to where the right one shows it."""
+    import bpy
+
+    from facestage_blender.pins.pinning import Pinning
+    from facestage_blender.pins.record import Record, with_pin
+
+    places, data = faced(ready), ready.camera.data
+    truth, rig = data.lens, ready.facestage.rig
+    near = np.linalg.norm(places - places[places[:, 0].argsort()].mean(axis=0), axis=1) < 20
+    vertices = [v for v in np.flatnonzero(near)[::15] if rig.data.vertices[v].co.y < 0.05]
+    data.lens = start = wrong * truth
+    rig.location.y += (wrong - 1.0) * 0.6
+    ready.view_layers[0].update()
+    record = Record.of(ready.facestage, rig)
+    pins = record.pins
+    for vertex in vertices:
+        pins = with_pin(pins, np.full(3, vertex), np.array([1.0, 0, 0]), places[vertex], 0.05)
+    Record(record.model, pins).store(ready.facestage)
+    ready.facestage.pin_focal = asked
+    for _ in range(3):
+        where = places[vertices[0]]
+        assert bpy.ops.facestage.drag_pin(start=where, to=where) == {"FINISHED"}
+    print(f"{len(pins)} pins: {start:.1f} mm to {data.lens:.1f}, true {truth:.1f}")
+    if not asked:
+        assert data.lens == pytest.approx(start)
+        return
+    assert data.lens == pytest.approx(truth, rel=0.1)
+    np.testing.assert_allclose(Pinning(ready).shown, pins.points, atol=0.2)
+    bpy.ops.facestage.drag_pin(start=where, to=where)
+    while ready.facestage.pins:
+        assert bpy.ops.facestage.remove_pin() == {"FINISHED"}
+    assert data.lens == pytest.approx(start)
+
+
+def test_a_lens_that_is_known_stays(ready) -> None:
+    import bpy
+
+    from facestage_blender.pins.pinning import finds_focal
+
+    assert not finds_focal(ready)
+    ready.facestage.pin_focal = True
+    assert finds_focal(ready)
+    for name in ("known_lens", "keep_camera"):
+        setattr(ready.facestage, name, True)
+        assert not finds_focal(ready)
+        setattr(ready.facestage, name, False)
+    ready.facestage.freeze = {"focal"}
+    assert not finds_focal(ready)
+    lens = ready.camera.data.lens
+    bpy.ops.facestage.drag_pin(start=(48, 42), to=(51, 41))
+    assert ready.camera.data.lens == lens
+
+
 def test_a_face_that_was_moved_since_is_where_the_next_pin_begins(ready) -> None:
     import bpy
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facestage.contract.camera import Camera
+from facestage.contract.camera import FOCAL_MAX, FOCAL_MIN, Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.face_model import SKIN, FaceModel
@@ -55,6 +55,7 @@ MODEL_SIZE_MIN, MODEL_SIZE_MAX = 0.01, 10.0
 # Share of the UV square that the face's skin must cover, about: less is not a texel of most
 # textures.
 UV_AREA_MIN = 1e-4
+FOCAL = "focal_px"  # a starting value: of the photo's pixels
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,17 @@ class Problem:
     def clear(self, face: np.ndarray) -> np.ndarray:
         """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""
         return clear_of_others(self.paintable, face, self.face_size_px)
+
+    @property
+    def start_camera(self) -> Camera:
+        """The camera that a fit starts with: the job's starting focal length in it, if it has
+        one.
+        """
+        focal = self.job.initial.get(FOCAL)
+        if focal is None:
+            return self.camera
+        given = replace(self.window.full_camera(self.camera), focal_px=float(focal))
+        return self.window.camera(given)
 
     def read_from_photo(self) -> dict[str, str]:
         """What was taken from the photo's file besides its pixels, in words; see Result.photo."""
@@ -249,7 +261,7 @@ def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: F
     """Raise InputError for a starting value of a wrong name, shape or kind."""
     specular = initial.get("specular")
     side = fineness.specular_size if specular is None or specular.ndim != 2 else len(specular)
-    shapes = kept_shapes(model, side) | {"model_to_camera": (4, 4)}
+    shapes = kept_shapes(model, side) | {"model_to_camera": (4, 4), FOCAL: ()}
     for name, value in initial.items():
         if name not in shapes:
             raise InputError(
@@ -260,6 +272,11 @@ def _check_initial(initial: dict[str, np.ndarray], model: FaceModel, fineness: F
                 f"The starting {name} has shape {value.shape}; '{model.name}' takes "
                 f"{shapes[name]} finite numbers."
             )
+    if not FOCAL_MIN <= float(initial.get(FOCAL, FOCAL_MIN)) <= FOCAL_MAX:
+        raise InputError(
+            f"The starting {FOCAL} is {float(initial[FOCAL]):g}; expected a positive number of "
+            "the photo's pixels."
+        )
     rotation = initial.get("model_to_camera", np.eye(4))[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise InputError(
@@ -379,6 +396,11 @@ def read_problem(
     model.landmark_vertices(landmarks.scheme)
     _check_size(model)
     _check_initial(job.initial, model, fineness)
+    if FOCAL in job.initial and (job.camera is not None or "focal" in job.freeze):
+        raise InputError(
+            f"The job holds the focal length, and has a starting value for it ({FOCAL}); leave "
+            "one of them out."
+        )
     geometry = geometry or FaceGeometry(model)
     _check_rendered(geometry, landmarks.scheme)
     if job.pins is not None:

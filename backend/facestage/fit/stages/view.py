@@ -183,7 +183,8 @@ class View:
         everything.
         """
         problem, initial = self.problem, self.problem.job.initial
-        rotation, translation = initial_pose(problem.geometry, problem.landmarks, problem.camera)
+        camera = problem.start_camera
+        rotation, translation = initial_pose(problem.geometry, problem.landmarks, camera)
         if "model_to_camera" in initial:
             rotation, translation = (
                 initial["model_to_camera"][:3, :3],
@@ -193,7 +194,7 @@ class View:
         return State(
             rotation=rotation,
             translation=translation,
-            camera=problem.camera,
+            camera=camera,
             lights=np.zeros(problem.lights.size),
             light_position=np.zeros((len(problem.lit_stage), AXES)),
             relief=np.zeros(len(problem.geometry.relief_basis)),
