@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -81,6 +82,36 @@ class LightTerms:
     # (3 channels, P, N) irradiance by light that other skin sends; empty: none. No derivative above
     # knows of it.
     indirect: np.ndarray = field(default_factory=_not_asked)
+
+    def under(self, radiance: np.ndarray) -> LightTerms:
+        """The same of three lights, which send what all send together in red, green and blue under
+        ``radiance`` (N, 3): at a radiance of 1 each in its own channel they light alike, in little
+        memory.
+        """
+        radiance = np.asarray(radiance, np.float32)
+        indirect = self.indirect
+        if indirect.size:
+            total = np.einsum("cpn,nc->cp", self.indirect, radiance)
+            indirect = total[:, :, None] * np.eye(3, dtype=np.float32)[:, None]
+        return replace(
+            self,
+            diffuse=self.diffuse @ radiance,
+            specular=self.specular @ radiance,
+            indirect=indirect,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[LightTerms]) -> LightTerms:
+        """Of points one after another, under the same lights."""
+        whole = {
+            item.name: np.concatenate(
+                [getattr(part, item.name) for part in parts],
+                axis=1 if item.name == "indirect" and parts[0].indirect.size else 0,
+            )
+            for item in fields(cls)
+            if item.name != "pairs"
+        }
+        return cls(**whole, pairs=sum(part.pairs for part in parts))
 
     @classmethod
     def dark(cls, points: int, lights: int, asked: Asked) -> LightTerms:

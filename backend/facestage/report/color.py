@@ -72,20 +72,19 @@ def shrink(linear: np.ndarray, side: int = MAX_SIDE) -> np.ndarray:
     """(h, w) or (h, w, 3) float32, area-averaged until the longer side is at most ``side``
     pixels.
     """
-    values = clean(linear)
-    factor = shrink_factor(values.shape, side)
+    factor = shrink_factor(linear.shape, side)
     if factor == 1.0:
-        return values
-    height, width = (max(1, round(length * factor)) for length in values.shape[:2])
+        return clean(linear)
+    height, width = (max(1, round(length * factor)) for length in linear.shape[:2])
     from PIL import Image
 
     def resized(channel: np.ndarray) -> np.ndarray:
-        picture: Image.Image = Image.fromarray(np.ascontiguousarray(channel))
+        picture: Image.Image = Image.fromarray(np.ascontiguousarray(clean(channel)))
         return np.asarray(picture.resize((width, height), Image.Resampling.BOX))
 
-    if values.ndim == 2:
-        return resized(values)
-    return np.stack([resized(values[..., channel]) for channel in range(values.shape[2])], axis=-1)
+    if linear.ndim == 2:
+        return resized(linear)
+    return np.stack([resized(linear[..., channel]) for channel in range(linear.shape[2])], axis=-1)
 
 
 def to_image(linear: np.ndarray) -> Image:

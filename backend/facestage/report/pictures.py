@@ -11,6 +11,7 @@ from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.report.color import (
+    MAX_SIDE,
     clean,
     exposure,
     luminance,
@@ -274,6 +275,8 @@ def draw_coverage(path: Path, coverage: np.ndarray) -> None:
         ("its mirror image", BY_SYMMETRY, "#5b9bd5"),
         ("the model", 0, "#2b2e36"),
     )
+    step = -(-len(coverage) // MAX_SIDE)
+    coverage = coverage[step // 2 :: step, step // 2 :: step]
     picture = np.zeros((*coverage.shape[:2], 3), np.uint8)
     canvas = Canvas(640, 700, DARK)
     left = 20.0

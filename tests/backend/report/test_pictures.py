@@ -89,9 +89,10 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
         report_data(coverage=np.ones((3, 3), bool))
 
 
-def test_each_origin_of_a_texel_has_its_color(tmp_path: Path) -> None:
-    coverage = np.zeros((16, 16, 3), np.uint8)
-    coverage[:, :5, 0], coverage[:, 5:10, 0] = SEEN, BY_SYMMETRY
+@pytest.mark.parametrize("times", [1, 100])
+def test_each_origin_of_a_texel_has_its_color(tmp_path: Path, times: int) -> None:
+    coverage = np.zeros((16 * times, 16 * times, 3), np.uint8)
+    coverage[:, : 5 * times, 0], coverage[:, 5 * times : 10 * times, 0] = SEEN, BY_SYMMETRY
     draw_coverage(tmp_path / "coverage.png", coverage)
     with Image.open(tmp_path / "coverage.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)

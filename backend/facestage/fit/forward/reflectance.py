@@ -165,7 +165,8 @@ def albedo_seen(
 
 def albedo_of(log_albedo: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     """The albedo of a logarithm that may be too bright, any shape."""
-    return np.minimum(np.exp(log_albedo), brdf.ALBEDO_MAX)
+    albedo = np.exp(log_albedo)
+    return np.minimum(albedo, brdf.ALBEDO_MAX, out=albedo if albedo.ndim else None)
 
 
 def by_log(

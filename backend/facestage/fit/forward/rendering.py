@@ -65,14 +65,7 @@ class Picture:
 
 def face_pixels(forward: ForwardModel, state: State) -> Int[np.ndarray, "pixels 2"]:
     """Columns and rows of the pixels in the head's bounding box."""
-    width, height = state.camera.width, state.camera.height
-    projected = state.camera.project(forward.pose(state)[1])
-    projected = projected[np.isfinite(projected).all(1)]
-    if not len(projected):
-        return np.zeros((0, 2), int)
-    low = np.clip(np.floor(projected.min(0)) - 1, 0, [width, height]).astype(int)
-    high = np.clip(np.ceil(projected.max(0)) + 1, 0, [width, height]).astype(int)
-    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+    y, x = np.mgrid[forward.box(state)]
     return np.stack([x.ravel(), y.ravel()], axis=1)
 
 

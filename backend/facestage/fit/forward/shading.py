@@ -138,6 +138,27 @@ class ForwardModel:
             normal_scale=normal_scale,
         )
 
+    def box(
+        self, state: State, triangles: Bool[np.ndarray, " triangles"] | None = None
+    ) -> tuple[slice, slice]:
+        """Rows and columns of the photo in which the mesh lies, or some ``triangles`` of it; all of
+        them where a part is behind the camera.
+        """
+        width, height = state.camera.width, state.camera.height
+        vertices = self.pose(state)[1]
+        if triangles is not None:
+            vertices = vertices[np.unique(self.geometry.triangles[triangles])]
+        projected = state.camera.project(vertices)
+        before = np.isfinite(projected).all(1)
+        if not before.any():
+            return slice(0, 0), slice(0, 0)
+        if not before.all():
+            return slice(0, height), slice(0, width)
+        limit = [width, height]
+        low = np.clip(np.floor(projected.min(0)) - 1, 0, limit).astype(int)
+        high = np.clip(np.ceil(projected.max(0)) + 1, 0, limit).astype(int)
+        return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
     def hits(self, state: State, pixels: Float[np.ndarray, "pixels 2"]) -> Hits:
         """What ``pixels`` see first of the rendered mesh at ``state``."""
         self.tracer.update(self.pose(state)[1] - state.translation)

@@ -14,7 +14,7 @@ from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
-from facestage.fit.textures.texel_field import Field, solve_field
+from facestage.fit.textures.texel_field import Field, solve_field, solved_levels
 from facestage.fit.textures.unseen_tone import unseen_tone
 
 ALBEDO_MIN, ALBEDO_BRIGHTEST = 0.005, 0.95
@@ -102,9 +102,12 @@ def albedo_detail(
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
-    found, known = solve_field(field)
+    coarse = None
+    for found, known in solved_levels(field):
+        if half_mirror is not None and len(found) == len(half_mirror):
+            coarse = found, known
     seen = (known > KNOWN) & atlas.skin
-    if half_mirror is None or not seen.any():
+    if half_mirror is None or coarse is None or not seen.any():
         return AlbedoDetail(
             _on_basis(found, known, painted, tone, atlas), seen, np.zeros_like(seen), tone
         )
@@ -112,13 +115,13 @@ def albedo_detail(
         field = field.halved()
     # What is seen stays as it is; the rest of the change is smooth, so that fewer texels are
     # enough for it.
-    change, known_too = _completion(field, half_mirror)
+    change, known_too = _completion(field, half_mirror, *coarse)
     times = atlas.size // len(change)
+    mirrored = np.repeat(np.repeat(known_too, times, axis=0), times, axis=1)
     for row in range(len(change)):
         rows = slice(times * row, times * (row + 1))
-        added = (1 - known[rows])[..., None] * np.repeat(change[row], times, axis=0)
-        found[rows] = np.where(atlas.skin[rows][..., None], found[rows] + added, 0.0)
-    mirrored = np.repeat(np.repeat(known_too, times, axis=0), times, axis=1)
+        unknown = np.where(atlas.skin[rows], 1 - known[rows], 0.0)[..., None]
+        found[rows] += unknown * np.repeat(change[row], times, axis=0)
     return AlbedoDetail(
         _on_basis(found, known + (1 - known) * mirrored, painted, tone, atlas),
         seen,
@@ -138,22 +141,25 @@ def _on_basis(
     to the basis.
     """
     result = np.asarray(found, np.float32)
-    if tone is not None:
-        for rows, there in atlas.baked(tone):
-            result[rows][atlas.covered[rows]] += there
-    if painted is not None:
-        share = np.where(atlas.skin, known, 0.0)
-        for rows, drawn in atlas.baked(painted):
-            covered = atlas.covered[rows]
-            result[rows][covered] -= share[rows][covered][:, None] * drawn
+    both = [each for each in (tone, painted) if each is not None]
+    if not both:
+        return result
+    none = np.zeros_like(both[0])
+    values = np.hstack([none if each is None else each for each in (tone, painted)])
+    for rows, there in atlas.baked(values):
+        covered = atlas.covered[rows]
+        share = np.where(atlas.skin[rows], known[rows], 0.0)[covered].astype(np.float32)
+        result[rows][covered] += there[:, :3] - share[:, None] * there[:, 3:]
     return result
 
 
 def _completion(
-    field: Field, mirror: Int[np.ndarray, "size size"]
+    field: Field,
+    mirror: Int[np.ndarray, "size size"],
+    found: Float[np.ndarray, "size size 3"],
+    known: Float[np.ndarray, "size size"],
 ) -> tuple[Float[np.ndarray, "size size 3"], Float[np.ndarray, "size size"]]:
     """What the mirror images add to ``field``'s solution, and how much is then known."""
-    found, known = solve_field(field)
     paired = mirror >= 0
     other = np.where(paired, mirror, 0).ravel()
     other_known = np.where(paired, known.ravel()[other].reshape(known.shape), 0.0)
@@ -255,4 +261,4 @@ def pigment_share(
 
 def painted(log_albedo: Float[np.ndarray, "size size 3"]) -> Float32[np.ndarray, "size size 3"]:
     """The albedo texture of a log albedo."""
-    return albedo_of(log_albedo).astype(np.float32)
+    return albedo_of(log_albedo.astype(np.float32, copy=False))

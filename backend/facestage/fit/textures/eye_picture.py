@@ -140,6 +140,5 @@ def eyes_painted(
         painted[row, column, channel] = map_coordinates(
             picture[..., channel], at, order=1, mode="nearest"
         )
-    away = ~atlas.covered
-    painted[away] = painted[tuple(each[away] for each in atlas.nearest)]
+    atlas.spread(painted)
     return painted

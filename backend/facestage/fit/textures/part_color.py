@@ -145,7 +145,9 @@ def _pixels_of_parts(
     forward: ForwardModel, state: State, look: Look
 ) -> Float[np.ndarray, "pixels 2"]:
     """The usable pixels that show eyes or teeth, looked for in blocks: a photo has millions."""
-    y, x = np.nonzero(look.usable)
+    wet = np.isin(forward.geometry.triangle_part, (EYES, TEETH))
+    box = forward.box(state, wet)
+    y, x = (each + side.start for each, side in zip(np.nonzero(look.usable[box]), box, strict=True))
     found = []
     for start in range(0, max(len(x), 1), BLOCK_PIXELS):
         block = slice(start, start + BLOCK_PIXELS)

@@ -30,8 +30,8 @@ from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
 
-# Texels along the atlas on which mirror images are looked up, and relief is, at most.
-MIRROR_SIZE, RELIEF_SIZE = 1024, 2048
+# Texels along the atlas on which mirror images are looked up, and relief is found, at most.
+COARSE_SIZE = 1024
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def refine(
     if size is None:
         size = texture_size(problem.face_size_px, problem.fineness)
     # The largest atlas and the light on each pixel of a large photo would not fit together.
-    coarse = Atlas.build(problem.geometry, min(size, RELIEF_SIZE))
+    coarse = Atlas.build(problem.geometry, min(size, COARSE_SIZE))
     detail, relief, eyes = None, None, None
     if shown is not None and "albedo" not in freeze:
         relief = (
@@ -89,11 +89,11 @@ def refine(
     if shown is not None:
         shown = shown.without_lights()
     atlas = coarse if coarse.size == size else Atlas.build(problem.geometry, size)
-    del coarse
-    logs = atlas.bake(forward.log_albedo(fitted.state))
+    vertices = forward.log_albedo(fitted.state)
     if shown is not None and "albedo" not in freeze:
-        wide = min(atlas.size // 2, MIRROR_SIZE)
-        half = small if small.size == wide else Atlas.build(problem.geometry, wide)
+        wide = min(atlas.size // 2, COARSE_SIZE)
+        ready = {small.size: small, coarse.size: coarse}
+        half = ready.get(wide) or Atlas.build(problem.geometry, wide)
         detail = albedo_detail(
             atlas,
             shown,
@@ -106,11 +106,16 @@ def refine(
             photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
+        vertices = vertices + parts
+        eyes = eye_picture(problem.geometry, vertices)
+    del shown  # what the largest maps need memory for
+    logs = atlas.bake(vertices)
+    if detail is not None:
+        logs += detail.log_albedo
         # Beyond the seams too, where lookups between texels reach.
-        logs += detail.log_albedo[atlas.nearest]
-        logs += atlas.bake(parts)
-        eyes = eye_picture(problem.geometry, forward.log_albedo(fitted.state) + parts)
+        atlas.spread(logs)
     albedo = painted(logs)
+    del logs
     if eyes is not None:
         albedo = eyes_painted(albedo, atlas, problem.geometry, eyes)
     textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss))
@@ -178,16 +183,15 @@ def _gloss_textures(
     specular = resampled(state.specular, size)
     roughness = np.full((size, size), state.roughness)
     if gloss is not None:
-        specular = np.where(small.skin, specular + resampled(gloss.specular, size), specular)[
-            small.nearest
-        ]
-        roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)[
-            small.nearest
-        ]
+        specular = np.where(small.skin, specular + resampled(gloss.specular, size), specular)
+        roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)
+        small.spread(specular)
+        small.spread(roughness)
     wet = np.zeros((size, size), bool)
     wet[small.covered] = np.isin(problem.geometry.triangle_part[small.triangle], (EYES, TEETH))
-    specular = np.where(wet[small.nearest], WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
-    roughness = np.where(wet[small.nearest], WET_ROUGHNESS, roughness)
+    small.spread(wet)
+    specular = np.where(wet, WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
+    roughness = np.where(wet, WET_ROUGHNESS, roughness)
     return specular.astype(np.float32), _rough(roughness).astype(np.float32)
 
 

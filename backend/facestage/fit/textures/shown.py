@@ -21,6 +21,7 @@ from facestage.render.light_terms import PLAIN, Asked, LightTerms
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
 SAMPLES, SHADOW_RAYS = 8, 5e6
+BLOCK_PIXELS = 2**18  # that are lit at once
 # Of a face of more pixels across than this, and than the largest texture shows, only every second,
 # third, ... is looked at.
 PIXELS_ACROSS = 1000.0
@@ -115,23 +116,31 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     """The pixels of the photo that show skin; None where there are none."""
     across = max(PIXELS_ACROSS, problem.fineness.painted_face_px)
     step = int(np.ceil(problem.face_size_px / across))
-    y, x = np.nonzero(problem.photograph.mask[::step, ::step])
+    box = forward.box(fitted.state, forward.geometry.fitted)
+    mask = np.zeros(problem.photograph.mask.shape, bool)
+    mask[box] = problem.photograph.mask[box]
+    y, x = np.nonzero(mask[::step, ::step])
     surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
     samples = int(
         np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES)
     )
-    terms = forward.light_terms(
-        fitted.state,
-        surface,
-        fitted.stage,
-        samples,
-        problem.job.seed,
-        Asked(by_roughness=True, by_surface=True),
-    )
-    image = forward.shade(fitted.state, surface, terms, radiance=fitted.stage.radiance)
-    forward.tracer.release()
+    # What each light does alone would be most of the memory.
+    parts = []
+    for start in range(0, len(surface.pixels), BLOCK_PIXELS):
+        terms = forward.light_terms(
+            fitted.state,
+            surface.part(slice(start, start + BLOCK_PIXELS)),
+            fitted.stage,
+            samples,
+            problem.job.seed,
+            Asked(by_roughness=True, by_surface=True),
+        )
+        parts.append(terms.under(fitted.stage.radiance))
+        forward.tracer.release()
+    terms = LightTerms.joined(parts)
+    image = forward.shade(fitted.state, surface, terms, radiance=np.eye(3))
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
     face = np.zeros(problem.paintable.shape, bool)

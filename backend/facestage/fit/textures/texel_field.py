@@ -4,6 +4,8 @@ fine.
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +17,8 @@ from facestage.fit.forward.shading import bilinear_weights, sample_bilinear
 COARSEST = 64
 TOLERANCE = 2e-3
 STEPS_COARSE, STEPS_FINE = 60, 10
+# Texels along the side of a tile, and around it; more than a step goes in all.
+TILE, HALO = 512, 12
 # Share of the answer that is known, on the level before, below which a texel is not solved for
 # again.
 NEGLIGIBLE = 0.005
@@ -59,66 +63,133 @@ class Field:
 
 def solve_field(
     field: Field,
-) -> tuple[Float[np.ndarray, "size size channels"], Float[np.ndarray, "size size"]]:
+) -> tuple[Float32[np.ndarray, "size size channels"], Float32[np.ndarray, "size size"]]:
     """The field, and 0..1 how much of it is known: its value where all
-    observations are 1.
-
-    Zero outside the texels. Each level starts from the one of half its size, so that few steps are
-    left to do.
+    observations are 1. Zero outside the texels.
     """
-    size = field.texels.shape[0]
-    channels = field.values.shape[1]
-    if not field.texels.any() or not (field.weight > 0).any():
-        return np.zeros((size, size, channels), np.float32), np.zeros((size, size), np.float32)
-    if size > COARSEST and size % 2 == 0:
-        known_and_values = doubled(np.dstack(solve_field(field.halved())))
-        wanted = field.texels & (known_and_values[..., -1] > NEGLIGIBLE)
-        known_and_values[~field.texels] = 0.0
-        start, steps = known_and_values, STEPS_FINE
-    else:
-        wanted, steps = field.texels, STEPS_COARSE
-        start = np.zeros((size, size, channels + 1), np.float32)
-    found = start.reshape(size * size, -1)
-    if wanted.any():
-        texels = np.flatnonzero(wanted)
-        system, right = _normal_equations(field, wanted, texels)
-        found[texels] = conjugate_gradients(system, right, found[texels], TOLERANCE, steps)
-    found = found.reshape(size, size, -1)
-    return found[..., :-1], np.clip(found[..., -1], 0, 1)
+    return deque(solved_levels(field), maxlen=1).pop()
+
+
+def solved_levels(
+    field: Field,
+) -> Iterator[tuple[Float32[np.ndarray, "side side channels"], Float32[np.ndarray, "side side"]]]:
+    """The same on textures of ever finer texels, the last of the field's own.
+
+    Each level starts from the one of half its size, so that few steps are left to do; in so few
+    steps no texel hears of those beyond HALO, so a large texture is solved tile by tile, with so
+    many texels of its neighbours around each.
+    """
+    used = np.flatnonzero(field.weight > 0)
+    if not field.texels.any() or not len(used):
+        shape = (*field.texels.shape, field.values.shape[1])
+        yield np.zeros(shape, np.float32), np.zeros(field.texels.shape, np.float32)
+        return
+    used = used[np.argsort(field.uvs[used, 1], kind="stable")]
+    observed = np.concatenate([field.values[used], np.ones((len(used), 1))], axis=1)
+    guess = field.guess
+    if guess is not None:
+        guess = np.dstack([guess, np.ones(guess.shape[:2])]).astype(np.float32)
+    levels = [
+        replace(
+            field,
+            uvs=np.clip(field.uvs[used], 0.0, 1.0),  # beyond the texture its edge is looked up
+            weight=field.weight[used].astype(np.float32),
+            values=observed.astype(np.float32),
+            guess=guess,
+        )
+    ]
+    while len(levels[-1].texels) > COARSEST and len(levels[-1].texels) % 2 == 0:
+        levels.append(levels[-1].halved())
+    found = None
+    while levels:
+        found = _solved(levels.pop(), found)
+        yield found[..., :-1], np.clip(found[..., -1], 0, 1)
+
+
+def _solved(
+    field: Field, coarse: Float32[np.ndarray, "half half columns"] | None
+) -> Float32[np.ndarray, "size size columns"]:
+    """Of a field whose pixels are ordered by v, with the ones among its values, begun at the
+    ``coarse`` one of half the size.
+    """
+    size, columns = len(field.texels), field.values.shape[1]
+    result = np.zeros((size, size, columns), np.float32)
+    if coarse is None:
+        whole = slice(0, size)
+        return _tile(field, whole, whole, result, field.texels, STEPS_COARSE)
+    for top, left in np.ndindex(-(-size // TILE), -(-size // TILE)):
+        inner = tuple(slice(TILE * at, min(TILE * (at + 1), size)) for at in (top, left))
+        rows, across = (
+            slice(max(each.start - HALO, 0), min(each.stop + HALO, size)) for each in inner
+        )
+        start = doubled(
+            coarse[rows.start // 2 : rows.stop // 2, across.start // 2 : across.stop // 2]
+        )
+        texels = field.texels[rows, across]
+        start[~texels] = 0.0
+        wanted = texels & (start[..., -1] > NEGLIGIBLE)
+        within = tuple(
+            slice(own.start - wide.start, own.stop - wide.start)
+            for own, wide in zip(inner, (rows, across), strict=True)
+        )
+        if wanted[within].any():
+            start = _tile(field, rows, across, start, wanted, STEPS_FINE)
+        result[inner] = start[within]
+    return result
+
+
+def _tile(
+    field: Field,
+    rows: slice,
+    columns: slice,
+    start: Float32[np.ndarray, "height width values"],
+    wanted: Bool[np.ndarray, "height width"],
+    steps: int,
+) -> Float32[np.ndarray, "height width values"]:
+    """The solution for the ``wanted`` texels of a part of the texture, alone; all others stay as
+    they are at the ``start``.
+    """
+    texels = np.flatnonzero(wanted)
+    numbers = np.full(wanted.size, -1, np.int32)
+    numbers[texels] = np.arange(len(texels))
+    numbers = numbers.reshape(wanted.shape)
+    system, right = _normal_equations(field, rows, columns, numbers, len(texels))
+    found = start.reshape(wanted.size, -1)
+    found[texels] = conjugate_gradients(system, right, found[texels], TOLERANCE, steps)
+    return found.reshape(start.shape)
 
 
 def _normal_equations(
-    field: Field, wanted: Bool[np.ndarray, "size size"], texels: Int[np.ndarray, " texels"]
+    field: Field, rows: slice, columns: slice, numbers: Int[np.ndarray, "height width"], count: int
 ) -> tuple[sp.csr_matrix, Float32[np.ndarray, "texels columns"]]:
-    """System and right sides for the ``texels``, the last for observations that
-    are all 1.
+    """System and right sides for the ``count`` texels that have ``numbers``, in this part of the
+    texture.
     """
-    size = len(wanted)
-    compact = np.full(size * size, -1, np.int32)
-    compact[texels] = np.arange(len(texels))
-    used = field.weight > 0
-    pick = texel_rows(field.uvs[used], compact, len(texels))
-    weight = field.weight[used].astype(np.float32)
+    size = len(field.texels)
+    # Rows run against v, by which the pixels are ordered; one texel more for what lies between.
+    bounds = [1 - (rows.stop + 1) / size, 1 - (rows.start - 1) / size]
+    first, last = np.searchsorted(field.uvs[:, 1], bounds)
+    near = first + np.flatnonzero(
+        np.abs(field.uvs[first:last, 0] * size - 0.5 * (columns.start + columns.stop))
+        <= 0.5 * (columns.stop - columns.start) + 1
+    )
+    index, share = bilinear_weights(field.uvs[near], size)
+    row, column = index // size - rows.start, index % size - columns.start
+    height, width = numbers.shape
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    pick = _picked(np.where(inside, row * width + column, 0), share * inside, numbers, count)
+    weight = field.weight[near]
     weighted = sp.csr_matrix(
         (pick.data * np.repeat(weight, 4), pick.indices, pick.indptr), shape=pick.shape
     )
-    observed = np.concatenate([field.values[used], np.ones((pick.shape[0], 1))], axis=1).astype(
-        np.float32
-    )
-    diagonal = np.full(len(texels), field.shrinkage, np.float32)
-    right = weighted.T @ observed
+    diagonal = np.full(count, field.shrinkage, np.float32)
+    right = weighted.T @ field.values[near]
     if field.guess_weight is not None and field.guess is not None:
-        guess_weight = field.guess_weight.reshape(-1)[texels].astype(np.float32)
+        chosen = numbers >= 0
+        guess_weight = field.guess_weight[rows, columns][chosen].astype(np.float32)
         diagonal += guess_weight
-        guess = field.guess.reshape(size * size, -1)[texels]
-        right += guess_weight[:, None] * np.concatenate(
-            [guess, np.ones((len(texels), 1))], axis=1
-        ).astype(np.float32)
-    system = pick.T @ weighted
-    del pick, weighted, observed  # of large photos each is as large as the system
-    laplacian = neighbour_laplacian(compact.reshape(size, size), len(texels))
-    system = system + field.smoothness * laplacian
-    del laplacian
+        right += guess_weight[:, None] * field.guess[rows, columns][chosen]
+    system = pick.T @ weighted + field.smoothness * neighbour_laplacian(numbers, count)
     return (system + sp.diags(diagonal)).tocsr(), right
 
 
@@ -128,8 +199,17 @@ def texel_rows(
     """Bilinear lookups (pixels, texels) at ``uvs`` in a square texture; ``numbers`` of its
     texels, -1: none.
     """
-    index, share = bilinear_weights(uvs, int(np.sqrt(len(numbers))))
-    index = numbers[index]
+    return _picked(*bilinear_weights(uvs, int(np.sqrt(len(numbers)))), numbers, count)
+
+
+def _picked(
+    index: Int[np.ndarray, "pixels 4"],
+    share: Float[np.ndarray, "pixels 4"],
+    numbers: Int[np.ndarray, " ..."],
+    count: int,
+) -> sp.csr_matrix:
+    """The mean of four texels each, of those that have ``numbers``."""
+    index = numbers.ravel()[index]
     share = np.where(index >= 0, share, 0.0).astype(np.float32)
     rows = np.arange(0, 4 * len(index) + 1, 4)
     return sp.csr_matrix(
@@ -139,7 +219,10 @@ def texel_rows(
 
 def halved(mask: Bool[np.ndarray, "size size"]) -> Bool[np.ndarray, "half half"]:
     """True where any of two by two texels is."""
-    return _quads(mask[..., None].astype(np.float32))[..., 0] > 0
+    half: Bool[np.ndarray, "half half"] = (
+        mask[::2, ::2] | mask[::2, 1::2] | mask[1::2, ::2] | mask[1::2, 1::2]
+    )
+    return half
 
 
 def resampled(texture: Float[np.ndarray, "_ _"], size: int) -> Float[np.ndarray, "_ _"]:
@@ -212,8 +295,6 @@ def _quads(
     return texture.reshape(half, 2, half, 2, -1).sum(axis=(1, 3))
 
 
-def doubled(
-    texture: Float[np.ndarray, "size size channels"],
-) -> Float[np.ndarray, "wide wide channels"]:
+def doubled(texture: Float[np.ndarray, "_ _ channels"]) -> Float[np.ndarray, "_ _ channels"]:
     """Each texel four times."""
     return np.repeat(np.repeat(texture, 2, axis=0), 2, axis=1)

@@ -166,6 +166,15 @@ def test_baked_values_come_back_at_the_vertices(scene: Scene):
     uvs = scene.model.uvs[100:400]
     column, row = (uvs[:, 0] * 128).astype(int), ((1 - uvs[:, 1]) * 128).astype(int)
     assert np.abs(texture[row, column] - scene.geometry.log_albedo[100:400]).max() < 0.05
+    corners = scene.geometry.triangles[atlas.triangle]
+    by_hand = np.einsum("ti,tic->tc", atlas.weights, scene.geometry.log_albedo[corners])
+    np.testing.assert_allclose(texture[atlas.covered], by_hand, atol=1e-5)
+    away = np.argwhere(~atlas.covered)
+    there = np.argwhere(atlas.covered)
+    for place in away[:: max(len(away) // 20, 1)]:
+        distance = ((there - place) ** 2).sum(axis=1)
+        nearest = texture[tuple(there[distance == distance.min()].T)]
+        assert (texture[tuple(place)] == nearest).all(axis=1).any()
 
 
 def test_a_roughness_map_of_one_value_changes_nothing(scene: Scene, textures: Textures):

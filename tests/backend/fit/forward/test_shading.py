@@ -10,7 +10,7 @@ import pytest
 from facestage.contract.brdf import ALBEDO_MAX, K_DIFFUSE, K_SPECULAR
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import bilinear_weights, pixel_rays, sample_bilinear
-from facestage.render.light_terms import Asked
+from facestage.render.light_terms import Asked, LightTerms
 from reference.rendering.area_light import direct_light, tea
 from reference.rendering.cook_torrance import normalize
 from reference.rendering.intersect import first_hits
@@ -178,3 +178,49 @@ def test_a_face_outside_the_picture_gives_no_pixels(scene: Scene):
     terms = scene.forward.light_terms(away, surface, scene.stage, 2, 0, Asked(by_surface=True))
     assert scene.forward.shade(away, surface, terms).color.shape == (0, 3)
     assert scene.forward.surface(scene.state, np.zeros((0, 2))).points.shape == (0, 3)
+
+
+@pytest.mark.parametrize("bounces", [0.0, 1.0])
+def test_what_all_lights_send_together_lights_as_each_of_them(scene: Scene, bounces: float):
+    """In blocks of pixels, and with three lights that are the channels."""
+    y, x = np.mgrid[:96:5, :96:5]
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1) + 0.5
+    state = replace(scene.state, interreflection=bounces)
+    surface = scene.forward.surface(state, pixels)
+    radiance = scene.forward.lights.radiance(state.lights)
+
+    def terms(block: slice) -> LightTerms:
+        return scene.forward.light_terms(
+            state, surface.part(block), scene.stage, 2, 0, Asked(by_roughness=True)
+        )
+
+    half = len(surface.pixels) // 2
+    parts = [terms(block).under(radiance) for block in (slice(0, half), slice(half, None))]
+    together = scene.forward.shade(state, surface, LightTerms.joined(parts), radiance=np.eye(3))
+    whole = terms(slice(None))
+    each = scene.forward.shade(state, surface, whole)
+    np.testing.assert_allclose(together.color, each.color, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(
+        together.terms.specular_by_roughness, whole.specular_by_roughness, rtol=1e-5, atol=1e-7
+    )
+
+
+def test_a_box_holds_all_pixels_that_see_the_mesh(scene: Scene):
+    y, x = np.mgrid[: scene.state.camera.height, : scene.state.camera.width]
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
+    triangle = scene.forward.hits(scene.state, pixels + 0.5).triangle
+    part = np.arange(len(scene.geometry.triangles)) < len(scene.geometry.triangles) // 3
+    for chosen, seen in ((None, triangle >= 0), (part, (triangle >= 0) & part[triangle])):
+        rows, columns = scene.forward.box(scene.state, chosen)
+        inside = (
+            (pixels[:, 1] >= rows.start)
+            & (pixels[:, 1] < rows.stop)
+            & (pixels[:, 0] >= columns.start)
+            & (pixels[:, 0] < columns.stop)
+        )
+        assert seen.any() and inside[seen].all() and not inside.all()
+    behind = replace(scene.state, translation=np.array([0.0, 0.0, 0.0]))
+    assert scene.forward.box(behind) == (
+        slice(0, scene.state.camera.height),
+        slice(0, scene.state.camera.width),
+    )

@@ -8,7 +8,13 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from facestage.fit.forward.shading import bilinear_weights
-from facestage.fit.textures.texel_field import Field, neighbour_laplacian, solve_field
+from facestage.fit.textures import texel_field
+from facestage.fit.textures.texel_field import (
+    Field,
+    neighbour_laplacian,
+    solve_field,
+    solved_levels,
+)
 
 
 def direct(field: Field) -> np.ndarray:
@@ -104,3 +110,23 @@ def test_a_constant_is_free_of_ties():
     laplacian = neighbour_laplacian(np.where(index > 5, index - 1, index), 11)
     np.testing.assert_allclose(laplacian @ np.ones(11), 0, atol=1e-6)
     assert (laplacian - laplacian.T).nnz == 0
+
+
+def test_tiles_find_what_the_whole_texture_does(monkeypatch: pytest.MonkeyPatch):
+    """No step of the solver goes farther than a tile's border is wide."""
+    field = example(256, guess=True)
+    whole, known = solve_field(field)
+    monkeypatch.setattr(texel_field, "TILE", 64)
+    tiled, known_too = solve_field(field)
+    for one, other, what in ((whole, tiled, "values"), (known, known_too, "shares")):
+        error = np.sqrt(np.mean((one - other) ** 2) / np.mean(one**2))
+        print(f"tiles change {what} by {error:.1e} of their root mean square, 5e-3 allowed")
+        assert error < 5e-3
+
+
+def test_levels_end_with_the_field_s_own():
+    field = example(128, guess=False)
+    levels = list(solved_levels(field))
+    assert [len(found) for found, _ in levels] == [64, 128]
+    np.testing.assert_array_equal(levels[-1][0], solve_field(field)[0])
+    np.testing.assert_array_equal(levels[0][0], solve_field(field.halved())[0])
