@@ -22,6 +22,7 @@ from ..scene.camera import show_photo
 from ..scene.paths import absolute
 from ..scene.several import separate_light
 from ..scene.stage import stage_lights
+from ..skin.brows import remove_brows
 from ..skin.lashes import remove_lashes
 from ..skin.wet_eyes import dry_eyes
 
@@ -84,6 +85,7 @@ def remove_face(scene: bpy.types.Scene, number: int) -> None:
         if rig.facestage_face.control_rig is not None:
             remove_control_rig(scene)
         remove_lashes(rig)
+        remove_brows(rig)
         dry_eyes(rig)
         if not rig.facestage_face.own_mesh:
             _delete(rig)

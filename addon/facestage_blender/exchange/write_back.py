@@ -27,8 +27,9 @@ from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.relight import take_world_back
-from ..scene.several import shares_camera
+from ..scene.several import separate_light, shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
+from ..skin.brows import renew_brows
 from ..skin.displaced_skin import displace
 from ..skin.lashes import color_lashes
 from ..skin.material import set_scattering, set_textures
@@ -125,7 +126,9 @@ def _write(
     if translucency > 0:
         set_curvature(rig, result.vertices)
     color_lashes(rig)
+    renew_brows(rig)
     keep_wet(rig)
+    separate_light(scene)
     if not settings.keep_camera and not moves_stage:
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)

@@ -16,6 +16,7 @@ from facestage.contract.face_model import FaceModel
 from ..scene import frames
 from ..scene.several import separate_light
 from ..scene.stage import facestage_collection, relative_matrix, require_stage
+from ..skin.brows import renew_brows
 from ..skin.lashes import renew_lashes
 from ..skin.lids import remember_lids
 from ..skin.material import part_materials, show_model
@@ -65,6 +66,7 @@ def build_rig(
     remember_lids(mesh, model)
     remember_landmarks(mesh, model)
     renew_lashes(rig)
+    renew_brows(rig)
     renew_wet_eyes(rig)
     separate_light(scene)
     return rig

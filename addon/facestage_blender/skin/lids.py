@@ -16,6 +16,7 @@ from ..scene.several import home
 SCHEME = "mediapipe478"
 # Of the rig's mesh.
 LIDS_KEY, BROWS_KEY = "facestage_lids", "facestage_brows"
+BORDERS_KEY = "facestage_brow_borders"
 # Each lid from the outer to the inner corner of the eye.
 LIDS = {
     ("right", True): (33, 246, 161, 160, 159, 158, 157, 173, 133),
@@ -24,6 +25,13 @@ LIDS = {
     ("left", False): (263, 249, 390, 373, 374, 380, 381, 382, 362),
 }
 BROWS = (70, 63, 105, 66, 107, 336, 296, 334, 293, 300)
+# Of each brow the upper and the lower border, from the inner to the outer end.
+BORDERS = (
+    (107, 66, 105, 63, 70),
+    (55, 65, 52, 53, 46),
+    (336, 296, 334, 293, 300),
+    (285, 295, 282, 283, 276),
+)
 
 
 def remember_lids(mesh: bpy.types.Mesh, model: FaceModel) -> None:
@@ -36,6 +44,7 @@ def remember_lids(mesh: bpy.types.Mesh, model: FaceModel) -> None:
     rows = np.concatenate([table[list(lid)] for lid in LIDS.values()])
     mesh[LIDS_KEY] = np.asarray(rows, np.float64).ravel().tolist()
     mesh[BROWS_KEY] = np.asarray(table[list(BROWS)], np.float64).ravel().tolist()
+    mesh[BORDERS_KEY] = np.asarray(table[np.ravel(BORDERS)], np.float64).ravel().tolist()
 
 
 def has_lids(rig: bpy.types.Object) -> bool:

@@ -16,6 +16,7 @@ from ..exchange.write_back import apply_steps
 from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
 from ..scene.several import separate_light
+from ..skin.brows import brows_of, grow_brows, has_brows, remove_brows
 from ..skin.displaced_skin import displace, is_displaced
 from ..skin.lashes import grow_lashes, lashes_of, remove_lashes
 from ..skin.lids import has_lids
@@ -86,6 +87,30 @@ class FACESTAGE_OT_lashes(Toggle, bpy.types.Operator):
             grow_lashes(rig)
         else:
             remove_lashes(rig)
+        separate_light(context.scene)
+
+
+class FACESTAGE_OT_brows(Toggle, bpy.types.Operator):
+    """Gives the rig brow hair, or takes it away."""
+
+    bl_idname = "facestage.brows"
+    bl_label = "Brow Hair"
+    bl_description = (
+        "Let brow hair grow where the albedo has brows, as dense as it is dark and in its color; "
+        "again: none. Exported files hold none"
+    )
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it has any."""
+        return brows_of(require_rig(context.scene)) is not None
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Grow it, or remove what there is."""
+        rig = require_rig(context.scene)
+        if on:
+            grow_brows(rig)
+        else:
+            remove_brows(rig)
         separate_light(context.scene)
 
 
@@ -192,6 +217,11 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             row.operator(
                 "facestage.lashes", icon="STRANDS", depress=lashes_of(settings.rig) is not None
             )
+            brows = row.row(align=True)
+            brows.enabled = has_brows(settings.rig)
+            brows.operator(
+                "facestage.brows", icon="CURVES", depress=brows_of(settings.rig) is not None
+            )
             row.operator(
                 "facestage.wet_eyes", icon="HIDE_OFF", depress=wet_eyes_of(settings.rig) is not None
             )
@@ -209,6 +239,7 @@ CLASSES = (
     FACESTAGE_OT_apply_result,
     FACESTAGE_OT_open_report,
     FACESTAGE_OT_lashes,
+    FACESTAGE_OT_brows,
     FACESTAGE_OT_wet_eyes,
     FACESTAGE_OT_pores,
     FACESTAGE_OT_displace_skin,

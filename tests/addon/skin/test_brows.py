@@ -1,0 +1,179 @@
+"""Brow hair: where it grows, how it follows the skin, its color, its end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facestage.contract.errors import InputError
+from facestage.contract.face_model import FaceModel
+
+
+@pytest.fixture(scope="session")
+def default() -> FaceModel:
+    from facestage.models.registry import load_model
+
+    return load_model("default")
+
+
+@pytest.fixture
+def rig(scene, default: FaceModel) -> Any:
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.scene.stage import new_stage
+
+    return build_rig(scene, default, "default", new_stage(scene))
+
+
+def shown(item: Any) -> np.ndarray:
+    """(n, 3) the vertices of an object as modifiers and sliders leave them, in its own axes."""
+    import bpy
+
+    bpy.context.view_layer.update()
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty(3 * len(evaluated.vertices), np.float32)
+    evaluated.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3).astype(float)
+
+
+def hairs(brows: Any) -> np.ndarray:
+    """(hairs, sections, 3) the middle of each section."""
+    from facestage_blender.skin.hairs import SECTIONS, SIDES
+
+    return shown(brows).reshape(-1, SECTIONS, SIDES, 3).mean(axis=2)
+
+
+def wear(rig: Any, albedo: np.ndarray) -> None:
+    """Give the rig an albedo (h, w, 3) of row 0 at the top."""
+    from facestage_blender.pictures.images import texture_image
+    from facestage_blender.skin.material import set_textures
+
+    images = {"albedo": texture_image("albedo", albedo.astype(np.float32))}
+    images["specular"] = texture_image("one", np.ones((4, 4), np.float32))
+    set_textures(rig, images, {"roughness": 0.4})
+
+
+def model_albedo(rig: Any) -> np.ndarray:
+    from facestage_blender.pictures.images import image_pixels
+
+    return image_pixels(rig.facestage_face.albedo_image)[..., :3].copy()
+
+
+def skin_tree(rig: Any) -> Any:
+    from facestage_blender.skin.lids import part_tree
+
+    return part_tree(rig.data, shown(rig))[0]
+
+
+def test_they_grow_on_the_brows_along_them(rig, default: FaceModel) -> None:
+    from facestage_blender.scene import frames
+    from facestage_blender.skin.brows import grow_brows
+
+    lines = hairs(grow_brows(rig))
+    print(len(lines), "hairs")
+    assert 200 < len(lines) < 1200
+    skin = skin_tree(rig)
+    far = np.array([skin.find_nearest(each.tolist())[3] for each in lines[::5].reshape(-1, 3)])
+    assert far.max() < 0.002
+    brows = frames.points_to_blender(default.vertices[default.regions["brows"]])
+    low, high = brows.min(axis=0) - 0.006, brows.max(axis=0) + 0.006
+    inside = ((lines[:, 0] > low) & (lines[:, 0] < high)).all(axis=1)
+    print("within the brows", inside.mean())
+    assert inside.mean() > 0.97
+    for side in (-1, 1):
+        own = lines[side * lines[:, 0, 0] > 0]
+        assert len(own) > 80
+        outwards = side * (own[:, -1, 0] - own[:, 0, 0])
+        middle = np.median(np.abs(own[:, 0, 0]))
+        assert (outwards[np.abs(own[:, 0, 0]) > middle] > 0).mean() > 0.95
+        rise = own[:, -1, 2] - own[:, 0, 2]
+        inner = np.abs(own[:, 0, 0]) < np.quantile(np.abs(own[:, 0, 0]), 0.2)
+        assert np.median(rise[inner]) > np.median(rise[~inner]) + 0.001
+    length = np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(axis=1)
+    assert length.min() > 0.002
+    assert length.max() < 0.013
+
+
+def test_they_follow_the_skin(rig) -> None:
+    from facestage_blender.skin.brows import grow_brows
+
+    brows = grow_brows(rig)
+    before = hairs(brows)
+    rig.data.shape_keys.key_blocks["browInnerUp"].value = 1.0
+    after, skin = hairs(brows), skin_tree(rig)
+    inner = np.abs(before[:, 0, 0]) < 0.02
+    assert (after[inner, 0, 2] - before[inner, 0, 2]).min() > 0.001
+    far = np.array([skin.find_nearest(each.tolist())[3] for each in after[::5].reshape(-1, 3)])
+    assert far.max() < 0.003
+    length = [np.linalg.norm(lines[:, -1] - lines[:, 0], axis=1) for lines in (before, after)]
+    np.testing.assert_allclose(length[1], length[0], rtol=0.02)
+
+
+def test_a_face_without_brows_gets_none(rig) -> None:
+    from facestage_blender.skin.brows import grow_brows
+
+    wear(rig, np.tile([0.5, 0.3, 0.2], (64, 64, 1)))
+    assert len(grow_brows(rig).data.vertices) == 0
+
+
+def test_fainter_brows_have_fewer_hairs_in_their_own_color(rig) -> None:
+    from facestage_blender.skin.brows import grow_brows
+
+    albedo = model_albedo(rig)
+    counts, colors = [], []
+    for share, red in ((1.0, 1.0), (0.35, 1.0), (1.0, 3.0)):
+        faint = np.exp(share * np.log(albedo) + (1 - share) * np.log([0.45, 0.27, 0.19]))
+        wear(rig, np.clip(faint * [red, 1.0, 1.0], 0, 1))
+        brows = grow_brows(rig)
+        counts.append(len(brows.data.vertices))
+        nodes = brows.data.materials[0].node_tree.nodes
+        surface = next(each for each in nodes if "Base Color" in each.inputs)
+        colors.append(np.array(surface.inputs["Base Color"].default_value)[:3])
+    print(counts, colors)
+    assert counts[1] < 0.7 * counts[0]
+    assert colors[0].max() < 0.1
+    assert colors[1].mean() > 1.5 * colors[0].mean()
+    assert abs(colors[2][0] / colors[2][1] / (colors[0][0] / colors[0][1]) - 3) < 0.3
+
+
+def test_a_brow_that_the_photo_hides_follows_the_other(rig) -> None:
+    from facestage_blender.skin.brows import OTHER_SIDE, grow_brows
+
+    both = hairs(grow_brows(rig))
+    albedo = model_albedo(rig)
+    half = albedo.shape[1] // 2
+    albedo[:, half:] = [0.45, 0.27, 0.19]
+    wear(rig, albedo)
+    one = hairs(grow_brows(rig))
+    share = [(side * one[:, 0, 0] > 0).sum() / (side * both[:, 0, 0] > 0).sum() for side in (-1, 1)]
+    print("share of hairs", share)
+    assert max(share) > 0.9
+    assert abs(min(share) - OTHER_SIDE) < 0.15
+
+
+def test_the_switch_leaves_nothing_behind(rig) -> None:
+    import bpy
+
+    def left() -> list[int]:
+        data = bpy.data
+        return [len(each) for each in (data.objects, data.meshes, data.materials, data.node_groups)]
+
+    before = left()
+    assert bpy.ops.facestage.brows() == {"FINISHED"}
+    assert left() != before
+    assert bpy.ops.facestage.brows() == {"FINISHED"}
+    assert left() == before
+
+
+def test_a_rebuilt_rig_keeps_them_where_it_can(scene, rig, default, head: FaceModel) -> None:
+    from facestage_blender.rig.face_rig import build_rig
+    from facestage_blender.skin.brows import brows_of, grow_brows
+
+    grow_brows(rig)
+    build_rig(scene, default, "default", rig.parent)
+    assert brows_of(rig) is not None
+    build_rig(scene, head, "egg", rig.parent)
+    assert brows_of(rig) is None
+    with pytest.raises(InputError, match="brows"):
+        grow_brows(rig)
