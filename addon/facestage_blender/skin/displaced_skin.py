@@ -48,8 +48,8 @@ def displace(rig: bpy.types.Object, on: bool) -> None:
 
 def _displace(material: bpy.types.Material, image: bpy.types.Image | None) -> None:
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
-    for link in list(output.inputs["Displacement"].links):
+    outputs = [node.inputs["Displacement"] for node in nodes if node.type == "OUTPUT_MATERIAL"]
+    for link in [link for output in outputs for link in output.links]:
         if link.from_node.name == NODE:
             links.remove(link)
     # Blender 4.1 and later have it; before, it was one of Cycles' own settings.
@@ -65,4 +65,5 @@ def _displace(material: bpy.types.Material, image: bpy.types.Image | None) -> No
     nodes[NODE].inputs["Midlevel"].default_value = 0.0
     nodes[NODE].inputs["Scale"].default_value = MILLIMETRE
     links.new(picture.outputs["Color"], nodes[NODE].inputs["Height"])
-    links.new(nodes[NODE].outputs["Displacement"], output.inputs["Displacement"])
+    for output in outputs:
+        links.new(nodes[NODE].outputs["Displacement"], output)

@@ -30,6 +30,7 @@ from .uneven_skin import emerging
 GROUP = "Facestage Skin"
 SUBSURFACE, SCATTERING = "Subsurface", "Scattering"  # the switch, and how far light wanders
 TRANSLUCENCY = "Translucency"  # how unevenly light comes out where the switch is off
+BSDF, IN_EEVEE = "BSDF", "BSDF in EEVEE"  # the group's outputs, for all engines and for that one
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 NORMAL_NODE = "Normal Map"
 PORES = "Pores"  # the bump of pores.py, which lies between the normal map and the group
@@ -40,7 +41,8 @@ TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 def skin_group() -> bpy.types.NodeTree:
     """The shared node group: diffuse K_DIFFUSE * albedo, more of it at a slant and of bulges
     (contract/scattering.py); where subsurface scattering is switched on light comes out of the skin
-    elsewhere, and as unevenly by itself; plus c_spec times a GGX lobe with Schlick's F0.
+    elsewhere, and as unevenly by itself, but in EEVEE, which only blurs it and has an output of its
+    own; plus c_spec times a GGX lobe with Schlick's F0.
 
     A metallic Principled BSDF with a white edge tint is exactly GGX with Schlick Fresnel of its
     base color. A mix against nothing scales it by 0..1; two of them reach SPECULAR_MAX.
@@ -54,11 +56,11 @@ def skin_group() -> bpy.types.NodeTree:
             socket.default_value = (*each.default, 1.0) if each.colored else each.default[0]
             if not each.colored:
                 socket.min_value, socket.max_value = 0.0, each.most
-        group.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
+        group.interface.new_socket(BSDF, in_out="OUTPUT", socket_type="NodeSocketShader")
     known = group.interface.items_tree
     below = {SUBSURFACE: 1.0, SCATTERING: STRENGTH_MAX, TRANSLUCENCY: TRANSLUCENCY_MAX}
     missing = [name for name in below if name not in known]
-    if not missing and NORMAL.socket in known:
+    if not missing and NORMAL.socket in known and IN_EEVEE in known:
         return group
     # New, or of an older version.
     for name in missing:
@@ -69,6 +71,8 @@ def skin_group() -> bpy.types.NodeTree:
         group.interface.new_socket(
             NORMAL.socket, in_out="INPUT", socket_type=kind
         ).hide_value = True
+    if IN_EEVEE not in known:
+        group.interface.new_socket(IN_EEVEE, in_out="OUTPUT", socket_type="NodeSocketShader")
     group.nodes.clear()
     _wire_group(group)
     return group
@@ -88,7 +92,12 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     diffuse = node_at(nodes, "ShaderNodeBsdfDiffuse", -350, 250)
     diffuse.inputs["Roughness"].default_value = 0.0
     normal = _normal_or_smooth(nodes, links, inputs.outputs[NORMAL.socket])
-    uneven = emerging(group, inputs.outputs[TRANSLUCENCY], normal, scale.outputs["Vector"])
+    # A random walk is uneven by itself, a blur is as uneven as a random walk if it is made so.
+    strength = node_at(nodes, "ShaderNodeMix", -1200, 400)
+    links.new(inputs.outputs[SUBSURFACE], strength.inputs["Factor"])
+    links.new(inputs.outputs[TRANSLUCENCY], strength.inputs["A"])
+    strength.inputs["B"].default_value = 1.0
+    uneven = emerging(group, strength.outputs["Result"], normal, scale.outputs["Vector"])
     links.new(uneven, diffuse.inputs["Color"])
 
     lobe = node_at(nodes, "ShaderNodeBsdfPrincipled", -600, 0)
@@ -97,21 +106,10 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
     lobe.inputs["Metallic"].default_value = 1.0
     lobe.inputs["Specular Tint"].default_value = (1.0, 1.0, 1.0, 1.0)
     links.new(inputs.outputs["Roughness"], lobe.inputs["Roughness"])
-
-    below = node_at(nodes, "ShaderNodeSubsurfaceScattering", -350, 550)
-    below.falloff = "RANDOM_WALK_SKIN"
-    below.inputs["Radius"].default_value = [METRES * each for each in RADIUS_MM]
-    links.new(scale.outputs["Vector"], below.inputs["Color"])
-    links.new(inputs.outputs[SCATTERING], below.inputs["Scale"])
-    body = node_at(nodes, "ShaderNodeMixShader", -100, 350)
-    links.new(inputs.outputs[SUBSURFACE], body.inputs[0])
-    links.new(diffuse.outputs["BSDF"], body.inputs[1])
-    links.new(below.outputs["BSSRDF"], body.inputs[2])
-
-    for shader in (diffuse, lobe, below):
+    for shader in (diffuse, lobe):
         links.new(normal, shader.inputs["Normal"])
 
-    total = body.outputs[0]
+    shares = []
     for step in range(int(SPECULAR_MAX)):
         share = node_at(nodes, "ShaderNodeMath", -350, -300 - 200 * step)
         share.operation, share.use_clamp = "SUBTRACT", True
@@ -120,11 +118,26 @@ def _wire_group(group: bpy.types.NodeTree) -> None:
         mix = node_at(nodes, "ShaderNodeMixShader", -100, -200 * step)
         links.new(share.outputs[0], mix.inputs["Fac"] if "Fac" in mix.inputs else mix.inputs[0])
         links.new(lobe.outputs["BSDF"], mix.inputs[2])
-        add = node_at(nodes, "ShaderNodeAddShader", 200 + 220 * step, 100 - 100 * step)
-        links.new(total, add.inputs[0])
-        links.new(mix.outputs[0], add.inputs[1])
-        total = add.outputs[0]
-    links.new(total, output.inputs["BSDF"])
+        shares.append(mix.outputs[0])
+
+    for name, y, color in ((BSDF, 550, scale.outputs["Vector"]), (IN_EEVEE, 800, uneven)):
+        below = node_at(nodes, "ShaderNodeSubsurfaceScattering", -350, y)
+        below.falloff = "RANDOM_WALK_SKIN"
+        below.inputs["Radius"].default_value = [METRES * each for each in RADIUS_MM]
+        links.new(color, below.inputs["Color"])
+        links.new(inputs.outputs[SCATTERING], below.inputs["Scale"])
+        links.new(normal, below.inputs["Normal"])
+        body = node_at(nodes, "ShaderNodeMixShader", -100, y - 200)
+        links.new(inputs.outputs[SUBSURFACE], body.inputs[0])
+        links.new(diffuse.outputs["BSDF"], body.inputs[1])
+        links.new(below.outputs["BSSRDF"], body.inputs[2])
+        total = body.outputs[0]
+        for step, share in enumerate(shares):
+            add = node_at(nodes, "ShaderNodeAddShader", 200 + 220 * step, y - 450 - 100 * step)
+            links.new(total, add.inputs[0])
+            links.new(share, add.inputs[1])
+            total = add.outputs[0]
+        links.new(total, output.inputs[name])
 
 
 def _normal_or_smooth(
@@ -205,12 +218,24 @@ def _part_material(name: str, uv_map: str, scatters: bool) -> bpy.types.Material
     skin.node_tree, skin.name, skin.width = skin_group(), GROUP, 200
     skin[SCATTERS] = bool(scatters)
     output = node_at(nodes, "ShaderNodeOutputMaterial", 300, 0)
-    links.new(skin.outputs["BSDF"], output.inputs["Surface"])
+    links.new(skin.outputs[BSDF], output.inputs["Surface"])
+    if scatters:
+        _show_in_eevee(material)
     for each in TEXTURE_MAPS:
         node = picture_node(material, each, uv_map)
         if each.required:  # others are linked where there is an image
             links.new(node.outputs["Color"], skin.inputs[each.socket])
     return material
+
+
+def _show_in_eevee(material: bpy.types.Material) -> None:
+    """Give EEVEE what the skin's group has for it, where the group alone is what is shown."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shown = [link.to_node.type for link in nodes[GROUP].outputs[BSDF].links]
+    if IN_EEVEE not in nodes and shown == ["OUTPUT_MATERIAL"]:
+        output = node_at(nodes, "ShaderNodeOutputMaterial", 300, -200)
+        output.name, output.target = IN_EEVEE, "EEVEE"
+        links.new(nodes[GROUP].outputs[IN_EEVEE], output.inputs["Surface"])
 
 
 def picture_node(
@@ -311,6 +336,7 @@ def set_scattering(rig: bpy.types.Object, strength: float, translucency: float =
         node = None if tree is None else tree.nodes.get(GROUP)
         # Older versions named the parts' materials alone.
         if node is not None and node.get(SCATTERS, slot.material.name.startswith(GROUP)):
+            _show_in_eevee(slot.material)  # which materials of older versions lack
             node.inputs[SUBSURFACE].default_value = float(strength > 0)
             node.inputs[TRANSLUCENCY].default_value = translucency
             if strength > 0:

@@ -250,6 +250,64 @@ def test_light_comes_out_unevenly(scene) -> None:
     np.testing.assert_allclose(walked, render_linear(scene, 64, direct_only=True)[..., :3])
 
 
+def test_eevee_blurs_as_unevenly_as_a_random_walk(scene) -> None:
+    """What EEVEE is given, shown by Cycles with a blur so short that it leaves all where it is."""
+    import bpy
+
+    from facestage_blender.pictures.render import render_linear
+    from facestage_blender.skin.material import set_scattering, skin_group
+    from facestage_blender.skin.uneven_skin import set_curvature
+
+    towards = np.array([0.3, 0.2, 0.9]) / np.sqrt(0.94)
+    plain = render_ball(scene, (0.5, 0.3, 0.2), 0.5, 0.5, towards)
+    ball = bpy.context.object
+    set_curvature(ball, np.array([vertex.co for vertex in ball.data.vertices]))
+    tree = ball.material_slots[0].material.node_tree
+    usual, eevee = (
+        next(
+            node
+            for node in tree.nodes
+            if node.bl_idname == "ShaderNodeOutputMaterial" and node.target == target
+        ).inputs["Surface"]
+        for target in ("ALL", "EEVEE")
+    )
+    assert eevee.links[0].from_socket.name == "BSDF in EEVEE"
+    tree.links.new(eevee.links[0].from_socket, usual)
+    for node in skin_group().nodes:
+        if node.bl_idname == "ShaderNodeSubsurfaceScattering":
+            node.falloff = "BURLEY"
+    pictures = []
+    for strength, translucency in ((0.0, 0.3), (0.0, 1.0), (1e-3, 0.3)):
+        set_scattering(ball, strength, translucency)
+        pictures.append(render_linear(scene, 256, direct_only=True)[..., :3])
+    lit = plain[..., 0] > 0.1 * plain[..., 0].max()
+    lit[:, [0, -1]] = lit[[0, -1]] = False
+    wanted, found = ((picture - pictures[0])[lit] for picture in pictures[1:])
+    share = (wanted * found).sum() / (wanted**2).sum()
+    print(f"{share:.3f} of what a random walk's unevenness adds, +-0.1 allowed")
+    assert share == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_a_user_has_made_of_the_skin_is_left_to_eevee(scene) -> None:
+    """Where something lies between the group and the output, no second output takes its place."""
+    import bpy
+
+    from facestage_blender.skin.material import part_materials, set_scattering
+
+    (material,) = part_materials(np.array([SKIN]))
+    tree = material.node_tree
+    tree.nodes.remove(tree.nodes["BSDF in EEVEE"])
+    mix = tree.nodes.new("ShaderNodeAddShader")
+    output = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    tree.links.new(tree.nodes["Facestage Skin"].outputs["BSDF"], mix.inputs[0])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    mesh = bpy.data.meshes.new("rig")
+    mesh.materials.append(material)
+    set_scattering(bpy.data.objects.new("rig", mesh), 0.7)
+    outputs = [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
+    assert outputs == [output]
+
+
 def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
     """Its group had neither switch nor strength; its look, images and links stay."""
     import bpy
@@ -258,7 +316,8 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
 
     skin, eye = part_materials(np.array([SKIN, EYES]))
     group = skin_group()
-    for name in ("Subsurface", "Scattering", "Translucency", "Normal"):
+    skin.node_tree.nodes.remove(skin.node_tree.nodes["BSDF in EEVEE"])
+    for name in ("Subsurface", "Scattering", "Translucency", "Normal", "BSDF in EEVEE"):
         group.interface.remove(group.interface.items_tree[name])
     mesh = bpy.data.meshes.new("rig")
     for material in (skin, eye):
@@ -270,7 +329,16 @@ def test_skin_of_an_older_version_learns_to_scatter(scene) -> None:
     assert inputs[0]["Scattering"].default_value == pytest.approx(0.7)
     assert inputs[0]["Albedo"].is_linked and skin_group() == group
     output = next(node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
-    assert output.inputs["BSDF"].is_linked
+    assert output.inputs["BSDF"].is_linked and output.inputs["BSDF in EEVEE"].is_linked
+    targets = [
+        sorted(
+            node.target
+            for node in each.node_tree.nodes
+            if node.bl_idname == "ShaderNodeOutputMaterial"
+        )
+        for each in (skin, eye)
+    ]
+    assert targets == [["ALL", "EEVEE"], ["ALL"]]
 
 
 TILT = 0.2  # radians
@@ -358,11 +426,15 @@ def test_displaced_skin_has_real_relief_and_goes_back(scene) -> None:
     assert skin.is_linked and not output.inputs["Displacement"].is_linked
     displace(ball, True)
     assert is_displaced(ball) and not skin.is_linked
-    assert output.inputs["Displacement"].links[0].from_node.name == "Relief"
+    outputs = [node for node in nodes if node.type == "OUTPUT_MATERIAL"]
+    assert [each.target for each in outputs] == ["ALL", "EEVEE"]
+    for each in outputs:
+        assert each.inputs["Displacement"].links[0].from_node.name == "Relief"
     assert nodes["Relief"].inputs["Scale"].default_value == pytest.approx(1e-3)
     displace(ball, False)
     assert not is_displaced(ball) and skin.is_linked
-    assert not output.inputs["Displacement"].is_linked and not ball.modifiers
+    assert not any(each.inputs["Displacement"].is_linked for each in outputs)
+    assert not ball.modifiers
 
 
 def test_shells_that_the_fit_does_not_trace_are_see_through(scene) -> None:
