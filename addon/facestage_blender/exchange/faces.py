@@ -21,6 +21,7 @@ from ..rig.control.control_rig import remove_control_rig
 from ..scene.camera import show_photo
 from ..scene.paths import absolute
 from ..scene.several import separate_light
+from ..scene.softbox import remove_softbox
 from ..scene.stage import stage_lights
 from ..skin.brows import remove_brows
 from ..skin.lashes import remove_lashes
@@ -90,6 +91,7 @@ def remove_face(scene: bpy.types.Scene, number: int) -> None:
         if not rig.facestage_face.own_mesh:
             _delete(rig)
     if stage is not None:
+        remove_softbox(stage)
         for item in (*stage_lights(stage), stage):
             _delete(item)
     _take(scene, number + 1 if number < len(settings.faces) else number - 1)

@@ -26,7 +26,7 @@ from ..rig.relief_key import check_relief, write_relief
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
-from ..scene.relight import take_world_back
+from ..scene.relight import take_back
 from ..scene.several import separate_light, shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
 from ..skin.brows import renew_brows
@@ -112,7 +112,7 @@ def _write(
     if own is not None and shape.borrowed is not None:
         write_shape(rig, own, shape.identity, shape.borrowed)
     write_relief(rig, shape.relief)
-    take_world_back(scene)
+    take_back(scene)
     build_stage(scene, result.stage)
     if moves_stage:
         _put_before(scene.camera, empty, result)

@@ -24,6 +24,7 @@ from ..scene import frames
 from ..scene.camera import read_camera
 from ..scene.paths import absolute
 from ..scene.relight import lit_by_world
+from ..scene.softbox import softbox_of
 from ..scene.stage import relative_matrix
 
 # Where the fitted face is darker than this share of its median, the photo divided by it is noise.
@@ -100,6 +101,8 @@ class RelitPhoto:
         fitted, settings = self.result.stage, scene.facestage
         if lit_by_world(scene):
             return "A world lights the face"
+        if softbox_of(settings.stage) is not None:
+            return "A softbox lights the face"
         if len(stage) != len(fitted):
             return f"The stage has {len(stage)} lights, the result {len(fitted)}"
         for name in ("position", "direction", "axis_x", "side"):

@@ -65,7 +65,7 @@ def _turned(towards: tuple[float, float, float], yaw: float) -> tuple[float, flo
     return cosine * x + sine * z, y, cosine * z - sine * x
 
 
-def _at(left: float, up: float) -> tuple[float, float, float]:
+def direction(left: float, up: float) -> tuple[float, float, float]:
     """The direction that is so many degrees left of the camera and above it."""
     yaw, pitch = np.radians(left), np.radians(up)
     x, y, z = -np.sin(yaw) * np.cos(pitch), np.sin(pitch), np.cos(yaw) * np.cos(pitch)
@@ -78,33 +78,33 @@ SETUPS = {
         "Three softboxes: the key at 45 degrees, a weak fill from the other side, and a rim from "
         "behind where the stage has lights there",
         (
-            Beam(_at(45, 30), 0.62, SOFTBOX),
-            Beam(_at(-45, 5), 0.18, REFLECTOR),
-            Beam(_at(-150, 30), 0.2, SOFTBOX),
+            Beam(direction(45, 30), 0.62, SOFTBOX),
+            Beam(direction(-45, 5), 0.18, REFLECTOR),
+            Beam(direction(-150, 30), 0.2, SOFTBOX),
         ),
     ),
     "butterfly": Setup(
         "Butterfly",
         "A softbox high above the camera, a reflector below: a small shadow under the nose, "
         "shaded cheeks",
-        (Beam(_at(0, 45), 0.85, SOFTBOX), Beam(_at(0, -30), 0.15, REFLECTOR)),
+        (Beam(direction(0, 45), 0.85, SOFTBOX), Beam(direction(0, -30), 0.15, REFLECTOR)),
     ),
     "loop": Setup(
         "Loop",
         "A softbox 35 degrees to the side and above: the nose's shadow makes a small loop on the "
         "cheek",
-        (Beam(_at(35, 35), 0.85, SOFTBOX), Beam(_at(-40, 0), 0.15, REFLECTOR)),
+        (Beam(direction(35, 35), 0.85, SOFTBOX), Beam(direction(-40, 0), 0.15, REFLECTOR)),
     ),
     "rembrandt": Setup(
         "Rembrandt",
         "A softbox 55 degrees to the side, high, hardly any fill: a lit triangle on the cheek in "
         "shade",
-        (Beam(_at(55, 45), 0.93, SOFTBOX), Beam(_at(-40, 5), 0.07, REFLECTOR)),
+        (Beam(direction(55, 45), 0.93, SOFTBOX), Beam(direction(-40, 5), 0.07, REFLECTOR)),
     ),
     "split": Setup(
         "Split",
         "A softbox straight from the side: one half of the face is lit",
-        (Beam(_at(90, 5), 1.0, SOFTBOX),),
+        (Beam(direction(90, 5), 1.0, SOFTBOX),),
     ),
 }
 # By name: all that the light can come from.

@@ -12,6 +12,7 @@ from facestage.contract.errors import InputError
 
 from .relight import lit_by_world
 from .several import other_faces
+from .softbox import softbox_of
 from .stage import require_stage, stage_lights
 
 SOLID = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD"})
@@ -27,7 +28,7 @@ def obstacles(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     Raises InputError without a stage.
     """
     empty = require_stage(scene)
-    own = {empty, *stage_lights(empty), *_of_the_face(scene.facestage.rig)}
+    own = {empty, softbox_of(empty), *stage_lights(empty), *_of_the_face(scene.facestage.rig)}
     for face in other_faces(scene):  # in their own light
         own |= {face.rig, *_of_the_face(face.rig)}
         own |= set() if face.stage is None else set(face.stage.children_recursive)

@@ -14,7 +14,7 @@ from facestage.contract.environment import directions
 from facestage.contract.errors import InputError
 
 from ..pictures.images import image_pixels, load_image
-from .relight import lights_on, take_world_back
+from .relight import lights_on, take_back
 from .stage import light_side, read_stage, require_stage, set_light_radiance
 from .surroundings import empty_axes, show_world
 
@@ -56,7 +56,7 @@ def light_from_picture(scene: bpy.types.Scene, path: Path, degrees: float = 0.0)
     Raises InputError when no light is on, or the file holds no such picture.
     """
     face = _face_light(scene, smaller(read_picture(path)), degrees)
-    take_world_back(scene)
+    take_back(scene)
     radiance = nonnegative(face.of_lights, face.of_picture)
     level = face.level(face.of_lights @ radiance)
     for light, value in zip(face.lights, level * radiance, strict=True):
@@ -68,11 +68,11 @@ def light_from_picture(scene: bpy.types.Scene, path: Path, degrees: float = 0.0)
 
 def light_by_world(scene: bpy.types.Scene, path: Path, degrees: float = 0.0) -> None:
     """Let a world of the picture light the scene at the fitted lights' brightness, and the stage's
-    lights be dark; :func:`.relight.take_world_back` undoes it. Raises InputError as
+    lights be dark; :func:`.relight.take_back` undoes it. Raises InputError as
     :func:`light_from_picture`.
     """
     face = _face_light(scene, smaller(read_picture(path)), degrees)
-    take_world_back(scene)
+    take_back(scene)
     show_world(scene, load_image(path), degrees, face.level(face.of_picture))
     for light in face.lights:
         set_light_radiance(light, np.zeros(3), light_side(light))

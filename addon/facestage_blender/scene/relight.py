@@ -8,7 +8,9 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.light_stage import OFF
 
-from .light_setups import LIGHT_FROM, SETUPS
+from .light_setups import LIGHT_FROM, SETUPS, direction
+from .several import separate_light
+from .softbox import add_softbox, remove_softbox, shine
 from .stage import light_side, read_stage, require_stage, set_light_radiance, stage_lights
 
 # On a world that Light From made: that it is one, and the one before it.
@@ -29,7 +31,7 @@ def relight(scene: bpy.types.Scene, name: str, mirrored: bool = False, yaw: floa
     if name in SETUPS:
         setup = setup.before(yaw)
     lights = lights_on(scene)
-    take_world_back(scene)
+    take_back(scene)
     outward = -read_stage(require_stage(scene)).direction[[index for index, _ in lights]]
     shares = sum((beam.lobe(outward) for beam in setup.beams), np.zeros(len(lights)))
     total = total_radiance(scene)
@@ -47,7 +49,7 @@ def next_light(scene: bpy.types.Scene, number: int = 0) -> tuple[int, int]:
     lights = lights_on(scene)
     if number > len(lights):
         raise InputError(f"There is no light {number}; {len(lights)} of the stage's are on.")
-    take_world_back(scene)
+    take_back(scene)
     shining = [place for place, (_, light) in enumerate(lights) if light.data.energy > 0]
     following = (shining[0] + 1) % len(lights) if len(shining) == 1 else 0
     chosen = number - 1 if number else following
@@ -64,8 +66,39 @@ def lit_by_world(scene: bpy.types.Scene) -> bool:
     return scene.world is not None and bool(scene.world.get(MARK))
 
 
-def take_world_back(scene: bpy.types.Scene) -> None:
-    """Give the scene the world that it had before Light From made one, if it did."""
+def light_by_softbox(
+    scene: bpy.types.Scene, place: tuple[float, float, float], size: tuple[float, float]
+) -> bpy.types.Object:
+    """Let a white softbox alone light the face, as brightly as the fitted lights would a surface
+    that faces them.
+
+    ``place``: radians left of the camera and above it, and metres from the stage's middle;
+    ``size``: width and height in metres. Raises InputError when no light is on.
+    """
+    empty = require_stage(scene)
+    remove_softbox(empty)
+    lights, stage = lights_on(scene), read_stage(empty)
+    take_back(scene)
+    left, up, distance = place
+    softbox = add_softbox(empty, np.array(direction(*np.degrees((left, up)))), distance, size)
+    spread = np.square(stage.side / np.linalg.norm(stage.position, axis=1))
+    fitted = sum(
+        float(np.mean(light.facestage_light.fitted_radiance)) * spread[index]
+        for index, light in lights
+    )
+    shine(softbox, fitted * distance**2 / (size[0] * size[1]))
+    for _, light in lights:
+        set_light_radiance(light, np.zeros(3), light_side(light))
+    separate_light(scene)
+    return softbox
+
+
+def take_back(scene: bpy.types.Scene) -> None:
+    """Give the scene the world that it had before Light From made one, if it did, and take the
+    softbox away that it made.
+    """
+    if scene.facestage.stage is not None:
+        remove_softbox(scene.facestage.stage)
     if not lit_by_world(scene):
         return
     world = scene.world
@@ -97,7 +130,7 @@ def total_radiance(scene: bpy.types.Scene) -> float:
 
 def restore_lights(scene: bpy.types.Scene) -> None:
     """Give every light the radiance that the last fit, or the last build of the stage, gave it."""
-    take_world_back(scene)
+    take_back(scene)
     for light in stage_lights(require_stage(scene)):
         radiance = np.array(light.facestage_light.fitted_radiance)
         if radiance.any() or light.facestage_light.state != "OFF":  # an off light keeps its power

@@ -12,11 +12,12 @@ import numpy as np
 from mathutils import Matrix
 
 from facestage.contract.errors import InputError
-from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.contract.light_stage import LightStage, fibonacci_stage, joined
 
 from ..properties import LIGHT_STATES
 from . import frames
 from .several import separate_light
+from .softbox import read_softbox, remove_softbox, softbox_of
 
 COLLECTION = "Facestage"
 EMPTY = "Facestage Stage"
@@ -63,6 +64,7 @@ def build_stage(scene: bpy.types.Scene, stage: LightStage) -> bpy.types.Object:
         empty.empty_display_type, empty.empty_display_size = "PLAIN_AXES", 0.03
         collection.objects.link(empty)
         scene.facestage.stage = empty
+    remove_softbox(empty)  # a fit has made squares of it
     lights = stage_lights(empty)
     for surplus in lights[len(stage) :]:
         data = surplus.data
@@ -115,7 +117,9 @@ def require_stage(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def read_stage(empty: bpy.types.Object) -> LightStage:
-    """The lights under ``empty`` as the contract's stage, in the stage frame."""
+    """The lights under ``empty`` as the contract's stage, in the stage frame; the squares of its
+    softbox, if there is one, come last.
+    """
     lights = stage_lights(empty)
     if not lights:
         raise InputError("The light stage has no light; press Build Light Stage again.")
@@ -127,7 +131,7 @@ def read_stage(empty: bpy.types.Object) -> LightStage:
     local = np.array([relative_matrix(empty, light) for light in lights])
     axes = local[:, :3, :3] / np.linalg.norm(local[:, :3, :3], axis=1, keepdims=True)
     states = np.array([LIGHT_STATES[light.facestage_light.state] for light in lights])
-    return LightStage(
+    stage = LightStage(
         position=frames.points_to_stage(local[:, :3, 3]),
         direction=-frames.points_to_stage(axes[:, :, 2]),
         axis_x=frames.points_to_stage(axes[:, :, 0]),
@@ -135,6 +139,10 @@ def read_stage(empty: bpy.types.Object) -> LightStage:
         radiance=np.array([light_radiance(light) for light in lights]),
         state=states,
     )
+    softbox = softbox_of(empty)
+    if softbox is None:
+        return stage
+    return joined(stage, read_softbox(softbox, relative_matrix(empty, softbox)))
 
 
 def relative_matrix(empty: bpy.types.Object, child: bpy.types.Object) -> np.ndarray:

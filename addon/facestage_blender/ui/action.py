@@ -1,5 +1,6 @@
 """Operators that act at once: one function of another room, and what they report of it."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from typing import ClassVar
@@ -13,6 +14,13 @@ from ..scene.user_state import preserved
 from ..translations import said
 
 STEP_SECONDS = 0.01  # between steps
+BUSY_SECONDS = 0.03  # of steps without a drawing between them, and what the last one takes longer
+
+
+def go_on(work: Iterator[None], seconds: float) -> bool:
+    """Do one step of ``work``, and more until ``seconds`` have passed. Whether it is done."""
+    end = time.monotonic() + seconds
+    return all(time.monotonic() < end for _ in work)
 
 
 class Action:
@@ -77,6 +85,7 @@ class SteppedAction(Action):
     between which Blender draws but takes no input; from scripts at once.
     """
 
+    busy_seconds = BUSY_SECONDS
     _work: Iterator[None] | None = None
     _timer: bpy.types.Timer | None = None
 
@@ -98,12 +107,12 @@ class SteppedAction(Action):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Do one step."""
+        """Do some steps."""
         if event.type != "TIMER" or self._work is None:
             return {"RUNNING_MODAL"}
         try:
             with preserved(context.view_layer):
-                if next(self._work, True) is None:
+                if not go_on(self._work, self.busy_seconds):
                     return {"RUNNING_MODAL"}
         except FacestageError as error:
             self.report({"ERROR"}, said(str(error)))

@@ -16,7 +16,7 @@ from ..backend.process import CANCELLED, BackendProcess, Outcome
 from ..preferences import CHECKING, addon_preferences, backend_command, online_access
 from ..scene.user_state import preserved
 from ..translations import said
-from .action import STEP_SECONDS
+from .action import BUSY_SECONDS, STEP_SECONDS, go_on
 
 POLL_SECONDS = 0.1
 GOING_ON, FINISHED = {"RUNNING_MODAL"}, {"FINISHED"}
@@ -67,6 +67,7 @@ class BackendTask:
     """
 
     task = ""
+    busy_seconds = BUSY_SECONDS
     resumable = False  # whether a run that was stopped can go on
     report: Callable[[set[str], str], None]  # Blender's operators have it
     _timer: bpy.types.Timer | None = None
@@ -187,11 +188,11 @@ class BackendTask:
         return self._step(context)
 
     def _step(self, context: bpy.types.Context) -> set[str]:
-        """One step of what follows."""
+        """Some steps of what follows."""
         assert self._work is not None  # _begin_following has made it
         try:
             with self._there(context), preserved(context.view_layer):
-                if next(self._work, True) is None:
+                if not go_on(self._work, self.busy_seconds):
                     return GOING_ON
         except FacestageError as error:
             self._fail(context, str(error))

@@ -196,7 +196,7 @@ class FACESTAGE_PT_lights(SidebarPanel, bpy.types.Panel):
             numbered.label(text=f"{light.facestage_light.index + 1}")
             row = numbered.row(align=True)
             row.prop(light.facestage_light, "state", text="", icon_only=True)
-            values = row.row(align=True)
+            values = row.split(factor=0.35, align=True)
             values.active = light.facestage_light.state != "OFF"
             values.prop(light.data, "color", text="")
             values.prop(light.data, "energy", text="")

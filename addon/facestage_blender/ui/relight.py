@@ -24,7 +24,8 @@ from ..scene.frames import LIGHT_DIRECTIONS
 from ..scene.light_setups import LIGHT_FROM, SETUPS
 from ..scene.paths import absolute, require_photo, result_folder
 from ..scene.picture_light import light_by_world, light_from_picture
-from ..scene.relight import next_light, relight, restore_lights
+from ..scene.relight import light_by_softbox, next_light, relight, restore_lights
+from ..scene.softbox import softbox_of
 from .action import Action, Toggle
 from .backend_task import BackendTask
 from .sidebar import draw_task, line_width
@@ -128,6 +129,64 @@ class FACESTAGE_OT_light_from_picture(Action, bpy.types.Operator, ImportHelper):
         )
 
 
+class FACESTAGE_OT_softbox(Action, bpy.types.Operator):
+    """Lights the face by a softbox of its own size."""
+
+    bl_idname = "facestage.softbox"
+    bl_label = "Softbox"
+    bl_description = (
+        "Let a white softbox of the size that you give light the face alone, as bright as the "
+        "fitted lights. A fit takes it into the stage, as squares"
+    )
+
+    width: FloatProperty(
+        name="Width", description="Of the softbox", default=0.6, min=0.02, soft_max=3, unit="LENGTH"
+    )
+    height: FloatProperty(
+        name="Height",
+        description="Of the softbox",
+        default=0.9,
+        min=0.02,
+        soft_max=3,
+        unit="LENGTH",
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="From the face to the softbox",
+        default=1.0,
+        min=0.2,
+        soft_max=5,
+        unit="LENGTH",
+    )
+    left: FloatProperty(
+        name="Left",
+        description="How far left of the face it stands, as seen in the picture",
+        default=math.radians(45),
+        min=-math.pi,
+        max=math.pi,
+        subtype="ANGLE",
+    )
+    up: FloatProperty(
+        name="Above",
+        description="How far above the face it stands",
+        default=math.radians(30),
+        min=-math.pi / 2,
+        max=math.pi / 2,
+        subtype="ANGLE",
+    )
+    follow_head: BoolProperty(
+        name="Follow Head",
+        description="Count the degrees from where the face looks, not from the camera",
+        default=True,
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Put it there."""
+        yaw = head_yaw(context.scene) if self.follow_head else 0.0
+        place = (self.left - yaw, self.up, self.distance)
+        light_by_softbox(context.scene, place, (self.width, self.height))
+
+
 class FACESTAGE_MT_light_from(bpy.types.Menu):
     """The lights that have a name."""
 
@@ -143,6 +202,7 @@ class FACESTAGE_MT_light_from(bpy.types.Menu):
                 label = LIGHT_FROM[name].label if name in LIGHT_FROM else "As Fitted"
                 layout.operator("facestage.relight", text=label).direction = name
             layout.separator()
+        layout.operator("facestage.softbox", icon="LIGHT_AREA")
         layout.operator("facestage.light_from_picture", text="Picture ...", icon="WORLD")
 
 
@@ -218,6 +278,12 @@ def draw_light(layout: bpy.types.UILayout, context: bpy.types.Context, folder: P
     row = layout.row(align=True)
     row.menu("FACESTAGE_MT_light_from", icon="LIGHT_SPOT")
     row.operator("facestage.next_light", text="", icon="OUTLINER_OB_LIGHT")
+    stage = context.scene.facestage.stage
+    softbox = None if stage is None else softbox_of(stage)
+    if softbox is not None:
+        row = layout.row(align=True)
+        row.prop(softbox.data, "size", text="Width")
+        row.prop(softbox.data, "size_y", text="Height")
     if draw_task(layout, context, FACESTAGE_OT_prepare_relight.task):
         return
     preview = context.window_manager.facestage_preview
@@ -244,6 +310,7 @@ CLASSES = (
     FACESTAGE_OT_relight,
     FACESTAGE_OT_next_light,
     FACESTAGE_OT_light_from_picture,
+    FACESTAGE_OT_softbox,
     FACESTAGE_MT_light_from,
     FACESTAGE_OT_relight_preview,
     FACESTAGE_OT_prepare_relight,

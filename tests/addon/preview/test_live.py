@@ -207,6 +207,18 @@ def test_what_the_cache_does_not_hold_is_said_and_the_photo_shown(live, change: 
     np.testing.assert_allclose(shown(), expected(live), rtol=1e-4, atol=1e-5)
 
 
+def test_under_a_softbox_the_photo_is_shown(live) -> None:
+    import bpy
+
+    assert bpy.ops.facestage.softbox() == {"FINISHED"}
+    update(live)
+    assert "softbox" in status()
+    np.testing.assert_allclose(shown(), GREY, atol=1e-5)
+    assert bpy.ops.facestage.relight(direction="fitted") == {"FINISHED"}
+    update(live)
+    assert not status()
+
+
 def test_the_image_lies_over_the_cameras_view_until_turned_off(live) -> None:
     import bpy
 

@@ -46,6 +46,8 @@ def default(argument) -> str:
         return "[...]"
     if getattr(argument, "is_array", False):
         return str(tuple(argument.default_array))
+    if argument.type == "FLOAT":
+        return repr(round(argument.default, 4))
     return repr(argument.default)
 
 

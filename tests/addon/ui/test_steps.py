@@ -49,7 +49,7 @@ def action(count: int, fails: bool = False) -> Any:
     from facestage_blender.ui.action import SteppedAction
 
     class Work(SteppedAction):
-        done, words = 0, ""
+        done, words, busy_seconds = 0, "", 0.0
 
         def steps(self, _context: Any) -> Iterator[None]:
             for _ in range(count):
@@ -87,12 +87,20 @@ def test_an_error_in_a_step_is_reported(scene, at_once: bool) -> None:
     assert work.words == "It is gone." and context.window_manager.timers == 0
 
 
+def test_short_steps_are_done_without_a_drawing_between_them() -> None:
+    from facestage_blender.ui.action import go_on
+
+    work = iter([None] * 5)
+    assert not go_on(work, 0.0) and not go_on(work, 0.0)
+    assert go_on(work, 3600.0) and not list(work)
+
+
 def task(fails: bool = False) -> Any:
     from facestage_blender.backend.process import Outcome
     from facestage_blender.ui.backend_task import BackendTask, Running
 
     class Fitting(BackendTask):
-        done, words = 0, ""
+        done, words, busy_seconds = 0, "", 0.0
 
         def finish(self, _context: Any, _process: Any) -> None:
             self.done = 1
