@@ -24,3 +24,9 @@ class Evaluation:
     base_weight: Float[np.ndarray, "height width"]  # 0..1 before robust weighting
     seed: int
     penumbra: Penumbra | None = None  # found where the motion of shadows counts
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square of the residual over the pixels that count; None where none does."""
+        used = self.residual[self.base_weight > 0]
+        return float(np.sqrt((used**2).mean())) if used.size else None

@@ -26,7 +26,7 @@ class Fineness:
     joint_face_px: float = 320.0
     steps_max: int | None = None  # of each phase with a photo; None: as the schedule has it
     # A phase that ends at its last step has settled when this lowered the photo's residual by less
-    # than this share.
+    # than this share; else the last phase of a schedule goes on for a while.
     settled_share: float = 0.05
 
     def limited(self, texture_size: int | None) -> Fineness:

@@ -75,7 +75,7 @@ class Scale:
         """After a step of all photos, of a phase of the schedule."""
         phase = passage.phase
         before = sum(earlier.share for earlier in self._schedule.until(phase.name).phases)
-        part = 1.0 if item.finished else item.number / phase.steps
+        part = 1.0 if item.finished else min(item.number / phase.steps, 1.0)
         return self._at_least(before + part * phase.share)
 
     def alone(self, number: int) -> float:

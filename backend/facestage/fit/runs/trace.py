@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.truth import Truth
 from facestage.fit.stages.passage import Passage
@@ -30,7 +28,7 @@ def trace_row(
     photo = passage.photo
     if item.evaluation is not None and photo is not None:
         residual, used = item.evaluation.residual, item.evaluation.base_weight > 0
-        row["photo_rms"] = float(np.sqrt((residual[used] ** 2).mean())) if used.any() else None
+        row["photo_rms"] = item.evaluation.rms
         row["psnr"] = psnr(photo + residual, photo, used, passage.view.problem.white)
     if truth is not None and truth.cheap:
         row |= truth.geometry_errors(passage.state)

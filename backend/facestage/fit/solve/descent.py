@@ -57,22 +57,25 @@ class Descent(ABC, Generic[S, E, Q, T]):
     high: np.ndarray
     tolerance: float
     damping: Damping
+    further: int = 0  # steps after these, as long as it has not settled
 
     def run(self, state: S, seed: int, deadline: float, first: int = 1) -> Iterator[T]:
         """Accepted steps, numbered from ``first``, until converged, out of steps, or past the
         ``deadline`` (time.monotonic).
         """
         evaluation = self.evaluate(state, seed, everything=wakes(first))
-        for number in range(first, self.steps + 1):
+        most = self.steps + self.further
+        for number in range(first, most + 1):
             system = self.system(state, evaluation)
             if wakes(number):
                 self.rest(state, system.gradient)
             step = self._step(state, system, number, seed, deadline)
             if step is None:
                 return
-            state, evaluation = step.state, step.evaluation
+            before, state, evaluation = evaluation, step.state, step.evaluation
             converged = step.decrease < self.tolerance * max(system.total, 1e-12)
-            finished = number == self.steps or converged
+            enough = number == most or (number >= self.steps and self.settled(before, evaluation))
+            finished = enough or converged
             yield self.accepted(number, state, evaluation, system, step.condition, finished)
             if finished or time.monotonic() > deadline:
                 return
@@ -123,6 +126,10 @@ class Descent(ABC, Generic[S, E, Q, T]):
         """Decide anew which parameters rest until they are asked again: those at a bound that the
         energy would push them through.
         """
+
+    def settled(self, before: E, after: E) -> bool:
+        """Whether a step between these answers, the last that is due, is a reason to stop."""
+        return True
 
     @abstractmethod
     def free(self) -> np.ndarray:

@@ -103,9 +103,10 @@ class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
         self.layout = JointLayout([descent.energy.layout for descent in descents])
         low = self.layout.gathered([descent.low for descent in descents])
         high = self.layout.gathered([descent.high for descent in descents])
-        super().__init__(
-            max(descent.steps for descent in descents), low, high, CONVERGED_SHARE, Damping()
+        steps, further = (
+            max(getattr(descent, name) for descent in descents) for name in ("steps", "further")
         )
+        super().__init__(steps, low, high, CONVERGED_SHARE, Damping(), further)
 
     @property
     def active(self) -> np.ndarray:
@@ -124,6 +125,11 @@ class JointDescent(Descent[States, Evaluations, JointSystem, JointIteration]):
         parts = zip(self.descents, state, evaluation, strict=True)
         systems = [descent.system(one, answer) for descent, one, answer in parts]
         return JointSystem(self.layout, systems, self.terms, state)
+
+    def settled(self, before: Evaluations, after: Evaluations) -> bool:
+        """Whether each photo has."""
+        parts = zip(self.descents, before, after, strict=True)
+        return all(descent.settled(one, other) for descent, one, other in parts)
 
     def rest(self, state: States, gradient: np.ndarray) -> None:
         """Each photo's lights are its own."""

@@ -46,6 +46,7 @@ class Phase:
     share: float = 0.0  # of the time that all phases take, for the progress
     seed: int = 0  # added to the job's: no two phases draw the same light samples
     shadow_edges: bool = False  # whether the derivatives know how cast shadows move
+    further: int = 0  # steps that may follow these, as long as it has not settled
     variant: str = ""  # how this phase differs from the schedule's of the same name
 
     @property
@@ -78,6 +79,7 @@ PHASES = (
         samples=4,
         share=0.45,
         seed=5,
+        further=8,
     ),
 )
 # Not of a schedule: the landmarks' shape through another lens, see lens_check.py.
@@ -163,7 +165,7 @@ class Schedule:
         """With at most so many steps in each phase with the photo; None: as many as there are."""
         if steps is None:
             return self
-        return self.changed(lambda phase: {"steps": min(phase.steps, steps)})
+        return self.changed(lambda phase: {"steps": min(phase.steps, steps), "further": 0})
 
 
 def default_schedule(job: Job, steps_max: int | None = None) -> Schedule:

@@ -48,9 +48,15 @@ class PhotoDescent(Descent[State, Evaluation | None, "System", Iteration]):
         low: np.ndarray,
         high: np.ndarray,
         tolerance: float = CONVERGED_SHARE,
+        *,
+        further: int = 0,
+        settled_share: float = 0.0,
     ) -> None:
-        """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter."""
-        super().__init__(steps, low, high, tolerance, Damping())
+        """``freeze`` (size,) bool is true where the user, or the plan, holds a parameter; after
+        ``steps`` come up to ``further`` ones, while each lowers the residual by ``settled_share``.
+        """
+        super().__init__(steps, low, high, tolerance, Damping(), further)
+        self.settled_share = settled_share
         self.name, self.blocks, self.energy, self.freeze = name, blocks, energy, freeze
         # What the ledger says after the next evaluation, which a run that was stopped has made, and
         # counted, before.
@@ -75,6 +81,12 @@ class PhotoDescent(Descent[State, Evaluation | None, "System", Iteration]):
     def system(self, state: State, evaluation: Evaluation | None) -> System:
         """The energy's quadratic model."""
         return self.energy.at(state, evaluation).system(state, self.active)
+
+    def settled(self, before: Evaluation | None, after: Evaluation | None) -> bool:
+        """Whether the residual fell by less than the share that says so."""
+        if before is None or after is None or before.rms is None or after.rms is None:
+            return True
+        return after.rms > (1 - self.settled_share) * before.rms
 
     def free(self) -> np.ndarray:
         """The photo does not see a light that rests; the priors alone must not wake it."""

@@ -324,7 +324,17 @@ class View:
         setup = replace(setup, casting=self._casting(phase, setup))
         low, high = setup.layout.bounds(setup.known)
         energy = Energy.of(setup)
-        return PhotoDescent(phase.title, phase.blocks, energy, phase.steps, setup.freeze, low, high)
+        return PhotoDescent(
+            phase.title,
+            phase.blocks,
+            energy,
+            phase.steps,
+            setup.freeze,
+            low,
+            high,
+            further=phase.further,
+            settled_share=self.problem.fineness.settled_share,
+        )
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, the scale of E_light,

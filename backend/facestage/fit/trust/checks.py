@@ -109,7 +109,7 @@ def _settled(view: View, phase: Phase, trace: Sequence[dict[str, Any]]) -> bool:
     errors = [row["photo_rms"] for row in trace if row["stage"] == phase.title]
     if len(errors) < 2:
         return bool(errors)
-    if len(errors) < phase.steps or None in errors[-2:]:
+    if len(errors) < phase.steps + phase.further or None in errors[-2:]:
         return True
     return bool(errors[-1] > (1 - view.problem.fineness.settled_share) * errors[-2])
 

@@ -107,6 +107,21 @@ def test_one_photo_is_the_stage_itself(scene: Scene):
         assert found.finished == wanted.finished
 
 
+def test_it_goes_on_as_long_as_any_photo_has_not_settled(scenes: list[Scene]):
+    def run(further: int, shares: tuple[float, float]) -> list[bool]:
+        descents = [descent_of(one, steps=1) for one in scenes[:2]]
+        for descent, share in zip(descents, shares, strict=True):
+            descent.further, descent.settled_share = further, share
+        start = tuple(guess(one) for one in scenes[:2])
+        return [step.finished for step in JointDescent(descents).run(start, SEED, float("inf"))]
+
+    assert run(0, (0.0, 0.0)) == [True]
+    # A step that lowers the residual by less than 100 % is small, by less than -100 % never.
+    assert run(2, (1.0, 1.0)) == [True]
+    assert run(2, (1.0, -1.0)) == [False, False, True]
+    assert run(2, (-1.0, 1.0)) == [False, False, True]
+
+
 def test_frozen_by_one_is_frozen_for_all(scenes: list[Scene]):
     descents = [descent_of(one, steps=1) for one in scenes]
     descents[1].freeze = Layout(scenes[1].state).mask({"identity"})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -126,3 +127,18 @@ def test_beside_another_photo_a_stage_leaves_the_priors_of_the_face_to_it(scene:
     assert (other.blocks, other.steps, other.name) == (stage.blocks, stage.steps, stage.name)
     (first, *_) = stage.run(scene.state, 3, float("inf"))
     assert first.parts == (first,)
+
+
+def test_it_goes_on_as_long_as_the_residual_falls(scene: Scene):
+    """By 5 % and more in each further step, as measured by hand."""
+    stage = scene.solver(scene.render(samples=4)[0], ("lights",), 2, Weights(), samples=4)
+    stage.further, stage.settled_share = 6, 0.05
+    dark = replace(scene.state, lights=0.2 * scene.state.lights)
+    steps = list(stage.run(dark, 3, float("inf")))
+    rms = (step.evaluation.rms for step in steps if step.evaluation is not None)
+    errors = [error for error in rms if error is not None]
+    small = [after > 0.95 * before for before, after in pairwise(errors)]
+    print([round(error, 5) for error in errors])
+    assert 2 < len(steps) == len(errors) < 8, "the scene shows nothing"
+    assert small[1:-1] == [False] * (len(small) - 2), "a small step ended it at once"
+    assert small[-1] and steps[-1].finished

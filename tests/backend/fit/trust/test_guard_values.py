@@ -129,6 +129,8 @@ def test_a_phase_has_settled_when_it_ended_by_itself_or_its_last_step_was_small(
     ]
     assert _settled(view_of(scene, set()), phase, trace) is settled
     assert _settled(view_of(scene, {"pose"}), phase, trace) is settled
+    longer = replace(phase, steps=1, further=2)
+    assert _settled(view_of(scene, set()), longer, trace) is settled, "it might have gone on as far"
     assert _settled(view_of(scene, {"pose", "lights"}), phase, trace) is True, "nothing was free"
     assert _settled(view_of(scene, set()), replace(phase, face_px=None), trace) is True, "no photo"
 
