@@ -122,7 +122,7 @@ _POINTS = {
     "Hidden": "Verdeckt",
     "Something hides this point: where it is was guessed, and counts less": "Etwas verdeckt diesen Punkt: sein Ort ist geraten und zählt weniger",
     "Something hides these points: where they are is a guess, which counts less": "Etwas verdeckt diese Punkte: ihr Ort ist geraten und zählt weniger",
-    "Ignored": "Übergangen",
+    "Ignored": "Ignoriert",
     "The fit does not look at this landmark": "Die Anpassung beachtet diesen Merkmalspunkt nicht",
     "The fit does not look at these landmarks": "Die Anpassung beachtet diese Merkmalspunkte nicht",
     "Done": "Fertig",
@@ -159,7 +159,9 @@ _POINTS = {
     "Clear Pins": "Nadeln entfernen",
     "Take all pins of the photo away. The face stays as it is": "Alle Nadeln des Fotos entfernen. Das Gesicht bleibt, wie es ist",
     "Drag the wireframe": "Am Drahtgitter ziehen",
-    "Right click on a pin: remove it": "Rechtsklick auf eine Nadel entfernt sie",
+    "Right click on a pin: remove it": "Rechtsklick: Nadel entfernen",
+    "1 pin for the next fit": "1 Nadel für die nächste Anpassung",
+    "{count} pins for the next fit": "{count} Nadeln für die nächste Anpassung",
 }
 
 _LIGHT = {

@@ -16,6 +16,7 @@ from ..pins.screen import PhotoOnScreen
 from ..rig.face_rig import require_rig
 from ..scene.camera import camera_pose, put_photo_in_front, require_camera
 from ..scene.paths import require_photo
+from ..translations import said
 from .action import Action, Toggle
 
 TOOL = "facestage.pins"
@@ -242,7 +243,11 @@ def draw_pins(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         if not settings.known_lens and not settings.keep_camera:
             column.prop(settings, "pin_focal")
     if count:
-        layout.label(text=f"{count} pin{'s' if count > 1 else ''} for the next fit")
+        one, several = (
+            said("1 pin for the next fit"),
+            said("{count} pins for the next fit", count=count),
+        )
+        layout.label(text=one if count == 1 else several)
 
 
 def register() -> None:
