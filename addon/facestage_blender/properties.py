@@ -449,6 +449,19 @@ class StoredFace(OfFace, bpy.types.PropertyGroup):
 class SceneSettings(OfFace, bpy.types.PropertyGroup):
     """The face that the panel shows, and all faces of the scene where there are several."""
 
+    camera_before: PointerProperty(
+        type=bpy.types.Object,
+        name="Camera Before",
+        description="The camera that the scene had before the photo",
+    )
+    photo_camera: PointerProperty(
+        type=bpy.types.Object,
+        name="Photo's Camera",
+        description="The camera of the photo while the scene has its own again",
+    )
+    view_before: StringProperty(
+        name="View Before", description="Resolution and colors that the scene had before the photo"
+    )
     world_before: PointerProperty(
         type=bpy.types.World,
         name="World Before",

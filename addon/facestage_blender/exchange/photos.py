@@ -23,6 +23,7 @@ from ..landmarks.empties import shown_plane
 from ..pictures.images import load_image
 from ..properties import OfPhoto, PhotoSettings
 from ..scene.camera import ensure_camera, show_photo
+from ..scene.own_view import keep_view, return_to_photo
 from ..scene.paths import absolute
 from ..scene.several import other_faces
 from ..scene.stage import facestage_collection
@@ -36,6 +37,7 @@ def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
     Raises InputError when it is no picture.
     """
     path, settings = absolute(str(path)), scene.facestage
+    return_to_photo(scene)
     if any(
         face.camera == scene.camera and face.photo and absolute(face.photo) != path
         for face in other_faces(scene)
@@ -43,6 +45,9 @@ def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
         load_image(path)
         scene.camera = None  # it is another face's
         settings.known_lens = False
+    elif not settings.photo and not (settings.known_lens or settings.keep_camera):
+        load_image(path)
+        keep_view(scene)
     show_photo(scene, ensure_camera(scene, facestage_collection(scene)), path)
     if settings.photo and absolute(settings.photo) != path:
         forget_landmarks(scene)  # they are of the photo before, as is its light
@@ -100,6 +105,7 @@ def show(scene: bpy.types.Scene, number: int) -> None:
     stored_photos(scene)
     settings.photo_number = number
     _copy(photo, settings, tuple(OfPhoto.__annotations__))
+    return_to_photo(scene)
     camera = ensure_camera(scene, facestage_collection(scene))
     _copy(photo, camera.data, LENS)
     show_photo(scene, camera, path)

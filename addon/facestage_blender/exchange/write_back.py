@@ -26,6 +26,7 @@ from ..rig.relief_key import check_relief, write_relief
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
+from ..scene.own_view import return_to_photo
 from ..scene.relight import take_back
 from ..scene.several import separate_light, shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
@@ -130,6 +131,7 @@ def _write(
     keep_wet(rig)
     separate_light(scene)
     if not settings.keep_camera and not moves_stage:
+        return_to_photo(scene)
         camera = ensure_camera(scene, facestage_collection(scene))
         place(empty, camera, result.camera_to_stage, frames.CAMERA)
         write_camera(scene, camera.data, result.camera)

@@ -231,6 +231,8 @@ class BackendTask:
 class ModelTask(BackendTask):
     """Mixin of tasks for which the backend exports a face model."""
 
+    _model: FaceModel | None = None
+
     def specification(self, context: bpy.types.Context) -> str:
         """What the backend calls the model. Raises FacestageError when something is missing."""
         raise NotImplementedError
@@ -246,9 +248,15 @@ class ModelTask(BackendTask):
 
     def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
         """Load the file, and remove it."""
-        model = FaceModel.load(self._file())
+        self._model = FaceModel.load(self._file())
         self._file().unlink()
-        self.use(context, model)
+
+    def following(self, context: bpy.types.Context) -> Iterator[None]:
+        """Use the model: a step of its own, since loading holds the window, too."""
+        assert self._model is not None  # finish has loaded it
+        self.use(context, self._model)
+        self._model = None
+        yield from ()
 
     @staticmethod
     def _file() -> Path:

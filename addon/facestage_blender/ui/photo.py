@@ -18,6 +18,7 @@ from ..exchange.photos import add_photos, choose_photo, numbered, remove, show
 from ..exchange.write_back import apply_steps
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from ..landmarks.photo_view import look_through_camera
+from ..scene.own_view import can_give_view_back, give_view_back
 from ..scene.paths import absolute
 from ..translations import said
 from .action import Action, SteppedAction
@@ -231,6 +232,21 @@ def _count(path: Path, _changed: int) -> tuple[int, int]:
     return len(landmarks.points), len(landmarks.points) - int(landmarks.counted.sum())
 
 
+class FACESTAGE_OT_give_camera_back(Action, bpy.types.Operator):
+    """Gives the scene what it looked like before the photo."""
+
+    bl_idname = "facestage.give_camera_back"
+    bl_label = "Give Back Camera"
+    bl_description = (
+        "Let the scene have the camera, the resolution and the colors that it had before the "
+        "photo. The photo's camera stays; choose the photo again to look through it"
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Give it back."""
+        give_view_back(context.scene)
+
+
 class FACESTAGE_PT_camera(SidebarPanel, bpy.types.Panel):
     """What is known of the photo's camera."""
 
@@ -243,6 +259,8 @@ class FACESTAGE_PT_camera(SidebarPanel, bpy.types.Panel):
         column = self.layout.column(align=True)
         column.prop(context.scene.facestage, "known_lens")
         column.prop(context.scene.facestage, "keep_camera")
+        if can_give_view_back(context.scene):
+            column.operator("facestage.give_camera_back", icon="LOOP_BACK")
 
 
 CLASSES = (
@@ -250,6 +268,7 @@ CLASSES = (
     FACESTAGE_OT_add_photos,
     FACESTAGE_OT_show_photo,
     FACESTAGE_OT_remove_photo,
+    FACESTAGE_OT_give_camera_back,
     FACESTAGE_PT_photo,
     FACESTAGE_PT_camera,
 )

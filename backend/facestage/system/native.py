@@ -315,7 +315,7 @@ def _renderer_version() -> str:
         return f"mitsuba {metadata.version('mitsuba')} drjit {metadata.version('drjit')}"
     except metadata.PackageNotFoundError:
         raise BackendUnavailableError(
-            "Mitsuba is not installed in this Python; run: make setup (or: pip install facestage)."
+            "Mitsuba is not installed in this Python; run: make setup (Blender: Install Backend)."
         ) from None
 
 
