@@ -212,16 +212,19 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             )
         if settings.rig is not None:
             layout.prop(settings, "rig", text="Rig")
-            row = layout.row(align=True)
+            grows = layout.column(align=True)
+            row = grows.row(align=True)
             row.enabled = has_lids(settings.rig)
             row.operator(
                 "facestage.lashes", icon="STRANDS", depress=lashes_of(settings.rig) is not None
             )
-            brows = row.row(align=True)
-            brows.enabled = has_brows(settings.rig)
-            brows.operator(
+            row = grows.row(align=True)
+            row.enabled = has_brows(settings.rig)
+            row.operator(
                 "facestage.brows", icon="CURVES", depress=brows_of(settings.rig) is not None
             )
+            row = grows.row(align=True)
+            row.enabled = has_lids(settings.rig)
             row.operator(
                 "facestage.wet_eyes", icon="HIDE_OFF", depress=wet_eyes_of(settings.rig) is not None
             )
