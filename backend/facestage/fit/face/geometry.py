@@ -16,6 +16,8 @@ from facestage.fit.face.state import State
 INFLUENCE_MIN = 1e-7
 
 NO_RELIEF = np.zeros(0)
+# Every term of a step, and every photo of a person, asks for the same few shapes again.
+SHAPES_KEPT = 8
 
 
 class FaceGeometry:
@@ -53,6 +55,7 @@ class FaceGeometry:
         bases = (model.identity_basis, model.expression_basis, relief)
         shapes = [basis[:, used].reshape(len(basis), 3 * len(used)) for basis in bases]
         self.basis = np.ascontiguousarray(np.concatenate(shapes).T)
+        self._shapes: dict[bytes, np.ndarray] = {}  # by their weights, the last one last
         self.log_albedo = np.log(model.albedo_mean[used])
         self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
 
@@ -82,9 +85,19 @@ class FaceGeometry:
         expression: Float[np.ndarray, " expressions"],
         relief: Float[np.ndarray, " reliefs"] = NO_RELIEF,
     ) -> Float64[np.ndarray, "vertices 3"]:
-        """Model-frame positions; without weights of the relief there is none."""
+        """Model-frame positions, not to be written to; without weights of the relief there is
+        none.
+        """
         weights = np.concatenate([identity, expression, relief]).astype(np.float32)
-        return self.mean + (self.basis[:, : len(weights)] @ weights).reshape(-1, 3)
+        key = weights.tobytes()
+        found = self._shapes.pop(key, None)
+        if found is None:
+            found = self.mean + (self.basis[:, : len(weights)] @ weights).reshape(-1, 3)
+            found.flags.writeable = False
+        self._shapes[key] = found  # now the last one
+        while len(self._shapes) > SHAPES_KEPT:
+            del self._shapes[next(iter(self._shapes))]
+        return found
 
     def at(self, state: State) -> Float64[np.ndarray, "vertices 3"]:
         """Model-frame positions at ``state``."""
