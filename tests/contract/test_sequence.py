@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,21 @@ def test_round_trip(sequence: Sequence, tmp_path: Path):
         *("identity_names", "expression_names", "motion", "errors", "timings"),
     ):
         assert getattr(loaded, name) == getattr(sequence, name), name
+    assert loaded.light_radiance is None
     assert set(loaded.deviations) == {"expression", "pose"}
     np.testing.assert_array_equal(loaded.deviations["expression"], 0.1)
+
+
+def test_light_that_changes_comes_back(sequence: Sequence, tmp_path: Path):
+    light = np.arange(3 * 2 * 3.0).reshape(3, 2, 3)
+    replace(sequence, light_radiance=light).write_into(tmp_path)
+    found = Sequence.load(tmp_path).light_radiance
+    assert found is not None
+    np.testing.assert_array_equal(found, light)
+    arrays = read_arrays(tmp_path / ARRAYS, "sequence's arrays")
+    write_arrays(tmp_path / ARRAYS, arrays | {"light_radiance": light[:2]})
+    with pytest.raises(InputError, match="light_radiance"):
+        Sequence.load(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from ..rig.own_record import OwnMesh
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera
-from ..scene.stage import facestage_collection, require_stage
+from ..scene.stage import facestage_collection, light_power, require_stage, stage_lights
 from .write_back import apply_result
 
 PLACES = ("location", "rotation_euler", "scale")
@@ -31,7 +31,8 @@ PLACES = ("location", "rotation_euler", "scale")
 def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
     """Put a film's person into the scene and key the whole performance from the present frame on.
 
-    Person, light and camera are those of the first keyframe; scene and film run at the film's rate.
+    Person, camera and, unless it changes, light are those of the first keyframe; scene and film run
+    at the film's rate.
     The last frame is returned. Raises InputError before anything changes when the rig is of another
     model.
     """
@@ -49,12 +50,20 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
             f"The face rig has no slider '{lacking[0]}', which the film moves; build it again."
         )
     result = _keyframe(sequence)
+    radiance = sequence.light_radiance
+    if radiance is not None and radiance.shape[1] != len(result.stage):
+        raise InputError(
+            f"The film's light is of {radiance.shape[1]} lights, its first keyframe's of "
+            f"{len(result.stage)}; track the film again."
+        )
     apply_result(scene, result)
     _set_rate(scene, sequence.frame_rate)
     first = scene.frame_current
     times = first + np.array([each.time for each in sequence.frames]) * sequence.frame_rate
     write_keys(rig, times, weights)
     _key_head(scene, rig, times, result.camera_to_stage @ sequence.model_to_camera)
+    if radiance is not None:
+        _key_lights(scene, times, radiance, result.stage.side)
     _show_film(scene, sequence, first)
     last = int(np.ceil(times[-1] - 1e-3))
     scene.frame_start, scene.frame_end = min(scene.frame_start, first), max(scene.frame_end, last)
@@ -99,6 +108,23 @@ def _key_head(
         rig.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
         for axis, column in enumerate(np.array([list(each) for each in values]).T):
             write_curve(rig, path, axis, times, column)
+
+
+def _key_lights(
+    scene: bpy.types.Scene,
+    times: Float[np.ndarray, " frames"],
+    radiance: Float[np.ndarray, "frames lights 3"],
+    sides: Float[np.ndarray, " lights"],
+) -> None:
+    """Key the power and the color of every light."""
+    for index, light in enumerate(stage_lights(require_stage(scene))):
+        energy, color = light_power(radiance[:, index], float(sides[index]))
+        light.data.energy, light.data.color = float(energy[0]), color[0]
+        for path in ("energy", "color"):
+            light.data.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
+        write_curve(light.data, "energy", 0, times, energy)
+        for channel, column in enumerate(color.T):
+            write_curve(light.data, "color", channel, times, column)
 
 
 def _show_film(scene: bpy.types.Scene, sequence: Sequence, first: int) -> None:

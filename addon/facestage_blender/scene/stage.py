@@ -170,10 +170,20 @@ def set_light_radiance(light: bpy.types.Object, radiance: np.ndarray, side: floa
     """Give a light of ``side`` metres the color and power of an RGB radiance (3,); black keeps the
     color.
     """
-    peak = float(np.max(radiance))
-    if peak > 0:
-        light.data.color = np.asarray(radiance, np.float64) / peak
-    light.data.energy = peak * math.pi * side**2
+    energy, color = light_power(np.asarray(radiance), side)
+    if energy > 0:
+        light.data.color = color
+    light.data.energy = float(energy)
+
+
+def light_power(radiance: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Watts (...) and color (..., 3) of a square light of ``side`` metres by its RGB radiance
+    (..., 3); black is white without power.
+    """
+    values = np.asarray(radiance, np.float64)
+    peak = values.max(axis=-1)
+    color = np.where(peak[..., None] > 0, values / np.maximum(peak, 1e-300)[..., None], 1.0)
+    return peak * math.pi * side**2, color
 
 
 def _new_light(

@@ -14,7 +14,7 @@ from facestage.contract.camera import Camera, CameraSchema
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_folder
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
-from facestage.contract.light_stage import FAR
+from facestage.contract.light_stage import FAR, RADIANCE_MAX
 from facestage.contract.parameters import WEIGHT_MAX
 from facestage.contract.result import NAMES_MAX, RESULT_ARRAYS_MAX, STATUSES
 from facestage.contract.schemas.array_field import Array
@@ -84,14 +84,18 @@ class Sequence:
     timings: dict[str, float]
     versions: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
+    # Linear RGB of the first keyframe's lights in every frame; None: no frame needs another light.
+    light_radiance: Float[np.ndarray, "frames lights 3"] | None = None
 
     def write_into(self, folder: Path) -> None:
         """Write sequence.json and sequence.npz into an existing folder."""
-        arrays = ("identity", "expression", "model_to_camera")
+        arrays = ["identity", "expression", "model_to_camera"]
+        if self.light_radiance is not None:
+            arrays.append("light_radiance")
         data = {
             name: value
             for name, value in vars(self).items()
-            if name not in (*arrays, "deviations", "folder", "camera", "frames")
+            if name not in (*arrays, "deviations", "folder", "camera", "frames", "light_radiance")
         }
         data = {"schema": SCHEMA_VERSION} | data | {"camera": self.camera.to_json()}
         data["frames"] = [asdict(frame) for frame in self.frames]
@@ -172,6 +176,7 @@ class SequenceArrays(FileSchema):
     identity = Array(("identities",), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
     expression = Array(("frames", "expressions"), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
     model_to_camera = Array(("frames", 4, 4), minimum=-FAR, maximum=FAR)
+    light_radiance = Array(("frames", "lights", 3), minimum=0, maximum=RADIANCE_MAX, required=False)
     deviation = Table(Array(None, finite=False), load_default=dict)
 
     dimensions: ClassVar = {}

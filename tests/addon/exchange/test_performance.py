@@ -134,6 +134,32 @@ def test_every_frame_is_where_the_film_has_it(
         assert np.abs(in_camera(ready) - wanted).max() < 2e-5, place
 
 
+def test_light_that_changes_is_keyed(ready, sequence: Sequence) -> None:
+    import bpy
+
+    from facestage.contract.person import Person
+    from facestage.contract.result import Result
+    from facestage_blender.scene.stage import read_stage, require_stage
+
+    folder = Path(str(sequence.folder))
+    person = folder / KEYFRAMES
+    lights = len(Result.load(person / Person.load(person).photos[0].folder).stage)
+    radiance = np.random.default_rng(1).uniform(0.1, 2, (FRAMES, lights, 3))
+    radiance[:, 0] = 0.0
+    replace(sequence, light_radiance=radiance).write_into(folder)
+    ready.frame_set(101)
+    assert bpy.ops.facestage.import_performance(directory=str(folder)) == {"FINISHED"}
+    for place in range(FRAMES):
+        ready.frame_set(101 + place)
+        np.testing.assert_allclose(
+            read_stage(require_stage(ready)).radiance, radiance[place], rtol=1e-5
+        )
+
+    replace(sequence, light_radiance=radiance[:, 1:]).write_into(folder)
+    again = bpy.ops.facestage.import_performance
+    refused(again, f"is of {lights - 1} lights", directory=str(folder))
+
+
 def test_between_frames_the_head_turns_the_short_way(ready, sequence: Sequence) -> None:
     import bpy
 

@@ -12,6 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.partial import SEQUENCE_CHECKPOINT
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.fit.sequence.course import Course
+from facestage.fit.sequence.frame_light import LightEquations
 from facestage.fit.sequence.landmark_bias import LandmarkBias
 from facestage.fit.sequence.motion import Motion, Triples
 from facestage.fit.sequence.tracking import Pictures, Tracked
@@ -50,6 +51,11 @@ class PassCheckpoint:
                 "hessian": pictures.hessian,
                 "gradient": pictures.gradient,
                 "rms": pictures.rms,
+                "light_hessian": pictures.light.hessian,
+                "light_gradient": pictures.light.gradient,
+                "light_cross": pictures.light.cross,
+                "light_cost": pictures.light.cost,
+                "lights": np.zeros((0, 0)) if tracked.lights is None else tracked.lights,
             },
             compress=False,
         )
@@ -61,6 +67,8 @@ class PassCheckpoint:
         if not path.is_file():
             return None
         found = read_arrays(path, "checkpoint")
+        if "light_cost" not in found and "hessian" in found:
+            return None  # of a version whose frames had no light of their own: seen once more
         try:
             return cls._of(found)
         except (KeyError, TypeError, ValueError) as error:
@@ -75,7 +83,19 @@ class PassCheckpoint:
         motion = Motion(triples, found["groups"], found["scales"], found["weights"])
         bias = LandmarkBias(found["offset"], float(found["scale"]))
         tracked = Tracked(
-            course, motion, bias, found["deviation"], found["landmark_rms"], found["photo_rms"]
+            course,
+            motion,
+            bias,
+            found["deviation"],
+            found["landmark_rms"],
+            found["photo_rms"],
+            found["lights"] if len(found["lights"]) else None,
         )
-        pictures = Pictures(found["hessian"], found["gradient"], found["rms"])
+        light = LightEquations(
+            found["light_hessian"],
+            found["light_gradient"],
+            found["light_cross"],
+            found["light_cost"],
+        )
+        pictures = Pictures(found["hessian"], found["gradient"], found["rms"], light)
         return cls(int(found["number"]), int(found["done"]), tracked, pictures)

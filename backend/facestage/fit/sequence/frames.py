@@ -17,9 +17,10 @@ from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import face_size_px, skin_weight
 from facestage.fit.given.window import Window
 from facestage.fit.sequence.actor import Actor
+from facestage.fit.sequence.frame_light import LightEquations
 from facestage.images.image_io import Photograph
 
-BLOCKS = ("pose", "expression")
+BLOCKS, LIGHTS = ("pose", "expression"), "lights"
 # Standard deviations of what all landmarks of a frame are off by together: in sizes of the face,
 # and of their sizes and angles (on a rendered sequence, depth by landmarks wanders by 1 %).
 TOGETHER_PLACE, TOGETHER = 0.005, 0.01
@@ -41,11 +42,15 @@ class Said:
 
 
 def landmark_evidence(
-    actor: Actor, landmarks: Landmarks, state: State, sigma_scale: float = 1.0
+    actor: Actor,
+    landmarks: Landmarks,
+    state: State,
+    sigma_scale: float = 1.0,
+    trust: Float[np.ndarray, " landmarks"] | None = None,
 ) -> Said:
     """What ``landmarks`` say around ``state``: less of where the head is than of how its points lie
     to each other, for they err together. ``sigma_scale``: how far they are off, over how far on a
-    single photo.
+    single photo. ``trust``: how many times each landmark counts, once where None.
     """
     size = face_size_px(landmarks)
     sigma = sigma_scale * LANDMARK_SIGMA_SHARE * size
@@ -57,11 +62,12 @@ def landmark_evidence(
     weighed = placed.weighed(slim)
     jacobian = placed.jacobian(slim, layout)[:, layout.mask(BLOCKS)]
     together = (placed.whitening @ _together(placed.points, size)).reshape(len(jacobian), -1)
-    weighted = weighed.weights[:, None] * together
+    weights = weighed.weights if trust is None else weighed.weights * np.repeat(trust, 2)
+    weighted = weights[:, None] * together
     both = np.column_stack([jacobian, weighed.residuals])
     # What they share is an unknown of its own, of standard deviation 1, and eliminated.
     system = together.T @ weighted + np.eye(together.shape[1])
-    left = both * weighed.weights[:, None]
+    left = both * weights[:, None]
     left -= weighted @ np.linalg.solve(system, weighted.T @ both)
     product = jacobian.T @ left
     rms = float(np.sqrt((weighed.residuals**2).mean()))
@@ -81,6 +87,14 @@ def _together(
 
 
 @dataclass(frozen=True, eq=False)
+class Seen:
+    """What a picture says of pose, expression and light."""
+
+    said: Said  # under the lights that it was looked at with
+    light: LightEquations  # of one frame; of no light where that is held
+
+
+@dataclass(frozen=True, eq=False)
 class FrameView:
     """One frame, cut to its face and made small, as the photo term compares it."""
 
@@ -94,6 +108,7 @@ class FrameView:
         photograph: Photograph,
         landmarks: Landmarks,
         skin: np.ndarray | None = None,
+        light_held: bool = False,
     ) -> FrameView:
         """``skin``: :attr:`skin` of the same frame, where it was found before."""
         window = _window(photograph.size, landmarks)
@@ -103,7 +118,8 @@ class FrameView:
         photo = Photo(
             small.color.astype(np.float64), small.mask, skin / np.float32(255), small.clipped
         )
-        term = PhotoTerm(actor.forward, photo, actor.stage_in_camera, SAMPLES, frozenset(BLOCKS))
+        blocks = frozenset(BLOCKS if light_held else (*BLOCKS, LIGHTS))
+        term = PhotoTerm(actor.forward, photo, actor.stage_in_camera, SAMPLES, blocks)
         return cls(window, term)
 
     @property
@@ -116,16 +132,24 @@ class FrameView:
         camera = self.window.camera(state.camera)
         return self.term.evaluate(replace(state, camera=camera), 0)
 
-    def said(self, state: State) -> Said:
+    def seen(self, state: State) -> Seen:
         """What the picture says around ``state``."""
         evaluation = self.evaluated(state)
         used = evaluation.base_weight > 0.5
         layout = Layout(evaluation.state)
         active = layout.mask(BLOCKS)
+        lights = layout.mask([LIGHTS]) & (LIGHTS in self.term.blocks)
         weights = self.term.weights(evaluation, self.term.noise(evaluation))
-        hessian, gradient = self.term.normal_equations(evaluation, weights, layout, active)
-        rms = float(np.sqrt((evaluation.residual[used] ** 2).mean())) if used.any() else np.nan
-        return Said(hessian[np.ix_(active, active)], gradient[active], rms)
+        hessian, gradient = self.term.normal_equations(evaluation, weights, layout, active | lights)
+        squared = evaluation.residual**2
+        rms = float(np.sqrt(squared[used].mean())) if used.any() else np.nan
+        light = LightEquations(
+            hessian[np.ix_(lights, lights)][None],
+            gradient[lights][None],
+            hessian[np.ix_(lights, active)][None],
+            np.array([0.5 * (weights[..., None] * squared).sum()]),
+        )
+        return Seen(Said(hessian[np.ix_(active, active)], gradient[active], rms), light)
 
 
 def _window(size: tuple[int, int], landmarks: Landmarks) -> Window:

@@ -86,6 +86,7 @@ def write_sequence(
         timings=found.timings,
         versions=_versions(),
         folder=folder,
+        light_radiance=_light_radiance(tracker, tracked),
     )
     track.write_into(folder)
     shutil.copytree(partial / KEYFRAMES, folder / KEYFRAMES_FOLDER)
@@ -108,6 +109,12 @@ def write_sequence(
         _write_vertices(folder / VERTICES, tracker, tracked)
     write_sequence_report(folder, track, list(_thumbnails(found, tracker)))
     return track
+
+
+def _light_radiance(tracker: Tracker, tracked: Tracked) -> np.ndarray | None:
+    if tracked.lights is None:
+        return None
+    return np.array([tracker.actor.forward.lights.radiance(one) for one in tracked.lights])
 
 
 def _frames(found: Found) -> Iterator[SequenceFrame]:
@@ -154,6 +161,8 @@ def _verdict(found: Found, frames: tuple[SequenceFrame, ...]) -> tuple[str, str]
         parts.append(f"{unsure} of them need a look")
     if shots > 1:
         parts.append(f"there are {shots} shots, between which nothing is smoothed")
+    if found.tracked.lights is not None:
+        parts.append("their light changes, and was followed")
     if not found.in_time:
         return BUDGET_SPENT, "The time ended first: " + ", ".join(parts) + "."
     if found.person.status == STOPPED:

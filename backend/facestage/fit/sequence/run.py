@@ -39,7 +39,7 @@ from facestage.fit.sequence.output import Found, write_sequence
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sequence_truth import SequenceTruth
 from facestage.fit.sequence.sightings import Sightings, look_through
-from facestage.fit.sequence.tracking import LANDMARK_PASSES, Pictures, Tracked, Tracker
+from facestage.fit.sequence.tracking import LANDMARK_PASSES, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr, write_png
 from facestage.models.registry import load_model
@@ -147,8 +147,7 @@ class SequenceRun:
         checkpoint = PassCheckpoint.load(self.partial) if resume else None
         if checkpoint is None:
             tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
-            size = tracked.deviation.shape[1]
-            checkpoint = PassCheckpoint(0, 0, tracked, Pictures.none(len(tracked.course), size))
+            checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
         tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline))
         in_time = time.monotonic() <= deadline
         errors = {} if truth is None else truth.errors(tracker.actor.geometry.model, tracked.course)
@@ -310,8 +309,7 @@ class SequenceRun:
         saved = time.monotonic()
         for number in range(checkpoint.number, passes):
             before = checkpoint if number == checkpoint.number else None
-            size = tracked.deviation.shape[1]
-            pictures = Pictures.none(frames, size) if before is None else before.pictures
+            pictures = tracker.no_pictures() if before is None else before.pictures
             for frame in self.film.frames(0 if before is None else before.done):
                 if frame.index >= frames:
                     break
@@ -331,7 +329,7 @@ class SequenceRun:
                     saved = time.monotonic()
                     PassCheckpoint(number, done, tracked, pictures).save(self.partial)
             tracked = tracker.with_bias(tracker.smoothed(tracked, pictures))
-            PassCheckpoint(number + 1, 0, tracked, Pictures.none(frames, size)).save(self.partial)
+            PassCheckpoint(number + 1, 0, tracked, tracker.no_pictures()).save(self.partial)
             if time.monotonic() > deadline:
                 break
         return tracked

@@ -38,6 +38,7 @@ class Smoothed:
     course: Course
     motion: Motion
     deviation: Float[np.ndarray, "frames unknowns"]  # standard deviations; 0 at a bound
+    step: Float[np.ndarray, "frames unknowns"]  # to the course from where it was
 
 
 def smooth(
@@ -65,7 +66,7 @@ def smooth(
             break
     variance = np.einsum("tii->ti", system.covariance()[0])
     deviation = np.sqrt(np.maximum(_per_frame(variance, len(course)), 0.0))
-    return Smoothed(course.moved(step), motion, np.where(problem.free, deviation, 0.0))
+    return Smoothed(course.moved(step), motion, np.where(problem.free, deviation, 0.0), step)
 
 
 class _Bounded:

@@ -15,9 +15,10 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.course import POSE, Course
-from facestage.fit.sequence.frames import FrameView, Said, landmark_evidence
+from facestage.fit.sequence.frame_light import MOVING_SHARE, LightEquations
+from facestage.fit.sequence.frames import LIGHTS, FrameView, Seen, landmark_evidence
 from facestage.fit.sequence.landmark_bias import LandmarkBias
-from facestage.fit.sequence.motion import Motion, Triples, groups_of
+from facestage.fit.sequence.motion import GAZE, LIDS, Motion, Triples, groups_of
 from facestage.fit.sequence.pose_noise import with_honest_poses
 from facestage.fit.sequence.smoother import LEARNING_ROUNDS, Evidence, smooth
 from facestage.fit.stages.initialize import initial_pose
@@ -29,6 +30,12 @@ LOOSE_PASSES, LANDMARK_PASSES = 2, 6
 # A frame that is explained worse than the median by more than this factor counts for less, by this
 # power of what is beyond, and the report says so. Blinks and wide mouths are worse by less.
 DOUBT, DOUBT_POWER = 2.5, 4.0
+# What landmarks count for beside a picture: they are off by the same in many frames, and a scatter
+# that is small does not say so. Those of lids and eyes count in full, for pictures compare skin.
+BESIDE_PICTURE = 0.1
+# Errors of neighbouring frames are alike, and the smoother takes them for independent: its weights
+# are so many times as far off as it says, but no further than by their own frame alone.
+ALIKE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +48,15 @@ class Tracked:
     deviation: Float[np.ndarray, "frames unknowns"]
     landmark_rms: Float[np.ndarray, " frames"]  # NaN: no face
     photo_rms: Float[np.ndarray, " frames"]  # NaN: not compared
+    # Parameters of each frame's light, once it is known to move; None: all have the actor's.
+    lights: Float[np.ndarray, "frames lights"] | None = None
 
     def state(self, actor: Actor, index: int) -> State:
         """Of one frame."""
         course = self.course
-        return actor.at(course.rotation[index], course.translation[index], course.expression[index])
+        pose = course.rotation[index], course.translation[index]
+        state = actor.at(*pose, course.expression[index])
+        return state if self.lights is None else replace(state, lights=self.lights[index])
 
     @property
     def doubts(self) -> Float[np.ndarray, " frames"]:
@@ -71,6 +82,8 @@ class Tracker:
     ) -> None:
         self.actor, self.landmarks, self.shots = actor, landmarks, shots
         self._skins: dict[int, np.ndarray] = {}
+        self._trusts: dict[str, np.ndarray] = {}
+        self._light_held = LIGHTS in freeze
         model = actor.geometry.model
         self._triples = Triples.of(times, shots)
         self._groups = groups_of(model.expression_names)
@@ -109,10 +122,15 @@ class Tracker:
         rotation, translation = (np.array(part)[nearest] for part in zip(*poses, strict=True))
         return Course(rotation, translation, np.zeros((len(nearest), len(self._low))))
 
-    def look(self, tracked: Tracked, frame: Frame) -> Said | None:
+    def look(self, tracked: Tracked, frame: Frame) -> Seen | None:
         """What the picture of ``frame`` says where ``tracked`` has the face; None: no face."""
         view = self.view(frame)
-        return None if view is None else view.said(tracked.state(self.actor, frame.index))
+        return None if view is None else view.seen(tracked.state(self.actor, frame.index))
+
+    def no_pictures(self) -> Pictures:
+        """Before the first is looked at."""
+        lights = 0 if self._light_held else len(self.actor.state.lights)
+        return Pictures.none(len(self.landmarks), POSE + len(self._low), lights)
 
     def view(self, frame: Frame) -> FrameView | None:
         """A frame as it is compared; None: no face."""
@@ -120,7 +138,7 @@ class Tracker:
         if landmarks is None:
             return None
         skin = self._skins.get(frame.index)
-        view = FrameView.of(self.actor, frame.photograph, landmarks, skin)
+        view = FrameView.of(self.actor, frame.photograph, landmarks, skin, self._light_held)
         self._skins[frame.index] = view.skin
         return view
 
@@ -137,13 +155,17 @@ class Tracker:
                 continue
             state = tracked.state(self.actor, index)
             own = tracked.bias.taken_from(landmarks, state)
-            said = landmark_evidence(self.actor, own, state, tracked.bias.scale)
+            compared = pictures is not None and np.isfinite(pictures.rms[index])
+            trust = self._beside_picture(own.scheme) if compared else None
+            said = landmark_evidence(self.actor, own, state, tracked.bias.scale, trust)
             hessian[index], gradient[index] = said.hessian, said.gradient
             landmark_rms[index] = said.rms
         photo_rms = tracked.photo_rms
         if pictures is not None:
-            hessian += pictures.hessian
-            gradient += pictures.gradient
+            light = pictures.light
+            seen = light.eliminated(pictures.hessian, pictures.gradient, self._radiance)
+            hessian += seen[0]
+            gradient += seen[1]
             photo_rms = pictures.rms
         tracked = replace(tracked, landmark_rms=landmark_rms, photo_rms=photo_rms)
         trust = np.minimum(1.0, DOUBT / np.maximum(tracked.doubts, 1e-9)) ** DOUBT_POWER
@@ -157,7 +179,38 @@ class Tracker:
         if rounds:
             evidence = with_honest_poses(course, evidence, self._seen_shots())
         found = smooth(course, evidence, tracked.motion, self._low, self._high, rounds)
-        return replace(tracked, course=found.course, motion=found.motion, deviation=found.deviation)
+        deviation = _honest(found.deviation, evidence.hessian)
+        tracked = replace(tracked, course=found.course, motion=found.motion, deviation=deviation)
+        return tracked if pictures is None else self._relit(tracked, pictures.light, found.step)
+
+    def _beside_picture(self, scheme: str) -> Float[np.ndarray, " landmarks"]:
+        """What each landmark counts for beside a picture."""
+        if scheme not in self._trusts:
+            model = self.actor.geometry.model
+            corners, weights = model.landmark_vertices(scheme)
+            moved = np.einsum("mi,emix->emx", weights, model.expression_basis[:, corners])
+            most = np.linalg.norm(moved, axis=2).argmax(axis=0)
+            eyes = np.isin(self._groups[POSE:][most], (LIDS, GAZE))
+            self._trusts[scheme] = np.where(eyes, 1.0, BESIDE_PICTURE)
+        return self._trusts[scheme]
+
+    def _relit(self, tracked: Tracked, said: LightEquations, step: np.ndarray) -> Tracked:
+        """Under the lights that pictures ask for after a ``step``, if one light is not enough."""
+        common = self.actor.state.lights
+        if self._light_held or not said.cost.any():
+            return tracked
+        lights = tracked.lights
+        present = np.tile(common, (len(step), 1)) if lights is None else lights
+        share = float(np.median(said.explained(self._radiance)[said.cost > 0]))
+        if lights is None and share < MOVING_SHARE:
+            return tracked
+        found = said.followed(present, common, step, self.shots, self._radiance)
+        return replace(tracked, lights=found)
+
+    @property
+    def _radiance(self) -> float:
+        """The mean of the common light's."""
+        return max(float(self.actor.forward.lights.radiance(self.actor.state.lights).mean()), 1e-9)
 
     def _seen_shots(self) -> np.ndarray:
         """The shots, each frame without a face one of its own."""
@@ -172,6 +225,19 @@ class Tracker:
         return replace(tracked, bias=LandmarkBias.of(self.actor, chosen, states))
 
 
+def _honest(
+    deviation: Float[np.ndarray, "frames unknowns"],
+    hessian: Float[np.ndarray, "frames unknowns unknowns"],
+) -> Float[np.ndarray, "frames unknowns"]:
+    """Standard deviations of weights as they are, not as the smoother has them."""
+    result = deviation.copy()
+    result[:, POSE:] *= ALIKE
+    for index in np.flatnonzero(np.einsum("tii->ti", hessian).all(axis=1)):
+        own = np.sqrt(np.diag(np.linalg.pinv(hessian[index], hermitian=True)))
+        result[index, POSE:] = np.minimum(result[index, POSE:], own[POSE:])
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class Pictures:
     """What the pictures of all frames said at one course."""
@@ -179,18 +245,25 @@ class Pictures:
     hessian: Float[np.ndarray, "frames unknowns unknowns"]
     gradient: Float[np.ndarray, "frames unknowns"]
     rms: Float[np.ndarray, " frames"]
+    light: LightEquations
 
     @classmethod
-    def none(cls, frames: int, unknowns: int) -> Pictures:
+    def none(cls, frames: int, unknowns: int, lights: int) -> Pictures:
         """Before the first is looked at."""
         return cls(
             np.zeros((frames, unknowns, unknowns)),
             np.zeros((frames, unknowns)),
             np.full(frames, np.nan),
+            LightEquations.none(frames, lights, unknowns),
         )
 
-    def add(self, index: int, said: Said | None) -> None:
+    def add(self, index: int, seen: Seen | None) -> None:
         """What the picture of one frame says."""
-        if said is not None:
-            self.hessian[index], self.gradient[index] = said.hessian, said.gradient
-            self.rms[index] = said.rms
+        if seen is None:
+            return
+        self.hessian[index], self.gradient[index] = seen.said.hessian, seen.said.gradient
+        self.rms[index] = seen.said.rms
+        self.light.hessian[index] = seen.light.hessian[0]
+        self.light.gradient[index] = seen.light.gradient[0]
+        self.light.cross[index] = seen.light.cross[0]
+        self.light.cost[index] = seen.light.cost[0]
