@@ -210,3 +210,23 @@ def test_the_face_of_a_real_photo_is_found(
     with pytest.raises(RuntimeError, match="No face was found"):
         bpy.ops.facestage.detect_landmarks()
     assert scene.facestage.landmarks == ""
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2], ids=["upright", "lying"])
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_a_monkey_is_not_used_as_a_face(
+    scene, backend: list[str], tmp_path: Path, turn: float, level: int
+) -> None:
+    """Suzanne as people add her: as she is, and subdivided."""
+    import bpy
+
+    scene.facestage.output = str(tmp_path / "work")
+    bpy.ops.mesh.primitive_monkey_add(rotation=(turn, 0.0, 0.0))
+    monkey = bpy.context.object
+    if level:
+        monkey.modifiers.new("Subdivision", "SUBSURF").levels = level
+        bpy.ops.object.modifier_apply(modifier="Subdivision")
+    with pytest.raises(RuntimeError, match=r"No face was found on the mesh.*mark some landmarks"):
+        bpy.ops.facestage.use_my_mesh()
+    assert not monkey.facestage_face.is_rig and scene.facestage.rig is None
+    assert not monkey.material_slots

@@ -20,6 +20,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.models.correspondence.coarse_alignment import coarse_alignments
 from facestage.models.correspondence.face_openings import FrontView, face_features
 from facestage.models.correspondence.smooth_warp import smooth_displacement
+from facestage.models.mesh.mirror import mirrored_axis
 from facestage.models.mesh.similarity import Similarity, procrustes
 from facestage.models.mesh.surface import Surface, normals_and_areas, pieces, vertex_normals
 
@@ -44,6 +45,7 @@ _WARP_REACH, _WARP_POINTS, _WARP_STEPS = 12e-3, 600, 2  # metres
 # A face is found when the narrow face lies this close, on the default face's scale.
 SMALLEST = 0.1
 MEDIAN_MAX, COVERED_MIN = 1.8e-3, 0.6
+ASKEW_MAX = 20.0  # degrees between a mirrored mesh's sides and those of the face that is found
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,16 @@ class Registration:
 
 def _found(fit: Registration) -> bool:
     return fit.median_distance <= MEDIAN_MAX and fit.covered >= COVERED_MIN
+
+
+def _askew(fit: Registration, vertices: np.ndarray) -> float:
+    """Degrees by which the face's right and left are not those of a mesh that was modelled with a
+    mirror; 0 for any other mesh.
+    """
+    axis = mirrored_axis(vertices)
+    if axis is None:
+        return 0.0
+    return float(np.degrees(np.arccos(min(1.0, abs(fit.similarity.rotation[axis, 0])))))
 
 
 def register(
@@ -148,11 +160,14 @@ def register(
         best.similarity.scale * source.height
         < SMALLEST * np.ptp(surface.vertices[wanted], axis=0).max()
     )
-    if not known and (tiny or not _found(best)):
+    askew = 0.0 if known else _askew(best, surface.vertices[wanted])
+    if not known and (tiny or not _found(best) or askew > ASKEW_MAX):
+        turned = f", turned {askew:.0f} degrees from the mesh's mirror" if askew > ASKEW_MAX else ""
         raise InputError(
             "No face was found on the mesh: the nearest fit of a face is "
-            f"{best.median_distance * 1e3:.1f} mm off and covers {best.covered:.0%}; mark some "
-            "landmarks (eye corners, nose tip, mouth corners, chin), or choose the mesh of a face."
+            f"{best.median_distance * 1e3:.1f} mm off and covers {best.covered:.0%}{turned}; mark "
+            "some landmarks (eye corners, nose tip, mouth corners, chin), or choose the mesh of a "
+            "face."
         )
     return _warped(source, best, anchors) if warp else best
 
