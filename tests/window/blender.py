@@ -24,6 +24,7 @@ ANSWER_SECONDS = 120.0
 Box = tuple[int, int, int, int]  # left, top, width, height
 Word = tuple[str, int, int]
 TABS = 26
+LENIENT = 2.0  # a busy machine's processor does less in the same time
 LAYOUTS = (6, 11, 6)  # the screen may have moved
 SIDEBAR = """
 area = bpy.context.area
@@ -172,15 +173,18 @@ class Blender:
             self.do("bpy.ops.wm.redraw_timer(type='DRAW_WIN_SWAP', iterations=1)")
 
     @contextmanager
-    def stalls(self, what: str) -> Iterator[None]:
+    def stalls(self, what: str, limit: float) -> Iterator[None]:
         """Note in stalls.json the longest time in which the window answers nothing while ``what``
         is done: milliseconds of its thread's processor time, drawing with them.
+
+        Fails where that is more than LENIENT times the ``limit`` that people are promised.
         """
         self.do("beat['longest'] = 0.0")
         yield
         self.longest[what] = round(1000.0 * self.ask("beat['longest']"), 1)
         path = self.out / "stalls.json"
         path.write_text(json.dumps(self.longest, indent=1), encoding="utf-8")
+        assert self.longest[what] <= LENIENT * limit, f"{what} holds the window; see {path}"
 
     def shot(self, name: str) -> Path:
         """A picture of the whole screen, numbered in the order of the walk."""

@@ -167,7 +167,7 @@ def test_the_stage_names_what_is_in_the_way_and_hides_it(blender: Blender):
 
 
 def test_the_face_rig_is_built(blender: Blender):
-    with blender.stalls("Build Face Rig"):
+    with blender.stalls("Build Face Rig", 300.0):
         blender.click("Build Face Rig")
         blender.until(f"{SETTINGS}.rig", 200)
         blender.idle()
@@ -177,13 +177,13 @@ def test_the_face_rig_is_built(blender: Blender):
 
 def test_the_fit_shows_its_progress_and_its_result(blender: Blender):
     blender.do(f"{SETTINGS}.quality = 'draft'")
-    with blender.stalls("Fit to Photo"):
+    with blender.stalls("Fit to Photo", 100.0):
         blender.click("Fit to Photo")
         blender.until(f"{STATE}.task == 'Fitting' and {STATE}.fraction > 0.05", 200)
         blender.shot("fit-running")
         blender.find("s left")
         blender.until(f"{STATE}.fraction > 0.95 or not {STATE}.task", 300)
-    with blender.stalls("Apply"):
+    with blender.stalls("Apply", 100.0):
         blender.idle()
         blender.until(f"{SETTINGS}.result")
     assert blender.ask(f"{STATE}.failure") == ""

@@ -19,7 +19,7 @@ from ..scene.stage import facestage_collection, relative_matrix, require_stage
 from ..skin.brows import renew_brows
 from ..skin.lashes import renew_lashes
 from ..skin.lids import remember_lids
-from ..skin.material import part_materials, show_model
+from ..skin.material import paint_albedo, part_materials, show_model
 from ..skin.wet_eyes import renew_wet_eyes
 from . import relief_key
 from .landmark_points import remember_landmarks
@@ -35,14 +35,19 @@ NAME_LENGTH = 63  # bytes of a name in Blender
 
 
 def build_rig(
-    scene: bpy.types.Scene, model: FaceModel, spec: str, stage: bpy.types.Object
+    scene: bpy.types.Scene,
+    model: FaceModel,
+    spec: str,
+    stage: bpy.types.Object,
+    albedo: np.ndarray | None = None,
 ) -> bpy.types.Object:
     """Build the rig of ``model`` under the stage's empty, or rebuild the scene's present one in
     place.
 
     A mesh of the user's that serves as the rig is left alone.
 
-    ``spec`` is what the backend calls the model ("default", "ict:PATH", ...).
+    ``spec`` is what the backend calls the model ("default", "ict:PATH", ...). ``albedo``: of
+    :func:`..skin.material.paint_albedo` for this model; without it, it is painted here.
     """
     rig = scene.facestage.rig
     mesh = build_mesh(model)
@@ -62,7 +67,7 @@ def build_rig(
         rig.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
     if retired is not None:
         _remove_mesh(retired)
-    show_model(rig, model)
+    show_model(rig, paint_albedo(model) if albedo is None else albedo)
     remember_lids(mesh, model)
     remember_landmarks(mesh, model)
     renew_lashes(rig)

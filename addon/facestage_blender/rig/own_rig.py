@@ -13,7 +13,7 @@ from facestage.contract.result import Result
 from facestage.contract.rig_file import RigFile
 
 from ..scene.several import separate_light
-from ..skin.material import GROUP, part_materials, show_model
+from ..skin.material import GROUP, paint_albedo, part_materials, show_model
 from .landmark_points import remember_landmarks
 from .own_marks import slot_parts, veils_eyes
 from .own_mesh import model_frame, read_mesh
@@ -55,12 +55,14 @@ def adopt(
     model: FaceModel,
     rig: RigFile,
     own: OwnMesh,
+    albedo: np.ndarray | None = None,
 ) -> None:
     """Make the object the scene's rig for the model that the backend made of it; nothing is moved
     yet.
 
     With the object's "Facestage Skin" the materials of face, eyes and mouth give way to
-    Facestage's; the user's stay in the file.
+    Facestage's; the user's stay in the file. ``albedo``: of :func:`..skin.material.paint_albedo`
+    for this model; without it, it is painted here where it is needed.
 
     Raises InputError before anything changes where nothing was marked and the face that was found
     does not stand upright: then it is none.
@@ -79,7 +81,7 @@ def adopt(
     if not face.own_materials:
         return
     _replace_materials(item, own.uv_layer)
-    show_model(item, model)
+    show_model(item, paint_albedo(model) if albedo is None else albedo)
 
 
 def check_vertices(rig: bpy.types.Object, result: Result) -> None:

@@ -343,11 +343,19 @@ def set_scattering(rig: bpy.types.Object, strength: float, translucency: float =
                 node.inputs[SCATTERING].default_value = strength
 
 
-def show_model(rig: bpy.types.Object, model: FaceModel) -> None:
-    """Give a rig what its face model alone knows of the skin: the mean albedo, and one gloss."""
-    albedo = paint_vertices(
+def paint_albedo(model: FaceModel) -> np.ndarray:
+    """(h, w, 3) float32 the model's mean albedo, linear RGB, row 0 at v = 1: what
+    :func:`show_model` shows, and what takes longest of building a rig.
+    """
+    return paint_vertices(
         model.albedo(), model.triangles, model.uvs, model.triangle_uvs, TEXTURE_SIZE
     )
+
+
+def show_model(rig: bpy.types.Object, albedo: np.ndarray) -> None:
+    """Give a rig what its face model alone knows of the skin: the mean ``albedo`` (h, w, 3), linear
+    RGB, and one gloss.
+    """
     images = {}
     for each in TEXTURE_MAPS:
         if each.required:

@@ -231,14 +231,12 @@ class BackendTask:
 class ModelTask(BackendTask):
     """Mixin of tasks for which the backend exports a face model."""
 
-    _model: FaceModel | None = None
-
     def specification(self, context: bpy.types.Context) -> str:
         """What the backend calls the model. Raises FacestageError when something is missing."""
         raise NotImplementedError
 
-    def use(self, context: bpy.types.Context, model: FaceModel) -> None:
-        """Use the model. Raises FacestageError when that is not possible."""
+    def use(self, context: bpy.types.Context, model: FaceModel) -> Iterator[None]:
+        """Use the model, yielding between steps. Raises FacestageError when it cannot be."""
         raise NotImplementedError
 
     def command(self, context: bpy.types.Context) -> list[str]:
@@ -246,17 +244,12 @@ class ModelTask(BackendTask):
         backend = backend_command(context)
         return model_command(backend, self.specification(context), self._file())
 
-    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
-        """Load the file, and remove it."""
-        self._model = FaceModel.load(self._file())
-        self._file().unlink()
-
     def following(self, context: bpy.types.Context) -> Iterator[None]:
-        """Use the model: a step of its own, since loading holds the window, too."""
-        assert self._model is not None  # finish has loaded it
-        self.use(context, self._model)
-        self._model = None
-        yield from ()
+        """Load the file, remove it, and use the model: loading holds the window, too."""
+        model = FaceModel.load(self._file())
+        self._file().unlink()
+        yield
+        yield from self.use(context, model)
 
     @staticmethod
     def _file() -> Path:

@@ -1,5 +1,7 @@
 """Step 3: the face model, and the rig that is built from it."""
 
+from collections.abc import Iterator
+
 import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
@@ -8,10 +10,11 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
 from ..drawing import draw_wrapped
-from ..rig.control.control_rig import renew_control_rig
+from ..rig.control.control_rig import renewal_steps
 from ..rig.face_rig import build_rig
 from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
 from ..scene.stage import ensure_stage
+from ..skin.material import paint_albedo
 from ..translations import said
 from .action import Action
 from .backend_task import ModelTask
@@ -35,11 +38,14 @@ class FACESTAGE_OT_build_rig(ModelTask, bpy.types.Operator):
         """The model that the user has chosen."""
         return str(context.scene.facestage.model)
 
-    def use(self, context: bpy.types.Context, model: FaceModel) -> None:
-        """Build the rig, and the stage when there is none."""
+    def use(self, context: bpy.types.Context, model: FaceModel) -> Iterator[None]:
+        """Paint the skin, build the rig, and the stage when there is none; then the handles."""
+        albedo = paint_albedo(model)
+        yield
         scene = context.scene
-        build_rig(scene, model, scene.facestage.model, ensure_stage(scene))
-        renew_control_rig(scene)
+        build_rig(scene, model, scene.facestage.model, ensure_stage(scene), albedo)
+        yield
+        yield from renewal_steps(scene)
 
 
 class FACESTAGE_OT_choose_model(Action, bpy.types.Operator, ImportHelper):

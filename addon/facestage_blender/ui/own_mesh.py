@@ -1,5 +1,6 @@
 """A mesh of the user's as the face: Use My Mesh, Mark Landmark, and their panel."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,7 +11,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.rig_file import MARKS, RigFile
 
-from ..rig.control.control_rig import renew_control_rig
+from ..rig.control.control_rig import renewal_steps
 from ..rig.own_lines import show_lines
 from ..rig.own_marks import MARK_GROUP, clear_mark, mark
 from ..rig.own_record import OwnMesh
@@ -18,6 +19,7 @@ from ..rig.own_rig import adopt, export_mesh
 from ..scene.paths import work_folder
 from ..scene.stage import ensure_stage
 from ..scene.user_state import preserved
+from ..skin.material import paint_albedo
 from ..translations import said
 from .action import Action
 from .backend_task import ModelTask
@@ -77,8 +79,12 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
         FACESTAGE_OT_use_my_mesh.exported = (item.name, *exported)
         return f"rig:{exported[0]}"
 
-    def use(self, context: bpy.types.Context, model: FaceModel) -> None:
-        """Tie the mesh to its model, and build the stage when there is none."""
+    def use(self, context: bpy.types.Context, model: FaceModel) -> Iterator[None]:
+        """Paint the skin, tie the mesh to its model, and build the stage when there is none; then
+        the handles.
+        """
+        albedo = paint_albedo(model)
+        yield
         assert self.exported is not None
         name, path, rig, own, notes = self.exported
         FACESTAGE_OT_use_my_mesh.exported = None
@@ -90,9 +96,10 @@ class FACESTAGE_OT_use_my_mesh(ModelTask, bpy.types.Operator):
                 "Mesh again."
             )
         ensure_stage(scene)
-        adopt(scene, item, f"rig:{path}", model, rig, own)
-        renew_control_rig(scene)
+        adopt(scene, item, f"rig:{path}", model, rig, own, albedo)
         show_lines(item, model)
+        yield
+        yield from renewal_steps(scene)
         sliders = (
             f"{len(own.expression)} expressions, {len(own.identity) or len(model.identity_names)} "
             "shapes of faces"

@@ -344,12 +344,12 @@ def test_a_saved_file_keeps_the_rig(rig, tmp_path: Path) -> None:
 def test_a_rig_can_be_built_again_under_its_handles(rig, scene, default_head) -> None:
     import bpy
 
-    from facestage_blender.rig.control.control_rig import renew_control_rig
+    from facestage_blender.rig.control.control_rig import renewal_steps
     from facestage_blender.rig.face_rig import build_rig
 
     where = place(rig)
     again = build_rig(scene, default_head, "default", scene.facestage.stage)
-    renew_control_rig(scene)
+    list(renewal_steps(scene))
     assert again == rig and place(rig) == pytest.approx(where, abs=EXACT)
     bones(rig)["jaw_master"].rotation_euler.x = 0.1
     assert set(shown(rig)) == {"jawOpen"}

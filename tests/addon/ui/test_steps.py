@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -131,4 +133,43 @@ def test_what_follows_a_task_is_done_in_steps(scene, fails: bool) -> None:
     assert work.modal(context, MOUSE) == {"RUNNING_MODAL"} and work.done == 2
     assert work.modal(context, TIMER) == ({"CANCELLED"} if fails else {"FINISHED"})
     assert work.done == (2 if fails else 3) and work.words == ("It is gone." if fails else "")
+    assert context.window_manager.timers == 0
+
+
+def test_a_rig_is_loaded_painted_and_built_in_steps_of_their_own(
+    scene, head_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from facestage_blender.backend.process import Outcome
+    from facestage_blender.pictures.texture import paint_vertices
+    from facestage_blender.ui.backend_task import ModelTask, Running
+    from facestage_blender.ui.face import FACESTAGE_OT_build_rig
+
+    exported = tmp_path / "model.npz"
+    shutil.copyfile(head_file, exported)
+    painted: list[int] = []
+
+    def watched(*arguments: Any) -> Any:
+        painted.append(1)
+        return paint_vertices(*arguments)
+
+    monkeypatch.setattr("facestage_blender.skin.material.paint_vertices", watched)
+
+    class Building(ModelTask):
+        busy_seconds = 0.0
+        use = FACESTAGE_OT_build_rig.use
+
+        @staticmethod
+        def _file() -> Path:
+            return exported
+
+    made: Any = Building()
+    ended = SimpleNamespace(outcome=lambda: Outcome(0, ""), poll=lambda: ())
+    Running.process = made._process = ended  # type: ignore[assignment]
+    made._scene, made._timer = scene.name, 1
+    context = in_a_window()
+    context.window_manager.timers = 1
+    seen = []
+    while made.modal(context, TIMER) == {"RUNNING_MODAL"}:
+        seen.append((exported.exists(), len(painted), scene.facestage.rig is not None))
+    assert seen == [(False, 0, False), (False, 1, False), (False, 1, True)]
     assert context.window_manager.timers == 0

@@ -64,14 +64,10 @@ def add_control_rig(scene: bpy.types.Scene) -> bpy.types.Object:
     return armature
 
 
-def renew_control_rig(scene: bpy.types.Scene) -> None:
-    """Put the handles of the scene's face, if it has any, where its skin is by now, at rest."""
-    for _ in renewal_steps(scene):
-        pass
-
-
 def renewal_steps(scene: bpy.types.Scene) -> Iterator[None]:
-    """:func:`renew_control_rig` in three steps; one where the bones are where they should be."""
+    """Put the handles of the scene's face, if it has any, where its skin is by now, at rest: in
+    three steps; one where the bones are where they should be.
+    """
     rig = scene.facestage.rig
     armature = control_rig(rig) if rig is not None and rig.name in scene.objects else None
     if armature is None:
