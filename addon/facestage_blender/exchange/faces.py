@@ -26,6 +26,7 @@ from ..scene.stage import stage_lights
 from ..skin.brows import remove_brows
 from ..skin.lashes import remove_lashes
 from ..skin.wet_eyes import dry_eyes
+from .asset import clear_asset
 
 # What a face has made for itself, and what another one therefore begins without.
 _MADE = (
@@ -83,6 +84,7 @@ def remove_face(scene: bpy.types.Scene, number: int) -> None:
     show_face(scene, number)
     rig, stage = settings.rig, settings.stage
     if rig is not None and rig.name in scene.objects:
+        clear_asset(rig)
         if rig.facestage_face.control_rig is not None:
             remove_control_rig(scene)
         remove_lashes(rig)

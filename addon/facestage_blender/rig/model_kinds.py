@@ -105,11 +105,18 @@ def model_license(scene: bpy.types.Scene) -> str:
     its kind says.
     """
     specification, rig = scene.facestage.model, scene.facestage.rig
-    if (
-        rig is not None
-        and rig.facestage_face.model == specification
-        and "facestage_license" in rig.data
-    ):
+    if rig is not None and rig.facestage_face.model == specification:
+        return rig_license(rig)
+    return _kind_license(specification)
+
+
+def rig_license(rig: bpy.types.Object) -> str:
+    """The license of the face model that a rig was built from."""
+    if "facestage_license" in rig.data:
         return str(rig.data["facestage_license"])
+    return _kind_license(rig.facestage_face.model)
+
+
+def _kind_license(specification: str) -> str:
     kind = KINDS.get(specification.partition(":")[0])
     return kind.license if kind is not None else "unknown"

@@ -12,6 +12,8 @@ from ..properties import OfFace, StoredFace
 
 # On a collection: it says what a stage lights, or what does not shade what it lights.
 RECEIVERS, BLOCKERS = "facestage_receivers", "facestage_blockers"
+# On a collection: it is what the Asset Browser shows of a face.
+ASSET = "facestage_asset"
 _NAMES = {RECEIVERS: "{} in Its Light", BLOCKERS: "Beside {}"}
 
 
@@ -32,10 +34,24 @@ def shares_camera(scene: bpy.types.Scene) -> bool:
 
 
 def home(item: bpy.types.Object) -> bpy.types.Collection:
-    """The collection that an object lies in, of those that do not only say what lights it."""
-    return next(
+    """The collection that an object lies in, of those that do not only say what lights it; the
+    asset it is part of only where there is no other, as in a file that it was brought into.
+    """
+    found = [
         each for each in item.users_collection if RECEIVERS not in each and BLOCKERS not in each
-    )
+    ]
+    return min(found, key=lambda each: ASSET in each)
+
+
+def asset_collection(item: bpy.types.Object) -> bpy.types.Collection | None:
+    """The collection that is the asset of a face, or None."""
+    return next((each for each in item.users_collection if ASSET in each), None)
+
+
+def link_beside(item: bpy.types.Object, fresh: bpy.types.Object) -> None:
+    """Put what belongs to an object where that lies, and into the asset that it is part of."""
+    for collection in {home(item), asset_collection(item)} - {None}:
+        collection.objects.link(fresh)
 
 
 def separate_light(scene: bpy.types.Scene) -> None:

@@ -11,7 +11,7 @@ from mathutils.bvhtree import BVHTree
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import PARTS, SKIN, FaceModel
 
-from ..scene.several import home
+from ..scene.several import link_beside
 
 SCHEME = "mediapipe478"
 # Of the rig's mesh.
@@ -72,7 +72,7 @@ def new_growth(
     mesh = bpy.data.meshes.new(name)
     growth = bpy.data.objects.new(name, mesh)
     growth[name] = True
-    home(rig).objects.link(growth)
+    link_beside(rig, growth)
     growth.parent = rig
     growth.modifiers.new(name, "NODES").node_group = group
     mesh.materials.append(material)

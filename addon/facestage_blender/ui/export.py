@@ -1,4 +1,4 @@
-"""Step 5: the face as a file for other programs."""
+"""Step 5: the face as a file for other programs, and as an asset for other .blend files."""
 
 from pathlib import Path
 from typing import ClassVar
@@ -7,9 +7,11 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
+from ..exchange.asset import asset_of, clear_asset, mark_as_asset
 from ..exchange.export import FORMATS, export_face
+from ..rig.face_rig import require_rig
 from ..scene.paths import absolute
-from .action import Action
+from .action import Action, Toggle
 
 AS_FITTED = "0"
 HELP = {
@@ -67,4 +69,41 @@ class FACESTAGE_OT_export(Action, bpy.types.Operator, ExportHelper):
         self.report({"INFO"}, f"Exported {', '.join(each.name for each in files)}.")
 
 
-CLASSES = (FACESTAGE_OT_export,)
+class FACESTAGE_OT_mark_as_asset(Toggle, bpy.types.Operator):
+    """Marks the face for the Asset Browser."""
+
+    bl_idname = "facestage.mark_as_asset"
+    bl_label = "Mark as Asset"
+    bl_description = (
+        "Let the Asset Browser show the face, with a picture of the fit, to be dragged into other "
+        "files: its rig, what grows on it and its handles, without lights and camera; again: none"
+    )
+
+    name: StringProperty(
+        name="Name",
+        description="What the Asset Browser calls the face; empty: as its rig is called",
+        options={"SKIP_SAVE"},
+    )
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it is an asset."""
+        return asset_of(require_rig(context.scene)) is not None
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Asked to be one that it is already, it is brought up to date."""
+        if self.state == "ON":
+            self.turn(context, True)
+        else:
+            super().act(context)
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Mark it, or no more."""
+        if not on:
+            clear_asset(require_rig(context.scene))
+            return
+        mark_as_asset(context.scene, self.name)
+        if not bpy.data.filepath:
+            self.report({"INFO"}, "Save the .blend: the Asset Browser shows only saved files.")
+
+
+CLASSES = (FACESTAGE_OT_export, FACESTAGE_OT_mark_as_asset)

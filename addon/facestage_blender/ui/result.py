@@ -12,6 +12,7 @@ from facestage.contract.files.paths import is_file
 from facestage.contract.result import Result
 from facestage.contract.result_files import REPORT, RESULT
 
+from ..exchange.asset import asset_of
 from ..exchange.write_back import apply_steps
 from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
@@ -235,7 +236,13 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             )
             if pores is not None:
                 row.prop(pores, "default_value", text="Depth", slider=True)
-            layout.operator("facestage.export", icon="EXPORT")
+            files = layout.column(align=True)
+            files.operator("facestage.export", icon="EXPORT")
+            files.operator(
+                "facestage.mark_as_asset",
+                icon="ASSET_MANAGER",
+                depress=asset_of(settings.rig) is not None,
+            )
 
 
 CLASSES = (

@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from facestage.contract.errors import InputError
 
-from ...scene.several import home
+from ...scene.several import link_beside
 from ...scene.user_state import preserved
 from ..face_rig import require_rig
 from ..keyframes import curves_of, own_actions, remove_curves
@@ -126,7 +126,7 @@ def _new(rig: bpy.types.Object) -> bpy.types.Object:
         )
     armature = bpy.data.objects.new(NAME, bpy.data.armatures.new(NAME))
     armature.show_in_front = True
-    home(rig).objects.link(armature)
+    link_beside(rig, armature)
     armature.parent, armature.parent_type = rig.parent, rig.parent_type
     armature.parent_bone = rig.parent_bone
     armature.matrix_parent_inverse = rig.matrix_parent_inverse
