@@ -8,7 +8,7 @@ from . import preferences, properties, translations
 from .landmarks.overlay import OVERLAY as LANDMARK_OVERLAY
 from .pins.overlay import OVERLAY as PIN_OVERLAY
 from .preview import live as preview
-from .scene import keeping
+from .scene import color_views, keeping
 from .ui import (
     backend_task,
     control_rig,
@@ -60,6 +60,7 @@ def register() -> None:
     properties.attach()
     backend_task.register()
     keeping.register()
+    color_views.register()
     preview.register()
     LANDMARK_OVERLAY.register()
     PIN_OVERLAY.register()
@@ -72,6 +73,7 @@ def unregister() -> None:
     PIN_OVERLAY.unregister()
     LANDMARK_OVERLAY.unregister()
     preview.unregister()
+    color_views.unregister()
     keeping.unregister()
     backend_task.unregister()
     properties.detach()

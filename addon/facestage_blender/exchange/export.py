@@ -23,6 +23,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import OTHER, PARTS
 
 from ..pictures.render import quiet
+from ..rig.certainty import leave_out
 from ..rig.face_rig import IDENTITY, require_rig
 from ..rig.own_record import OwnMesh
 from ..rig.own_sliders import SHAPE_KEY
@@ -206,6 +207,7 @@ def _copy(
     try:
         scene.collection.objects.link(copy)
         copy.matrix_world = matrix if in_place else Matrix()
+        leave_out(mesh)
         _bake_identity(rig, mesh)
         _dress(rig, mesh, textures)
         for layer in scene.view_layers:

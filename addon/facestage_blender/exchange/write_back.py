@@ -12,10 +12,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from facestage.contract.certainty import DEVIATION
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
 from facestage.contract.texture_maps import PLAIN
 
+from ..rig.certainty import write_certainty
 from ..rig.control.control_rig import renewal_steps
 from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.own_lines import remove_lines
@@ -113,6 +115,7 @@ def _write(
     if own is not None and shape.borrowed is not None:
         write_shape(rig, own, shape.identity, shape.borrowed)
     write_relief(rig, shape.relief)
+    write_certainty(rig, result.arrays.get(DEVIATION))
     take_back(scene)
     build_stage(scene, result.stage)
     if moves_stage:

@@ -14,6 +14,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 
 from ..scene import frames
+from ..scene.color_views import follow_marks
 from ..scene.several import separate_light
 from ..scene.stage import facestage_collection, relative_matrix, require_stage
 from ..skin.brows import renew_brows
@@ -67,6 +68,7 @@ def build_rig(
         rig.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
     if retired is not None:
         _remove_mesh(retired)
+        follow_marks()
     show_model(rig, paint_albedo(model) if albedo is None else albedo)
     remember_lids(mesh, model)
     remember_landmarks(mesh, model)

@@ -14,6 +14,7 @@ from facestage.contract.rig_file import RigFile
 
 from ..scene.several import separate_light
 from ..skin.material import GROUP, paint_albedo, part_materials, show_model
+from .certainty import remember_region
 from .landmark_points import remember_landmarks
 from .own_marks import slot_parts, veils_eyes
 from .own_mesh import model_frame, read_mesh
@@ -76,6 +77,7 @@ def adopt(
     face = item.facestage_face
     face.is_rig, face.model = True, spec
     remember_landmarks(item.data, model)
+    remember_region(item.data, model)
     scene.facestage.rig, scene.facestage.model = item, spec
     separate_light(scene)
     if not face.own_materials:

@@ -14,6 +14,7 @@ from facestage.contract.result_files import REPORT, RESULT
 
 from ..exchange.asset import asset_of
 from ..exchange.write_back import apply_steps
+from ..rig.certainty import has_certainty, show_certainty, shows_certainty
 from ..rig.face_rig import require_rig
 from ..scene.paths import result_folder
 from ..scene.several import separate_light
@@ -181,6 +182,33 @@ class FACESTAGE_OT_displace_skin(Toggle, bpy.types.Operator):
         displace(require_rig(context.scene), on)
 
 
+class FACESTAGE_OT_show_certainty(Toggle, bpy.types.Operator):
+    """Shows the fit's deviations as colors."""
+
+    bl_idname = "facestage.show_certainty"
+    bl_label = "Show Certainty"
+    bl_description = (
+        "Show on the face how sure the fit is of each place, in the colors of the report: dark "
+        "where it is sure, yellow where it is not. The 3D views go to Solid; again: back to what "
+        "they showed. Not in exported files"
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where the result that was applied says how sure it is."""
+        cls.poll_message_set("The face has no standard deviations; apply the result of a new fit")
+        rig = context.scene.facestage.rig
+        return rig is not None and has_certainty(rig.data)
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether they are shown."""
+        return shows_certainty(require_rig(context.scene).data)
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Show them, or what was shown before."""
+        show_certainty(require_rig(context.scene).data, on)
+
+
 class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
     """Step 5: the result."""
 
@@ -236,6 +264,9 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             )
             if pores is not None:
                 row.prop(pores, "default_value", text="Depth", slider=True)
+            layout.operator(
+                "facestage.show_certainty", icon="COLOR", depress=shows_certainty(settings.rig.data)
+            )
             files = layout.column(align=True)
             files.operator("facestage.export", icon="EXPORT")
             files.operator(
@@ -253,5 +284,6 @@ CLASSES = (
     FACESTAGE_OT_wet_eyes,
     FACESTAGE_OT_pores,
     FACESTAGE_OT_displace_skin,
+    FACESTAGE_OT_show_certainty,
     FACESTAGE_PT_result,
 )

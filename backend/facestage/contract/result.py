@@ -11,6 +11,7 @@ from marshmallow import ValidationError, validates_schema
 
 from facestage.contract.arrays import Float, Integer
 from facestage.contract.camera import Camera, CameraSchema
+from facestage.contract.certainty import DEVIATION
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import read_consistently
 from facestage.contract.files.paths import is_folder
@@ -265,7 +266,7 @@ class ResultArrays(FileSchema):
             raise ValidationError(
                 {"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]}
             )
-        for name in ("vertex_deviation_mm", RELIEF):
+        for name in (DEVIATION, RELIEF):
             each = data["extra"].get(name)
             if each is not None and each.shape != (count, 3):
                 words = f"has shape {each.shape}, expected {count, 3}"

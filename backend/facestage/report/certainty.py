@@ -10,17 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from facestage.report.figure import DARK, Canvas, nice_limit
+from facestage.contract.certainty import COLOR_MAP, DEVIATION, finite_mm, scale_end
+from facestage.report.figure import DARK, Canvas
 from facestage.report.plotting import load_matplotlib
 from facestage.report.report_data import ReportData
 
-CERTAINTY, DEVIATION = "certainty.png", "vertex_deviation_mm"
+CERTAINTY = "certainty.png"
 PANEL, MARGIN, GAP = 400, 20, 14
-# Perceptually uniform, and readable without color vision.
-COLOR_MAP = "viridis"
-# The color bar ends where nearly all of the face lies below; the neck and the back of the head are
-# beyond.
-LIMIT_PERCENTILE, LEAST_LIMIT_MM = 97, 0.1
 # Brightness of a polygon that is seen edge-on: enough shading to see the shape, too little to
 # change a color.
 EDGE_BRIGHTNESS = 0.6
@@ -44,17 +40,14 @@ def draw_certainty(path: Path, data: ReportData) -> None:
     DEVIATION (n, 3) in mm along the camera's axes.
     """
     result = data.result
-    deviation = np.nan_to_num(result.arrays[DEVIATION], posinf=0.0)
+    deviation = finite_mm(result.arrays[DEVIATION])
     triangles = result.triangles if data.surface is None else data.surface
     total, depth = np.linalg.norm(deviation, axis=1), deviation[:, 2]
     front = np.eye(3)
     side = _side_view(result.model_to_camera[:3, :3])
     face = np.arange(len(total)) if data.face is None else data.face
     head = _Head(result.vertices, triangles, face)
-    values = total[face]
-    limit = nice_limit(
-        float(np.percentile(values, LIMIT_PERCENTILE)) if values.size else 0.0, LEAST_LIMIT_MM
-    )
+    limit = scale_end(total, face)
     panels = (
         ("As in the photo", front, total),
         ("From the side", side, total),

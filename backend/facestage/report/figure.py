@@ -116,16 +116,3 @@ class Canvas:
         picture = Image.fromarray(np.asarray(self.figure.canvas.buffer_rgba())[..., :3])
         with atomic_file(path) as temporary:
             picture.save(temporary, format="PNG", compress_level=COMPRESS_LEVEL)
-
-
-def nice_limit(value: float, least: float) -> float:
-    """The smallest 1, 2 or 5 times a power of ten that is not below ``value``, and at least
-    ``least``.
-    """
-    limit = least
-    steps = (2.0, 2.5, 2.0)  # 1 -> 2 -> 5 -> 10
-    index = 0
-    while limit < value * (1 - 1e-9) and limit < 1e9:
-        limit *= steps[index % 3]
-        index += 1
-    return float(f"{limit:.6g}")

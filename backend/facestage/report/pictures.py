@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facestage.contract.certainty import nice_limit
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.color import srgb_to_linear
 from facestage.contract.result import BY_SYMMETRY, SEEN
@@ -20,7 +21,7 @@ from facestage.report.color import (
     to_image,
     to_srgb8,
 )
-from facestage.report.figure import DARK, Canvas, nice_limit
+from facestage.report.figure import DARK, Canvas
 from facestage.report.plotting import load_matplotlib
 from facestage.report.report_data import ReportData
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from facestage.contract.certainty import DEVIATION
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.result_files import REPORT
 from facestage.contract.texture_maps import HEIGHT, NORMAL, TEXTURE_MAPS
-from facestage.report.certainty import CERTAINTY, DEVIATION, draw_certainty
+from facestage.report.certainty import CERTAINTY, draw_certainty
 from facestage.report.charts import draw_trace, draw_weights
 from facestage.report.color import exposure, shrink
 from facestage.report.light_picture import draw_light_probe

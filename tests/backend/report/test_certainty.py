@@ -10,9 +10,10 @@ import numpy as np
 from PIL import Image
 
 from backend.report.example import report_data, result, stage
+from facestage.contract.certainty import DEVIATION
 from facestage.contract.result import Result
 from facestage.report import ReportData, write_report
-from facestage.report.certainty import CERTAINTY, DEVIATION, MARGIN, PANEL, draw_certainty
+from facestage.report.certainty import CERTAINTY, MARGIN, PANEL, draw_certainty
 from facestage.report.tables import certainty_rows
 from reference.rendering.meshes import sphere
 

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from backend.report.example import report_data
+from facestage.contract.certainty import nice_limit
 from facestage.contract.errors import InputError
 from facestage.contract.result import BY_SYMMETRY, SEEN
-from facestage.report.figure import nice_limit
 from facestage.report.pictures import (
     View,
     difference_limit,

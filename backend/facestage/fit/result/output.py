@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from facestage import __version__
+from facestage.contract.certainty import DEVIATION, FACE
 from facestage.contract.face_model import OTHER
 from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
@@ -266,7 +267,7 @@ def _vertex_arrays(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
     """
     found: dict[str, np.ndarray] = {}
     if fitted.certainty.vertices_mm is not None:
-        found["vertex_deviation_mm"] = fitted.certainty.vertices_mm
+        found[DEVIATION] = fitted.certainty.vertices_mm
     if fitted.state.relief.any():
         found[RELIEF] = problem.geometry.relief(fitted.state)
     return found
@@ -316,5 +317,5 @@ def _report_data(
         energy_names=words_of_energies() | StereoTerm.words,
         title=problem.job.image.stem,
         surface=model.triangles[model.triangle_part != OTHER],
-        face=model.regions.get("narrow_face"),
+        face=model.regions.get(FACE),
     )
