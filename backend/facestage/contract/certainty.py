@@ -49,6 +49,6 @@ def nice_limit(value: float, least: float) -> float:
 
 def colors(shares: Float[np.ndarray, " values"]) -> Float[np.ndarray, "values 3"]:
     """sRGB colors, 0 to 1, of values as shares of the scale; beyond its ends those of the ends."""
-    codes = np.frombuffer(bytes.fromhex(CODES), np.uint8).reshape(-1, 3) / 255.0
+    codes = np.array(list(bytes.fromhex(CODES))).reshape(-1, 3) / 255.0
     places = np.linspace(0.0, 1.0, len(codes))
     return np.stack([np.interp(shares, places, channel) for channel in codes.T], axis=1)
