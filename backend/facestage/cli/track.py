@@ -68,7 +68,7 @@ def add_command(commands: Any) -> None:
         default=GOOD,
         metavar="SECONDS|NAME",
         help="seconds for all of it; or how often the pictures are looked at: draft (once), "
-        "good (three times, default) or best (five times)",
+        "good (three times, default) or best (seven times)",
     )
     track.add_argument("--seed", type=int, default=0, metavar="N", help="of the light samples")
     track.add_argument(

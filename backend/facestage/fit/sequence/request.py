@@ -13,7 +13,7 @@ from facestage.contract.parameters import PARAMETERS
 from facestage.contract.quality import BEST, DRAFT, GOOD
 
 # Looks at the pictures of all frames, by quality.
-PASSES = {DRAFT: 1, GOOD: 3, BEST: 5}
+PASSES = {DRAFT: 1, GOOD: 3, BEST: 7}
 # Of a sequence, the head's pose is what is looked for.
 NEVER_FROZEN = ("pose",)
 
