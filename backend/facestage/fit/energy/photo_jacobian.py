@@ -32,6 +32,8 @@ from facestage.fit.forward.scattering import Scattering
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
+# To gather columns of a basis takes as long as to multiply them: below this share of all it pays.
+FEW_MODES = 0.5
 
 
 @dataclass(frozen=True)
@@ -126,21 +128,19 @@ class Jacobian:
         self._local = np.cumsum(seen) - 1
         self._seen_count = int(seen.sum())
         turning = seen | geometry.bends.around(seen) if self._bulges is not None else seen
-        around = np.zeros(len(geometry.mean), bool)
-        around[geometry.triangles[turning[geometry.triangles].any(axis=1)]] = True
-        basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[around][:, :, modes]
-        rows = (3 * np.flatnonzero(turning)[:, None] + np.arange(3)).ravel()
-        columns = (3 * np.flatnonzero(around)[:, None] + np.arange(3)).ravel()
-        operator = geometry.normal_operator(surface.model_vertices, turning)[rows][:, columns]
-        # No mode at all is a shape that reshape cannot guess.
-        moved = basis[turning[around]].reshape(3 * int(turning.sum()), len(modes))
-        turned = operator @ basis.reshape(3 * int(around.sum()), len(modes))
-        # (6 seen vertices, modes)
-        shown = np.repeat(seen[turning], 3)
-        parts = [moved[shown], turned[shown]]
+        operator = geometry.normal_operator(surface.model_vertices, turning)
+        basis, rows = geometry.basis, np.repeat(turning, 3)
+        if len(modes) < FEW_MODES * basis.shape[1]:
+            basis = np.ascontiguousarray(basis[:, modes])
+        moved, turned = basis[rows], operator @ basis
+        if basis.shape[1] > len(modes):
+            moved, turned = moved[:, modes], turned[:, modes]
+        parts = [moved, turned]
         if self._bulges is not None:
-            parts.append(self._bent(seen, turning, moved, turned))  # (seen vertices, modes)
-        self._shape_basis = np.concatenate(parts)
+            shown = np.repeat(seen[turning], 3)
+            # (seen vertices, modes)
+            parts = [moved[shown], turned[shown], self._bent(seen, turning, moved, turned)]
+        self._shape_basis = np.concatenate(parts)  # (6 seen vertices and more, modes)
         if self.edges is not None:
             basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][
                 :, :, modes

@@ -37,6 +37,8 @@ from facestage.render.light_terms import Asked, LightTerms
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
 VIEW_COSINE_ZERO, VIEW_COSINE_FULL = 0.15, 0.45
+# On a chessboard, the neighbours of a pixel that is looked at touch it at its corners.
+CORNERS = np.array([[1, 0, 1], [0, 1, 0], [1, 0, 1]], bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,8 @@ class PhotoTerm(Term):
     # lights whose shadows the derivatives know to move; None: no light's do.
     casting: Bool[np.ndarray, " lights"] | None = None
     weight: float = 1.0
+    # 0 or 1: half of the pixels alone, one color of a chessboard, each counting twice; None: all
+    board: int | None = None
 
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
@@ -99,6 +103,8 @@ class PhotoTerm(Term):
             high = np.clip(np.ceil(projected.max(0)) + 1, 0, high).astype(int)
         y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
+        if self.board is not None:
+            inside = inside & ((x + y) % 2 == self.board)
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
     def evaluate(
@@ -173,7 +179,9 @@ class PhotoTerm(Term):
         weight[y, x] = ramp * self.photo.skin[y, x]
         # Pixels beside another part (eye, mouth, background) mix both in the photo.
         seen[y, x] = True
-        return weight * binary_erosion(seen, border_value=1)
+        return weight * binary_erosion(
+            seen, None if self.board is None else CORNERS, border_value=1
+        )
 
     def _light_terms(
         self,
@@ -270,7 +278,7 @@ class PhotoTerm(Term):
         """The inverse variances, robust and correlation-corrected, per channel."""
         scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
         robust = noise.robust(evaluation.residual / scale)
-        weight = self.weight * noise.information()
+        weight = self.weight * noise.information() * (1 if self.board is None else 2)
         return weight * evaluation.base_weight * (robust / scale**2)[..., 0]
 
     def normal_equations(

@@ -147,28 +147,53 @@ class FaceGeometry:
     def normal_operator(
         self, vertices: Float[np.ndarray, "vertices 3"], wanted: Bool[np.ndarray, " vertices"]
     ) -> sp.csr_matrix:
-        """(3 m, 3 m) sparse derivative of the unnormalised vertex normals by the positions.
+        """(3 w, 3 m) sparse derivative of the unnormalised normals of the ``wanted`` vertices by
+        the positions of all.
 
-        Rows are filled for the vertices of triangles that touch ``wanted``. A triangle's
-        normal is a x b + b x c + c x a, so moving a adds da x (b - c), and so on around.
+        A triangle's normal is a x b + b x c + c x a, so moving a adds da x (b - c), and so on
+        around.
         """
-        triangles = self.triangles[wanted[self.triangles].any(axis=1)]
-        points = vertices[triangles]
-        opposite = np.stack(
-            [points[:, 1] - points[:, 2], points[:, 2] - points[:, 0], points[:, 0] - points[:, 1]],
-            1,
+        pointer, beside, opposite = self._pairs
+        counts = np.where(wanted, np.diff(pointer), 0)
+        pairs = np.flatnonzero(np.repeat(wanted, np.diff(pointer)))
+        x, y, z = (opposite[pairs] @ vertices).astype(np.float32).T
+        # da x e = -[e]x da: each row of the skew matrix has two non-zero entries.
+        entries = np.stack([z, -y, -z, x, y, -x], axis=-1).reshape(-1, 3, 2)
+        columns = 3 * beside[pairs, None, None] + np.array([[1, 2], [0, 2], [0, 1]])
+        # Row by row of each vertex, and all its neighbours in each row.
+        count = counts[wanted]
+        start = np.repeat(np.cumsum(count) - count, count)
+        place = 2 * start + np.arange(len(pairs))
+        place = place[:, None] + np.repeat(count, count)[:, None] * np.arange(3)
+        data, indices = (
+            np.empty((3 * len(pairs), 2), np.float32),
+            np.empty((3 * len(pairs), 2), int),
         )
-        # da x e = -[e]x da: the skew matrix has six non-zero entries.
-        x, y, z = opposite[..., 0], opposite[..., 1], opposite[..., 2]
-        entries = np.stack([z, -y, -z, x, y, -x], axis=-1)  # (t, source corner, 6)
-        entry_row, entry_column = np.array([0, 0, 1, 1, 2, 2]), np.array([1, 2, 0, 2, 0, 1])
-        rows, columns, data = [], [], []
+        data[place], indices[place] = entries, columns
+        rows = np.concatenate([[0], np.cumsum(np.repeat(2 * count, 3))])
+        shape = (3 * len(count), 3 * len(vertices))
+        return sp.csr_matrix((data.ravel(), indices.ravel(), rows), shape=shape)
+
+    @cached_property
+    def _pairs(self) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
+        """Which vertices' places turn which vertex's normal: where those of each vertex begin
+        (m + 1,), the other of each pair, and (pairs, m) what lies opposite of it, as a sum of
+        positions. Around a vertex in the middle of the mesh, its own place cancels.
+        """
+        count = len(self.mean)
+        normal, moved, ahead = (np.zeros(0, np.int64) for _ in range(3))
+        behind = ahead
         for target in range(3):
-            row = 3 * triangles[:, target, None, None] + entry_row
-            column = 3 * triangles[:, :, None] + entry_column
-            rows.append(np.broadcast_to(row, column.shape).ravel())
-            columns.append(column.ravel())
-            data.append(entries.ravel())
-        size = 3 * len(vertices)
-        indices = (np.concatenate(rows), np.concatenate(columns))
-        return sp.csr_matrix((np.concatenate(data).astype(np.float32), indices), shape=(size, size))
+            for source in range(3):
+                normal = np.append(normal, self.triangles[:, target])
+                moved = np.append(moved, self.triangles[:, source])
+                ahead = np.append(ahead, self.triangles[:, (source + 1) % 3])
+                behind = np.append(behind, self.triangles[:, (source + 2) % 3])
+        names, pair = np.unique(normal * count + moved, return_inverse=True)
+        signs = np.repeat([1.0, -1.0], len(pair))
+        index = (np.tile(pair, 2), np.concatenate([ahead, behind]))
+        opposite = sp.csr_matrix((signs, index), shape=(len(names), count))
+        opposite.eliminate_zeros()
+        kept = np.diff(opposite.indptr) > 0
+        pointer = np.searchsorted(names[kept] // count, np.arange(count + 1))
+        return pointer, names[kept] % count, opposite[kept]

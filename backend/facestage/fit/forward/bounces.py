@@ -44,8 +44,12 @@ ROUNDS = 8  # of light from patch to patch: what is left then is a share of 0.9^
 class Bounces:
     """The patches of one face; what hangs on its mean shape alone is found once."""
 
-    def __init__(self, geometry: FaceGeometry) -> None:
-        self.geometry = geometry
+    def __init__(self, geometry: FaceGeometry, resting: bool = False) -> None:
+        """``resting``: patches see of each other what they do on the mean shape, whatever shape
+        light falls on.
+        """
+        self.geometry, self.resting = geometry, resting
+        self._factors_at_rest: sp.csr_matrix | None = None
 
     @cached_property
     def points(self) -> Int[np.ndarray, " points"]:
@@ -129,7 +133,10 @@ class Bounces:
         direct = tracer.light_terms(
             lit, LIGHT_SAMPLES, seed, Asked(specular=False), traced=traced
         ).diffuse
-        factors = self._form_factors(tracer, places, normals)
+        if self.resting:
+            factors = self._at_rest(tracer, vertices)
+        else:
+            factors = self._form_factors(tracer, places, normals)
         between, members = self._members @ factors, self._members
         share = brdf.matte(np.pi, albedo_of(members @ log_albedo[self.points])) + UNIFORM * c_spec
         result = np.empty((CHANNELS, *direct.shape), np.float32)
@@ -142,6 +149,18 @@ class Bounces:
                 total = total + sent
             result[channel] = factors @ total
         return result
+
+    def _at_rest(
+        self, tracer: RayTracer, vertices: Float[np.ndarray, "vertices 3"]
+    ) -> sp.csr_matrix:
+        """The form factors of the mean shape; ``tracer`` holds the mesh at ``vertices``."""
+        if self._factors_at_rest is None:
+            mean = self.geometry.mean
+            normals = self.geometry.vertex_normals(mean)[0][self.points]
+            tracer.update(mean)
+            self._factors_at_rest = self._form_factors(tracer, mean[self.points], normals)
+            tracer.update(vertices)
+        return self._factors_at_rest
 
     def _form_factors(
         self,
@@ -178,7 +197,8 @@ class Bounces:
         )
         channels, points, lights = received.shape
         flat = received.transpose(1, 0, 2).reshape(points, channels * lights)
-        result = (pick @ self._spread @ flat).reshape(count, channels, lights)
+        # From the right: sparse times dense, twice.
+        result = (pick @ (self._spread @ flat)).reshape(count, channels, lights)
         return np.ascontiguousarray(result.transpose(1, 0, 2))
 
 

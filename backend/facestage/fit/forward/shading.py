@@ -79,11 +79,14 @@ class Image:
 class ForwardModel:
     """Renders one face under one stage; owns the ray tracer's scene."""
 
-    def __init__(self, geometry: FaceGeometry, lights: LightParameters) -> None:
+    def __init__(
+        self, geometry: FaceGeometry, lights: LightParameters, resting: bool = False
+    ) -> None:
+        """``resting``: which skin lights which is that of the mean shape, found once."""
         self.geometry = geometry
         self.lights = lights
         self.tracer = RayTracer(geometry.triangles, len(geometry.mean))
-        self.bounces = Bounces(geometry)
+        self.bounces = Bounces(geometry, resting)
 
     def pose(
         self, state: State

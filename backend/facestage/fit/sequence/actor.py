@@ -70,7 +70,8 @@ class Actor:
             light_position=np.zeros((len(stage), AXES)),
             **values,
         )
-        return cls(geometry, ForwardModel(geometry, lights), stage, keyframe.camera_to_stage, state)
+        forward = ForwardModel(geometry, lights, resting=True)
+        return cls(geometry, forward, stage, keyframe.camera_to_stage, state)
 
     @cached_property
     def stage_in_camera(self) -> LightStage:

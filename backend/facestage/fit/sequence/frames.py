@@ -109,8 +109,11 @@ class FrameView:
         landmarks: Landmarks,
         skin: np.ndarray | None = None,
         light_held: bool = False,
+        board: int | None = None,
     ) -> FrameView:
-        """``skin``: :attr:`skin` of the same frame, where it was found before."""
+        """``skin``: :attr:`skin` of the same frame, where it was found before. ``board``: which
+        half of the pixels is looked at (:attr:`PhotoTerm.board`).
+        """
         window = _window(photograph.size, landmarks)
         small, points = window.photograph(photograph), window.landmarks(landmarks)
         if skin is None:
@@ -119,7 +122,8 @@ class FrameView:
             small.color.astype(np.float64), small.mask, skin / np.float32(255), small.clipped
         )
         blocks = frozenset(BLOCKS if light_held else (*BLOCKS, LIGHTS))
-        term = PhotoTerm(actor.forward, photo, actor.stage_in_camera, SAMPLES, blocks)
+        stage = actor.stage_in_camera
+        term = PhotoTerm(actor.forward, photo, stage, SAMPLES, blocks, board=board)
         return cls(window, term)
 
     @property

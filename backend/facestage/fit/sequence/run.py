@@ -313,7 +313,8 @@ class SequenceRun:
             for frame in self.film.frames(0 if before is None else before.done):
                 if frame.index >= frames:
                     break
-                pictures.add(frame.index, tracker.look(tracked, frame))
+                board = (frame.index + number) % 2 if number < passes - 1 else None
+                pictures.add(frame.index, tracker.look(tracked, frame, board))
                 done = frame.index + 1
                 share = (number + done / frames) / passes
                 words = f"Pictures, pass {number + 1} of {passes}: frame {done} of {frames}"

@@ -122,9 +122,11 @@ class Tracker:
         rotation, translation = (np.array(part)[nearest] for part in zip(*poses, strict=True))
         return Course(rotation, translation, np.zeros((len(nearest), len(self._low))))
 
-    def look(self, tracked: Tracked, frame: Frame) -> Seen | None:
-        """What the picture of ``frame`` says where ``tracked`` has the face; None: no face."""
-        view = self.view(frame)
+    def look(self, tracked: Tracked, frame: Frame, board: int | None = None) -> Seen | None:
+        """What the picture of ``frame`` says where ``tracked`` has the face, or half of its pixels
+        (:attr:`PhotoTerm.board`); None: no face.
+        """
+        view = self.view(frame, board)
         return None if view is None else view.seen(tracked.state(self.actor, frame.index))
 
     def no_pictures(self) -> Pictures:
@@ -132,13 +134,14 @@ class Tracker:
         lights = 0 if self._light_held else len(self.actor.state.lights)
         return Pictures.none(len(self.landmarks), POSE + len(self._low), lights)
 
-    def view(self, frame: Frame) -> FrameView | None:
+    def view(self, frame: Frame, board: int | None = None) -> FrameView | None:
         """A frame as it is compared; None: no face."""
         landmarks = self.landmarks[frame.index]
         if landmarks is None:
             return None
         skin = self._skins.get(frame.index)
-        view = FrameView.of(self.actor, frame.photograph, landmarks, skin, self._light_held)
+        held = self._light_held
+        view = FrameView.of(self.actor, frame.photograph, landmarks, skin, held, board)
         self._skins[frame.index] = view.skin
         return view
 

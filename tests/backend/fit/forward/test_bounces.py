@@ -123,6 +123,27 @@ def test_a_pixel_on_a_point_takes_most_of_that_point(scene: Scene):
     assert np.diag(found[0]).min() > 0.5
 
 
+def test_a_face_at_rest_says_once_which_skin_lights_which():
+    """A sphere twice as large sees of itself what the small one does."""
+    geometry = inside_of_a_sphere(24)
+    tracer = RayTracer(geometry.triangles, len(geometry.mean))
+    logs, lamp = np.full(geometry.mean.shape, -1.0), lamp_in_the_middle()
+    resting, found = Bounces(geometry, resting=True), []
+    for bounces in (resting, Bounces(geometry), resting):
+        tracer.update(2 * geometry.mean)
+        found.append(bounces.irradiance(tracer, 2 * geometry.mean, logs, lamp, np.arange(1), 0, 0))
+        # The mesh is where it was before: a ray from beyond the small sphere hits it.
+        beyond = np.array([1.5 * RADIUS, 0.01, 0.02])
+        assert (tracer.first_hits(beyond, np.eye(3)[:1]).triangle >= 0).all()
+    np.testing.assert_array_equal(found[2], found[0])
+    assert np.abs(found[0] - found[1]).mean() < 0.01 * found[1].mean()
+    geometry.mean = geometry.mean * [1, 1, 0.2]  # unheeded from now on
+    tracer.update(2 * geometry.mean)
+    again = resting.irradiance(tracer, 2 * geometry.mean, logs, lamp, np.arange(1), 0, 0)
+    flat = Bounces(geometry).irradiance(tracer, 2 * geometry.mean, logs, lamp, np.arange(1), 0, 0)
+    assert np.abs(again - flat).mean() > 0.1 * flat.mean()
+
+
 def test_a_face_without_it_is_as_it_was_and_lights_add_up(scene: Scene):
     pixels = np.stack(np.meshgrid(np.arange(96), np.arange(96)), -1).reshape(-1, 2) + 0.5
     forward, none = scene.forward, scene.state

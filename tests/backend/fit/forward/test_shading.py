@@ -159,6 +159,9 @@ def test_normal_operator_is_the_derivative_of_the_normals(scene: Scene):
     error = np.abs(found - wanted).max() / np.abs(wanted).max()
     print(f"normal operator: error {error:.1e}, allowed 1e-5")
     assert error < 1e-5
+    some = np.arange(len(vertices)) % 3 == 1
+    part = geometry.normal_operator(vertices, some)
+    assert (part != operator[np.repeat(some, 3)]).nnz == 0
 
 
 def test_parts_that_are_not_rendered_are_dropped(scene: Scene):

@@ -111,6 +111,25 @@ def test_held_light_is_no_unknown(film: Callable[..., Film], scene: Scene):
     assert seen is not None and seen.light.hessian.shape == (1, 0, 0)
 
 
+def test_half_of_the_pixels_says_as_much_as_all(film: Callable[..., Film], scene: Scene):
+    tracker, tracked, frames = film(np.tile(scene.state.lights, (FRAMES, 1)))
+    state, pixels, said = tracked.state(tracker.actor, 2), [], []
+    for board in (None, 0, 1):
+        view = tracker.view(frames[2], board)
+        assert view is not None
+        counted = view.evaluated(state).base_weight > 0
+        pixels.append(set(map(tuple, np.argwhere(counted).tolist())))
+        seen = tracker.look(tracked, frames[2], board)
+        assert seen is not None
+        said.append(np.diag(seen.said.hessian))
+    whole, *halves = pixels
+    assert not halves[0] & halves[1]
+    assert len(whole & (halves[0] | halves[1])) > 0.85 * len(whole)
+    for half in said[1:]:
+        np.testing.assert_allclose(half[said[0] > 0] / said[0][said[0] > 0], 1.0, atol=0.5)
+        assert abs(np.log(half / said[0]).mean()) < 0.2
+
+
 def test_beside_a_picture_landmarks_of_lids_count_in_full(
     film: Callable[..., Film], scene: Scene, monkeypatch: pytest.MonkeyPatch
 ):
