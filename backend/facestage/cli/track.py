@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,9 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Track, telling of the progress on standard output."""
+    # Its matrices are small: more threads would wait for each other, and fight with the processes
+    # that look at frames. Heard when numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from facestage.cli.terminal import ProgressLine, listener, track_summary
     from facestage.contract.camera import Camera
     from facestage.fit.sequence.request import Request

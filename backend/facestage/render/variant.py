@@ -25,6 +25,11 @@ def start_renderer(device: str = "auto") -> str:
     return variant
 
 
+def traces_here() -> bool:
+    """Whether the processor traces rays, and not a graphics card, which processes would share."""
+    return bool(mi.variant() == LLVM_VARIANT)
+
+
 def load_dict(description: dict[str, Any]) -> Any:
     """Mitsuba's object of ``description``, loading nothing from the current folder.
 

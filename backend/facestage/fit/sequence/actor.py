@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -73,6 +74,12 @@ class Actor:
         forward = ForwardModel(geometry, lights, resting=True)
         return cls(geometry, forward, stage, keyframe.camera_to_stage, state)
 
+    def __reduce__(self) -> tuple[Callable[..., Actor], tuple[object, ...]]:
+        """For another process, which renders with a scene of its own."""
+        geometry, forward = self.geometry, self.forward
+        parts = geometry.model, geometry.relief_basis, forward.lights, forward.bounces.resting
+        return _staged, (*parts, self.stage, self.camera_to_stage, self.state)
+
     @cached_property
     def stage_in_camera(self) -> LightStage:
         """The lights where the first keyframe had them, in the camera frame."""
@@ -87,6 +94,20 @@ class Actor:
     def lit(self, lights: np.ndarray) -> Actor:
         """Under other ``lights`` (parameters)."""
         return replace(self, state=replace(self.state, lights=lights))
+
+
+def _staged(
+    model: FaceModel,
+    relief: np.ndarray,
+    lights: LightParameters,
+    resting: bool,
+    stage: LightStage,
+    camera_to_stage: np.ndarray,
+    state: State,
+) -> Actor:
+    geometry = FaceGeometry(model, relief)
+    forward = ForwardModel(geometry, lights, resting)
+    return Actor(geometry, forward, stage, camera_to_stage, state)
 
 
 def own_model(model: FaceModel, keyframe: Result, albedo: np.ndarray | None) -> FaceModel:

@@ -95,8 +95,23 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
+class Cut:
+    """A frame cut to its face and made small."""
+
+    window: Window
+    photograph: Photograph
+    landmarks: Landmarks  # pixels of the small picture
+
+    @classmethod
+    def of(cls, photograph: Photograph, landmarks: Landmarks) -> Cut:
+        """Around the ``landmarks`` of a whole frame."""
+        window = _window(photograph.size, landmarks)
+        return cls(window, window.photograph(photograph), window.landmarks(landmarks))
+
+
+@dataclass(frozen=True, eq=False)
 class FrameView:
-    """One frame, cut to its face and made small, as the photo term compares it."""
+    """One frame as the photo term compares it."""
 
     window: Window
     term: PhotoTerm
@@ -105,8 +120,7 @@ class FrameView:
     def of(
         cls,
         actor: Actor,
-        photograph: Photograph,
-        landmarks: Landmarks,
+        cut: Cut,
         skin: np.ndarray | None = None,
         light_held: bool = False,
         board: int | None = None,
@@ -114,17 +128,16 @@ class FrameView:
         """``skin``: :attr:`skin` of the same frame, where it was found before. ``board``: which
         half of the pixels is looked at (:attr:`PhotoTerm.board`).
         """
-        window = _window(photograph.size, landmarks)
-        small, points = window.photograph(photograph), window.landmarks(landmarks)
+        small = cut.photograph
         if skin is None:
-            skin = np.round(255 * skin_weight(small.color, points)).astype(np.uint8)
+            skin = np.round(255 * skin_weight(small.color, cut.landmarks)).astype(np.uint8)
         photo = Photo(
             small.color.astype(np.float64), small.mask, skin / np.float32(255), small.clipped
         )
         blocks = frozenset(BLOCKS if light_held else (*BLOCKS, LIGHTS))
         stage = actor.stage_in_camera
         term = PhotoTerm(actor.forward, photo, stage, SAMPLES, blocks, board=board)
-        return cls(window, term)
+        return cls(cut.window, term)
 
     @property
     def skin(self) -> np.ndarray:

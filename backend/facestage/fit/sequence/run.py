@@ -34,7 +34,9 @@ from facestage.fit.runs.place import claimed
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.checkpoint import PassCheckpoint
 from facestage.fit.sequence.common_light import with_common_light
+from facestage.fit.sequence.crew import Crew
 from facestage.fit.sequence.keyframes import choose_keyframes
+from facestage.fit.sequence.looking import Looker
 from facestage.fit.sequence.output import Found, write_sequence
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sequence_truth import SequenceTruth
@@ -43,7 +45,7 @@ from facestage.fit.sequence.tracking import LANDMARK_PASSES, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr, write_png
 from facestage.models.registry import load_model
-from facestage.render.variant import start_renderer
+from facestage.render.variant import start_renderer, traces_here
 
 T = TypeVar("T")
 # Where on the scale from 0 to 1 each part of the work ends.
@@ -95,6 +97,7 @@ class SequenceRun:
         self.request, self.film, self.partial = request, film, partial
         self._emit, self._landmark_model, self._fineness = emit, landmark_model, fineness
         self._began = time.monotonic()
+        self._elsewhere = 0.0  # seconds of processor time of other processes
         self.timings: dict[str, float] = {}
 
     def tell(
@@ -166,10 +169,10 @@ class SequenceRun:
         )
 
     def _timed(self, name: str, work: Callable[[], T]) -> T:
-        began, cpu = time.monotonic(), time.process_time()
+        began, cpu = time.monotonic(), time.process_time() + self._elsewhere
         result = work()
         self.timings[name] = time.monotonic() - began
-        self.timings[f"{name}_cpu"] = time.process_time() - cpu
+        self.timings[f"{name}_cpu"] = time.process_time() + self._elsewhere - cpu
         return result
 
     def _sightings(self, resume: bool) -> Sightings:
@@ -304,21 +307,33 @@ class SequenceRun:
 
     def _passes(self, checkpoint: PassCheckpoint, deadline: float) -> Tracked:
         """Look at the pictures of all frames, and smooth; again and again."""
+        looks = self.request.passes - checkpoint.number
+        looks = looks * len(checkpoint.tracked.course) - checkpoint.done
+        crew = Crew.of(self.tracker.looker, looks) if traces_here() else None
+        if crew is None:
+            return self._looked(checkpoint, deadline, self.tracker.looker)
+        with crew:
+            tracked = self._looked(checkpoint, deadline, crew)
+            self._elsewhere += crew.seconds
+        return tracked
+
+    def _looked(
+        self, checkpoint: PassCheckpoint, deadline: float, looker: Looker | Crew
+    ) -> Tracked:
         tracked, tracker = checkpoint.tracked, self.tracker
         frames, passes = len(tracked.course), self.request.passes
         saved = time.monotonic()
         for number in range(checkpoint.number, passes):
             before = checkpoint if number == checkpoint.number else None
             pictures = tracker.no_pictures() if before is None else before.pictures
-            for frame in self.film.frames(0 if before is None else before.done):
-                if frame.index >= frames:
-                    break
-                board = (frame.index + number) % 2 if number < passes - 1 else None
-                pictures.add(frame.index, tracker.look(tracked, frame, board))
-                done = frame.index + 1
+            shown = self.film.frames(0 if before is None else before.done)
+            halves = number if number < passes - 1 else None
+            for answer in looker.answers(tracker.questions(tracked, shown, halves)):
+                tracker.heard(pictures, answer)
+                done = answer.index + 1
                 share = (number + done / frames) / passes
                 words = f"Pictures, pass {number + 1} of {passes}: frame {done} of {frames}"
-                rms = float(pictures.rms[frame.index])
+                rms = float(pictures.rms[answer.index])
                 self.tell(
                     PROGRESS,
                     "pictures",

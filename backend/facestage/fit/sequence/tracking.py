@@ -4,7 +4,7 @@ in between.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +16,9 @@ from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.frame_light import MOVING_SHARE, LightEquations
-from facestage.fit.sequence.frames import LIGHTS, FrameView, Seen, landmark_evidence
+from facestage.fit.sequence.frames import LIGHTS, Cut, FrameView, Seen, landmark_evidence
 from facestage.fit.sequence.landmark_bias import LandmarkBias
+from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.fit.sequence.motion import GAZE, LIDS, Motion, Triples, groups_of
 from facestage.fit.sequence.pose_noise import with_honest_poses
 from facestage.fit.sequence.smoother import LEARNING_ROUNDS, Evidence, smooth
@@ -122,28 +123,50 @@ class Tracker:
         rotation, translation = (np.array(part)[nearest] for part in zip(*poses, strict=True))
         return Course(rotation, translation, np.zeros((len(nearest), len(self._low))))
 
-    def look(self, tracked: Tracked, frame: Frame, board: int | None = None) -> Seen | None:
-        """What the picture of ``frame`` says where ``tracked`` has the face, or half of its pixels
-        (:attr:`PhotoTerm.board`); None: no face.
+    @property
+    def looker(self) -> Looker:
+        """Who answers :meth:`questions`."""
+        return Looker(self.actor, self._light_held)
+
+    def questions(
+        self, tracked: Tracked, frames: Iterable[Frame], halves: int | None = None
+    ) -> Iterator[Question]:
+        """What the pictures of ``frames`` say where ``tracked`` has the face. ``halves``: half of
+        the pixels is looked at, of the next frame the other, and the next time as well; None: all.
         """
-        view = self.view(frame, board)
-        return None if view is None else view.seen(tracked.state(self.actor, frame.index))
+        for frame in frames:
+            if frame.index >= len(self.landmarks):
+                return
+            landmarks = self.landmarks[frame.index]
+            if landmarks is None:
+                yield Question(frame.index, None)
+                continue
+            yield Question(
+                frame.index,
+                Cut.of(frame.photograph, landmarks),
+                tracked.state(self.actor, frame.index),
+                self._skins.get(frame.index),
+                None if halves is None else (frame.index + halves) % 2,
+            )
+
+    def heard(self, pictures: Pictures, answer: Answer) -> None:
+        """Note what a frame said."""
+        pictures.add(answer.index, answer.seen)
+        if answer.skin is not None:
+            self._skins[answer.index] = answer.skin
 
     def no_pictures(self) -> Pictures:
         """Before the first is looked at."""
         lights = 0 if self._light_held else len(self.actor.state.lights)
         return Pictures.none(len(self.landmarks), POSE + len(self._low), lights)
 
-    def view(self, frame: Frame, board: int | None = None) -> FrameView | None:
+    def view(self, frame: Frame) -> FrameView | None:
         """A frame as it is compared; None: no face."""
         landmarks = self.landmarks[frame.index]
         if landmarks is None:
             return None
-        skin = self._skins.get(frame.index)
-        held = self._light_held
-        view = FrameView.of(self.actor, frame.photograph, landmarks, skin, held, board)
-        self._skins[frame.index] = view.skin
-        return view
+        cut, skin = Cut.of(frame.photograph, landmarks), self._skins.get(frame.index)
+        return FrameView.of(self.actor, cut, skin)
 
     def smoothed(
         self, tracked: Tracked, pictures: Pictures | None, rounds: int = LEARNING_ROUNDS

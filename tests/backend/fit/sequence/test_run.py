@@ -12,6 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.events import PROGRESS, Event
 from facestage.contract.person import Person
 from facestage.contract.sequence import KEYFRAMES, VERTICES, Sequence
+from facestage.fit.sequence import crew
 from facestage.fit.sequence import run as run_module
 from facestage.fit.sequence.run import track_film
 from facestage.render.variant import start_renderer
@@ -37,7 +38,7 @@ def found(film: SmallFilm, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Non
 
 @pytest.mark.slow
 def test_a_small_film_is_followed_and_a_killed_run_goes_on(
-    film: SmallFilm, found: Callable[..., None], tmp_path: Path
+    film: SmallFilm, found: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     found(4)
     truth = film.write_truth(tmp_path / "truth.npz")
@@ -71,12 +72,12 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
         if event.kind == PROGRESS and "pass 2 of 3: frame 6" in event.message:
             raise StopError
 
-    run_module.SAVED_EVERY, kept = 0.0, run_module.SAVED_EVERY
-    try:
-        with pytest.raises(StopError):
-            track_film(request, tmp_path / "again", emit=stop, fineness=QUICK)
-    finally:
-        run_module.SAVED_EVERY = kept
+    # From now on by two processes: the same answer.
+    monkeypatch.setattr(crew, "LOOKS_EACH", 1)
+    monkeypatch.setattr(crew, "cores", lambda: 2)
+    monkeypatch.setattr(run_module, "SAVED_EVERY", 0.0)
+    with pytest.raises(StopError):
+        track_film(request, tmp_path / "again", emit=stop, fineness=QUICK)
     assert not (tmp_path / "again").exists()
     resumed: list[Event] = []
     again = track_film(request, tmp_path / "again", True, resumed.append, fineness=QUICK)

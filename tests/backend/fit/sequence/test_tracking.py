@@ -17,7 +17,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.checkpoint import PassCheckpoint
 from facestage.fit.sequence.course import POSE, Course
-from facestage.fit.sequence.frames import landmark_evidence
+from facestage.fit.sequence.frames import FrameView, landmark_evidence
 from facestage.fit.sequence.landmark_bias import LandmarkBias
 from facestage.fit.sequence.motion import LIDS, Motion, Triples, groups_of
 from facestage.fit.sequence.tracking import ALIKE, BESIDE_PICTURE, Tracked, Tracker, _honest
@@ -74,8 +74,8 @@ def film(scene: Scene, course: Course) -> Callable[..., Film]:
 
 def after_a_look(tracker: Tracker, tracked: Tracked, frames: list[Frame]) -> Tracked:
     pictures = tracker.no_pictures()
-    for frame in frames:
-        pictures.add(frame.index, tracker.look(tracked, frame))
+    for answer in tracker.looker.answers(tracker.questions(tracked, frames)):
+        tracker.heard(pictures, answer)
     return tracker.smoothed(tracked, pictures)
 
 
@@ -107,24 +107,26 @@ def test_held_light_is_no_unknown(film: Callable[..., Film], scene: Scene):
     lights = scene.state.lights * np.linspace(0.5, 1.5, FRAMES)[:, None]
     tracker, tracked, frames = film(lights, freeze=("lights",))
     assert after_a_look(tracker, tracked, frames).lights is None
-    seen = tracker.look(tracked, frames[0])
+    (answer,) = tracker.looker.answers(tracker.questions(tracked, frames[:1]))
+    seen = answer.seen
     assert seen is not None and seen.light.hessian.shape == (1, 0, 0)
 
 
 def test_half_of_the_pixels_says_as_much_as_all(film: Callable[..., Film], scene: Scene):
     tracker, tracked, frames = film(np.tile(scene.state.lights, (FRAMES, 1)))
-    state, pixels, said = tracked.state(tracker.actor, 2), [], []
-    for board in (None, 0, 1):
-        view = tracker.view(frames[2], board)
-        assert view is not None
-        counted = view.evaluated(state).base_weight > 0
+    pixels, said = [], []
+    for halves in (None, 0, 1):
+        (question,) = tracker.questions(tracked, frames[2:3], halves)
+        assert question.cut is not None and question.state is not None
+        view = FrameView.of(tracker.actor, question.cut, board=question.board)
+        counted = view.evaluated(question.state).base_weight > 0
         pixels.append(set(map(tuple, np.argwhere(counted).tolist())))
-        seen = tracker.look(tracked, frames[2], board)
+        seen = tracker.looker.answer(question).seen
         assert seen is not None
         said.append(np.diag(seen.said.hessian))
-    whole, *halves = pixels
-    assert not halves[0] & halves[1]
-    assert len(whole & (halves[0] | halves[1])) > 0.85 * len(whole)
+    whole, *parts = pixels
+    assert not parts[0] & parts[1]
+    assert len(whole & (parts[0] | parts[1])) > 0.85 * len(whole)
     for half in said[1:]:
         np.testing.assert_allclose(half[said[0] > 0] / said[0][said[0] > 0], 1.0, atol=0.5)
         assert abs(np.log(half / said[0]).mean()) < 0.2
@@ -168,7 +170,8 @@ def test_a_checkpoint_comes_back_with_its_light_and_an_older_one_begins_the_look
     lights = np.tile(scene.state.lights, (FRAMES, 1))
     tracker, tracked, frames = film(lights)
     pictures = tracker.no_pictures()
-    pictures.add(0, tracker.look(tracked, frames[0]))
+    (answer,) = tracker.looker.answers(tracker.questions(tracked, frames[:1]))
+    tracker.heard(pictures, answer)
     PassCheckpoint(1, 1, replace(tracked, lights=lights), pictures).save(tmp_path)
     found = PassCheckpoint.load(tmp_path)
     assert found is not None and found.tracked.lights is not None
