@@ -43,14 +43,23 @@ def _facing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def _covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) bool, the vertices that lie behind a triangle."""
     margin = DEPTH_MARGIN * float(np.ptp(points[:, 0]) + np.ptp(points[:, 1])) / 2
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    first, second = (b - a)[:, :2], (c - a)[:, :2]
+    corners = points[triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    # Few triangles lie around a point at all, and before it.
+    near = low[:, 2] < points[:, 2, None] - margin
+    for axis in range(2):
+        place = points[:, axis, None]
+        near &= (low[:, axis] <= place) & (place <= high[:, axis])
+    point, triangle = np.nonzero(near)
+    a, b, c = corners[triangle].transpose(1, 0, 2)
+    first, second, offset = b - a, c - a, points[point] - a
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    offset = points[:, None, :2] - a[None, :, :2]
     # A triangle seen edge on covers nothing: it divides by zero, and no comparison holds.
     with np.errstate(divide="ignore", invalid="ignore"):
-        u = (offset[..., 0] * second[:, 1] - offset[..., 1] * second[:, 0]) / area
-        v = (first[:, 0] * offset[..., 1] - first[:, 1] * offset[..., 0]) / area
-        depth = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
-        inside = (u >= 0) & (v >= 0) & (u + v <= 1)
-    return np.asarray((inside & (depth < points[:, 2, None] - margin)).any(axis=1))
+        u = (offset[:, 0] * second[:, 1] - offset[:, 1] * second[:, 0]) / area
+        v = (first[:, 0] * offset[:, 1] - first[:, 1] * offset[:, 0]) / area
+        depth = a[:, 2] + u * first[:, 2] + v * second[:, 2]
+        hides = (u >= 0) & (v >= 0) & (u + v <= 1) & (depth < points[point, 2] - margin)
+    result = np.zeros(len(points), bool)
+    result[point[hides]] = True
+    return result

@@ -44,6 +44,7 @@ class _Candidates:
     corners: Int[np.ndarray, "candidates 3"]  # rendered-vertex indices
     weights: Float[np.ndarray, "candidates 3"]  # barycentric
     lines: ContourLines | None
+    around: Int[np.ndarray, " triangles"]  # the triangles at their corners
 
 
 @lru_cache(maxsize=4)
@@ -51,12 +52,14 @@ def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
     vertices, weights = geometry.model.landmark_vertices(scheme)
     corners, weights = geometry.new_index[vertices], weights.astype(np.float64)
     contour = scheme_of(scheme).contour
-    if not scheme_of(scheme).slides:
-        return _Candidates(SurfacePoints(geometry, corners, weights), corners, weights, None)
-    lines = contour_lines(geometry, corners[contour], weights[contour])
-    corners = np.concatenate([corners, lines.corners.reshape(-1, 3)])
-    weights = np.concatenate([weights, lines.weights.reshape(-1, 3)])
-    return _Candidates(SurfacePoints(geometry, corners, weights), corners, weights, lines)
+    lines = None
+    if scheme_of(scheme).slides:
+        lines = contour_lines(geometry, corners[contour], weights[contour])
+        corners = np.concatenate([corners, lines.corners.reshape(-1, 3)])
+        weights = np.concatenate([weights, lines.weights.reshape(-1, 3)])
+    around = np.flatnonzero(np.isin(geometry.triangles, corners).any(axis=1))
+    points = SurfacePoints(geometry, corners, weights)
+    return _Candidates(points, corners, weights, lines, around)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,10 +167,8 @@ class LandmarkTerm(Term):
         """
         corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
         shape = self.geometry.at(state)
-        normals = (
-            np.einsum("mi,mix->mx", weights, self.geometry.vertex_normals(shape)[0][corners])
-            @ state.rotation.T
-        )
+        normals = self.geometry.vertex_normals(shape, self._candidates.around)[0][corners]
+        normals = np.einsum("mi,mix->mx", weights, normals) @ state.rotation.T
         points = (
             np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
         )

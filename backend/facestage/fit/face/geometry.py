@@ -16,6 +16,7 @@ from facestage.fit.face.state import State
 INFLUENCE_MIN = 1e-7
 
 NO_RELIEF = np.zeros(0)
+ALL = slice(None)
 # Every term of a step, and every photo of a person, asks for the same few shapes again.
 SHAPES_KEPT = 8
 
@@ -113,22 +114,24 @@ class FaceGeometry:
         return np.tensordot(weights, self.relief_basis[: len(weights)], 1)
 
     def face_normals(
-        self, vertices: Float[np.ndarray, "vertices 3"]
+        self, vertices: Float[np.ndarray, "vertices 3"], some: Int[np.ndarray, " _"] | slice = ALL
     ) -> Float[np.ndarray, "triangles 3"]:
-        """Normals of length twice the triangle's area."""
-        a, b, c = (vertices[self.triangles[:, corner]] for corner in range(3))
+        """Normals of length twice the triangle's area, of ``some`` triangles."""
+        a, b, c = (vertices[self.triangles[some, corner]] for corner in range(3))
         return np.cross(b - a, c - a)
 
     def vertex_normals(
-        self, vertices: Float[np.ndarray, "vertices 3"]
+        self, vertices: Float[np.ndarray, "vertices 3"], some: Int[np.ndarray, " _"] | slice = ALL
     ) -> tuple[Float[np.ndarray, "vertices 3"], Float[np.ndarray, " vertices"]]:
-        """Unit normals, area-weighted, and the lengths before normalising."""
-        faces = self.face_normals(vertices)
+        """Unit normals, area-weighted, and the lengths before normalising; right where all
+        triangles of a vertex are among ``some``.
+        """
+        faces = self.face_normals(vertices, some)
         total = np.zeros_like(vertices)
         for axis in range(3):
             for corner in range(3):
                 total[:, axis] += np.bincount(
-                    self.triangles[:, corner], faces[:, axis], len(vertices)
+                    self.triangles[some, corner], faces[:, axis], len(vertices)
                 )
         length = np.linalg.norm(total, axis=1)
         return total / np.maximum(length, 1e-20)[:, None], length

@@ -140,6 +140,11 @@ def test_geometry_moves_with_its_modes_and_normals_are_unit(scene: Scene):
     normals, length = scene.geometry.vertex_normals(vertices)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
     assert (length > 0).all() and (normals[:, 2] > -0.3).all()
+    corner = scene.geometry.triangles[::50, 0]
+    around = np.flatnonzero(np.isin(scene.geometry.triangles, corner).any(axis=1))
+    some = scene.geometry.vertex_normals(vertices, around)
+    np.testing.assert_array_equal(some[0][corner], normals[corner])
+    np.testing.assert_array_equal(some[1][corner], length[corner])
 
 
 def test_normal_operator_is_the_derivative_of_the_normals(scene: Scene):
