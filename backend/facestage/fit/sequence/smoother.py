@@ -55,16 +55,16 @@ def smooth(
     differences = motion.triples.differences(course)
     problem = _Bounded(course, evidence, low, high)
     for _ in range(rounds):
-        step, system = problem.improved(motion, differences)
+        step = problem.improved(motion, differences)
         after = differences + motion.triples.applied(step)
-        variance = _variances(motion.triples, *system.covariance(), problem.free)
+        variance = _variances(motion.triples, *problem.covariance(), problem.free)
         motion = motion.learned(after, variance)
     for _ in range(ACTIVE_SET_ROUNDS):
         before = problem.free
-        step, system = problem.improved(motion, differences)
+        step = problem.improved(motion, differences)
         if (problem.free == before).all():
             break
-    variance = np.einsum("tii->ti", system.covariance()[0])
+    variance = np.einsum("tii->ti", problem.covariance()[0])
     deviation = np.sqrt(np.maximum(_per_frame(variance, len(course)), 0.0))
     return Smoothed(course.moved(step), motion, np.where(problem.free, deviation, 0.0), step)
 
@@ -85,13 +85,15 @@ class _Bounded:
         self.low[:, POSE:], self.high[:, POSE:] = low - course.expression, high - course.expression
         self.free = np.ones((frames, size), bool)
         self.step = np.zeros((frames, size))
+        self._system: BlockTridiagonal | None = None
 
     def improved(
         self, motion: Motion, differences: Float[np.ndarray, "triples unknowns"]
-    ) -> tuple[Float[np.ndarray, "frames unknowns"], BlockTridiagonal]:
-        """The step under ``motion`` with what is free so far, and the system that it solves; what
-        goes beyond its bounds is held there the next time.
+    ) -> Float[np.ndarray, "frames unknowns"]:
+        """The step under ``motion`` with what is free so far; what goes beyond its bounds is held
+        there the next time.
         """
+        self._system = None  # or there are two of them for a while
         hessian, frames = self.evidence.hessian, len(self.step)
         gradient = self.evidence.gradient + _pulled(
             motion, motion.precision * differences, self.step.shape
@@ -100,17 +102,24 @@ class _Bounded:
         held = np.where(self.free, 0.0, self.step)
         right = -_paired(gradient + _product(hessian, motion, held))
         mask = _paired(self.free.astype(float))
-        system = BlockTridiagonal(
-            diagonal * mask[:, :, None] * mask[:, None], lower * mask[1:, :, None] * mask[:-1, None]
-        )
-        step = np.where(self.free, _per_frame(system.solve(right * mask), frames), self.step)
+        # In place: a long film's take more memory than all else.
+        for blocks, first in ((diagonal, 0), (lower, 1)):
+            blocks *= mask[first:, :, None]
+            blocks *= mask[: len(blocks), None]
+        self._system = BlockTridiagonal(diagonal, lower)
+        step = np.where(self.free, _per_frame(self._system.solve(right * mask), frames), self.step)
         outside = self.free & ((step < self.low - 1e-12) | (step > self.high + 1e-12))
         self.step = np.clip(step, self.low, self.high)
         # What lies on a bound and is pushed back inside is let go again.
         slope = gradient + _product(hessian, motion, self.step)
         wants = ~self.free & np.where(self.step <= self.low, slope < 0, slope > 0)
         self.free = (self.free & ~outside) | wants
-        return self.step, system
+        return self.step
+
+    def covariance(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the last step, see :meth:`BlockTridiagonal.covariance`."""
+        assert self._system is not None
+        return self._system.covariance()
 
 
 def _blocks(

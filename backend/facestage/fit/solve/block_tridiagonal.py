@@ -58,17 +58,20 @@ class BlockTridiagonal:
 
     def covariance(self) -> tuple[np.ndarray, np.ndarray]:
         """Of A's inverse, the blocks on the diagonal (T, m, m) and those (t, t + 1) beside it."""
-        own = [np.zeros((0, 0))] * len(self._factors)
-        beside = [np.zeros((0, 0))] * len(self._gains)
-        for t in range(len(own) - 1, -1, -1):
+        count, width = self._scale.shape
+        own = np.empty((count, width, width))
+        beside = np.empty((len(self._gains), width, width))
+        for t in range(count - 1, -1, -1):
             own[t] = _inverse(self._factors[t][0])
             if t < len(self._gains):
                 beside[t] = -self._gains[t] @ own[t + 1]
-                own[t] = own[t] - beside[t] @ self._gains[t].T
+                own[t] -= beside[t] @ self._gains[t].T
+        # In place: a long film's take more memory than all else.
         scale = self._scale
-        diagonal = np.array(own) * scale[:, :, None] * scale[:, None]
-        links = np.array(beside).reshape(-1, *diagonal.shape[1:])
-        return diagonal, links * scale[:-1, :, None] * scale[1:, None]
+        for blocks, first in ((own, 0), (beside, 1)):
+            blocks *= scale[: len(blocks), :, None]
+            blocks *= scale[first:, None]
+        return own, beside
 
 
 def _inverse(factor: np.ndarray) -> np.ndarray:
