@@ -126,15 +126,16 @@ def _faired(
     return vertices
 
 
-def _window_chart(name: str) -> np.ndarray:
+def window_chart(name: str) -> np.ndarray:
+    """(n, 2) chart points (station, level) of a window's border."""
     column, row = WINDOWS[name].loop().T
     return np.stack([STATION_LINES[column], LEVEL_LINES[row]], axis=-1)
 
 
 def _patches(surface: BaseSurface) -> tuple[dict[str, eyes.Patch], np.ndarray]:
-    lips, bag = mouth.lip_patch(surface, _window_chart("mouth"))
-    lids = eyes.lid_patch(surface, _window_chart("eye_left"))
-    shell = ear.ear_patch(surface, _window_chart("ear_left"))
+    lips, bag = mouth.lip_patch(surface, window_chart("mouth"))
+    lids = eyes.lid_patch(surface, window_chart("eye_left"))
+    shell = ear.ear_patch(surface, window_chart("ear_left"))
     patches = {"eye_left": lids, "eye_right": eyes.mirrored(lids), "mouth": lips}
     return patches | {"ear_left": shell, "ear_right": eyes.mirrored(shell)}, bag
 

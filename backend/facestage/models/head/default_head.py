@@ -17,6 +17,7 @@ from facestage.models.head.expressions import expressions
 from facestage.models.head.identity import identity_modes
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
+from facestage.models.head.sculpt import sculpted
 
 NAME = "default"
 ALBEDO_MODES = 80
@@ -36,8 +37,9 @@ def build_default_model() -> FaceModel:
     expression_names, expression = expressions(masks)
     regions = _regions(mesh, masks)
     origin = mesh.vertices[regions["narrow_face"]].mean(axis=0) * [0, 1, 1]
-    vertices = (mesh.vertices - origin) * _MM
-    _, basis = albedo_basis(vertices, mesh.triangles, regions["skin"], ALBEDO_MODES)
+    plain = (mesh.vertices - origin) * _MM
+    vertices = (sculpted(mesh) - origin) * _MM
+    _, basis = albedo_basis(plain, mesh.triangles, regions["skin"], ALBEDO_MODES)
     landmark = ibug68(mesh)
     weights = np.tile([1.0, 0.0, 0.0], (68, 1))
     arrays = {

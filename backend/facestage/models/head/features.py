@@ -45,7 +45,7 @@ def add_features(points: np.ndarray) -> np.ndarray:
     points = np.asarray(points, np.float64)
     side = np.where(points[:, 0] < 0, -1.0, 1.0)
     local = points * np.stack([side, np.ones_like(side), np.ones_like(side)], axis=-1)
-    front = _smoothstep((local[:, 2] - 20.0) / 20.0)
+    front = smoothstep((local[:, 2] - 20.0) / 20.0)
     result = inflate(local, np.array([11.4, -46.3, 93.5]), np.array([6.6, 6.6, 11.0]), 0.5)
     for center, radius, move in _BUMPS:
         weight = np.exp(
@@ -54,7 +54,7 @@ def add_features(points: np.ndarray) -> np.ndarray:
         )
         result = result + (front * weight)[:, None] * _faded(np.array(move), local[:, 0])
     for start, end, width, move in _FURROWS:
-        distance, along = _to_segment(local[:, :2], np.array(start), np.array(end))
+        distance, along = to_segment(local[:, :2], np.array(start), np.array(end))
         weight = np.exp(-((distance / width) ** 2)) * np.sin(np.pi * (0.08 + 0.84 * along))
         result = result + (front * weight)[:, None] * np.array(move)
     nostril = np.exp(-((((local - [6.6, -50.0, 104.0]) / [3.3, 4.0, 5.2]) ** 2).sum(axis=1)))
@@ -83,7 +83,7 @@ def smooth_maximum(a: np.ndarray, b: np.ndarray, softness: float | np.ndarray) -
 
 def _neck_muscle(local: np.ndarray) -> np.ndarray:
     """The sternocleidomastoid, from behind the ear to the inner end of the collar bone."""
-    distance, along = _to_segment(
+    distance, along = to_segment(
         local, np.array([60.0, -60.0, -22.0]), np.array([16.0, -196.0, 34.0])
     )
     weight = (
@@ -103,7 +103,7 @@ def _faded(move: np.ndarray, x: np.ndarray) -> np.ndarray:
     )
 
 
-def _to_segment(
+def to_segment(
     points: np.ndarray, start: np.ndarray, end: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance of points (m, d) to a segment, and the parameter 0..1 of the nearest point."""
@@ -112,6 +112,7 @@ def _to_segment(
     return np.linalg.norm(points - start - along[:, None] * axis, axis=1), along
 
 
-def _smoothstep(x: np.ndarray) -> np.ndarray:
+def smoothstep(x: np.ndarray) -> np.ndarray:
+    """0 below 0, 1 above 1, and a cubic between."""
     x = np.clip(x, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
