@@ -48,16 +48,19 @@ BORDER_SHARE, BORDER_MIN = 0.025, 1.5
 FOREHEAD_SHARE = 0.5
 
 
-def skin_weight(photo: np.ndarray, landmarks: Landmarks, openings: bool = True) -> np.ndarray:
+def skin_weight(
+    photo: np.ndarray, landmarks: Landmarks, openings: bool = True, face_px: float = MASK_FACE_PX
+) -> np.ndarray:
     """(h, w) float32 in 0..1 of ``photo`` (h, w, 3) linear: 1 where its color is the face's own.
 
     Hair, cloth and background of another hue, or darker than the face's own shading, go; what is
     brighter stays, because highlights are skin. Robust: median and quartiles, so glasses do not
     define the skin. Teeth are as bright, and lids have a skin's shadows: what shows between lips
-    and lids is none, whatever its color; ``openings`` says whether the face has any.
+    and lids is none, whatever its color; ``openings`` says whether the face has any. Colors are
+    looked at where the face has ``face_px`` pixels at most.
     """
     height, width = photo.shape[:2]
-    scale = MASK_FACE_PX / max(face_size_px(landmarks), 1.0)
+    scale = face_px / max(face_size_px(landmarks), 1.0)
     if scale >= 1:
         weight = _skin_weight(photo, landmarks)
     else:

@@ -26,6 +26,8 @@ BLOCKS, LIGHTS = ("pose", "expression"), "lights"
 TOGETHER_PLACE, TOGETHER = 0.005, 0.01
 # Pixels along the face at which pictures are looked at: shape shows no more at larger ones.
 FACE_PX = 112.0
+# Those at which skin is told from what is none.
+SKIN_FACE_PX = 64.0
 SAMPLES = 1  # of each light, a pixel
 # What of a frame is kept around the landmarks, in sizes of the face.
 MARGIN = 1.0
@@ -130,7 +132,8 @@ class FrameView:
         """
         small = cut.photograph
         if skin is None:
-            skin = np.round(255 * skin_weight(small.color, cut.landmarks)).astype(np.uint8)
+            found = skin_weight(small.color, cut.landmarks, face_px=SKIN_FACE_PX)
+            skin = np.round(255 * found).astype(np.uint8)
         photo = Photo(
             small.color.astype(np.float64), small.mask, skin / np.float32(255), small.clipped
         )

@@ -14,6 +14,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.skin_mask import (
+    MASK_FACE_PX,
     brow_pixels,
     clear_of_others,
     face_pixels,
@@ -94,12 +95,15 @@ def test_highlights_are_skin(landmarks: Landmarks, skin: str):
     assert skin_weight(photo, landmarks)[shiny].mean() > 0.97
 
 
-def test_hair_over_the_forehead_is_not_skin(landmarks: Landmarks):
+@pytest.mark.parametrize("face_px", [MASK_FACE_PX, 45.0])
+def test_hair_over_the_forehead_is_not_skin(landmarks: Landmarks, face_px: float):
     photo, inside = draw("light")
     hair = (Y - 6 * np.sin(X / 4) < 62) & ((X - 80) ** 2 + (Y - 66) ** 2 < 58**2)
     strands = 0.6 + 0.4 * np.sin(1.9 * X + 0.3 * np.sin(Y / 5))
     photo = np.where(hair[..., None], strands[..., None] * [0.07, 0.045, 0.03], photo)
-    weight = skin_weight(photo, landmarks)
+    weight = skin_weight(photo, landmarks, face_px=face_px)
+    # Colors are looked at in a smaller picture, where the face would be larger.
+    assert (weight == skin_weight(photo, landmarks)).all() == (face_px == MASK_FACE_PX)
     assert weight[hair].mean() < 0.1
     lit = photo.mean(axis=2) > 0.2
     assert weight[inside & ~hair & lit & ~between_lips_and_lids(landmarks)].mean() > 0.95
