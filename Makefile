@@ -11,7 +11,7 @@ VENV := .venv/bin/python
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-window fuzz mutants lint format types rooms ci doctor extension clean
+.PHONY: help setup demo test test-window test-blenders fuzz mutants lint format types rooms ci doctor extension clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -35,6 +35,12 @@ WINDOW ?= $(HOME)/.cache/facestage-window/trixie
 test-window: extension ## Walk through the add-on in a real Blender's window, with pictures (root on Debian)
 	@$(VENV) tools/set_up_window.py "$(WINDOW)"
 	@FACESTAGE_WINDOW="$(WINDOW)" $(VENV) -m pytest --numprocesses 0 --exitfirst tests/window
+
+# Each takes 1.2 GB, once, and five minutes: make test-blenders BLENDERS="4.2 5.2".
+BLENDERS ?=
+test-blenders: export PYTHONDONTWRITEBYTECODE :=
+test-blenders: setup ## Run the add-on's tests in Blender 4.2, 4.5 and 5.2 too, without a window
+	@$(VENV) tools/try_blenders.py --folder "$(HOME)/.cache/facestage-blenders" $(BLENDERS)
 
 mutants: setup ## Say which small errors no test would see (an hour or more; docs/testing.md)
 	@$(VENV) tools/mutate.py

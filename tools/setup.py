@@ -22,7 +22,7 @@ from setup_native import apt, apt_install, can_apt_install, provide_native_libra
 
 PROJECT = Path(__file__).resolve().parent.parent
 VENV = PROJECT / ".venv"
-STAMP = VENV / "facestage-setup.stamp"
+STAMP = "facestage-setup.stamp"
 SUPPORTED = ("3.11", "3.13")  # the Pythons inside Blender 4.2-5.0 and 5.1+
 # Only files whose digests are in the list, and nothing that would have to be built: a build fetches
 # what no list names.
@@ -39,9 +39,12 @@ def main() -> int:
     parser.add_argument(
         "--force", action="store_true", help="set up again although nothing changed"
     )
+    parser.add_argument(
+        "--folder", type=Path, default=VENV, help="where the environment is made (default: .venv)"
+    )
     options = parser.parse_args()
     try:
-        set_up(options.python, options.force)
+        set_up(options.python, options.force, options.folder.resolve())
     except SetupError as error:
         print(f"make setup: {error}", file=sys.stderr)
         return 1
@@ -54,18 +57,19 @@ def main() -> int:
     return 0
 
 
-def set_up(python: str | None, force: bool) -> None:
+def set_up(python: str | None, force: bool = False, venv: Path = VENV) -> None:
     """Create the environment, install the locked packages, find the libraries they need."""
-    usable = venv_version() in ([python_version(python)] if python else SUPPORTED)
-    if usable and not force and STAMP.is_file() and STAMP.read_text() == fingerprint():
+    usable = venv_version(venv) in ([python_version(python)] if python else SUPPORTED)
+    stamp = venv / STAMP
+    if usable and not force and stamp.is_file() and stamp.read_text() == fingerprint():
         return
-    STAMP.unlink(missing_ok=True)
+    stamp.unlink(missing_ok=True)
     if not usable:
-        create_environment(find_python(python))
-    install_packages()
-    provide_native_libraries(VENV, venv_python())
-    STAMP.write_text(fingerprint())
-    say("The environment in .venv is ready.")
+        create_environment(find_python(python), venv)
+    install_packages(venv)
+    provide_native_libraries(venv, venv_python(venv))
+    stamp.write_text(fingerprint())
+    say(f"The environment in {shown(venv)} is ready.")
 
 
 def fingerprint() -> str:
@@ -79,14 +83,20 @@ def fingerprint() -> str:
     return digest.hexdigest()
 
 
-def venv_python() -> Path:
-    """The interpreter inside .venv."""
-    return VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+def shown(venv: Path) -> str:
+    """The folder as messages name it: from the project's, where it lies within."""
+    return str(venv.relative_to(PROJECT) if venv.is_relative_to(PROJECT) else venv)
 
 
-def venv_version() -> str | None:
-    """The major.minor version of a usable .venv, or None."""
-    return python_version(str(venv_python())) if venv_python().exists() else None
+def venv_python(venv: Path = VENV) -> Path:
+    """The interpreter inside an environment."""
+    return venv / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def venv_version(venv: Path = VENV) -> str | None:
+    """The major.minor version of a usable environment, or None."""
+    program = venv_python(venv)
+    return python_version(str(program)) if program.exists() else None
 
 
 def python_version(executable: str) -> str | None:
@@ -126,23 +136,24 @@ def find_python(wanted: str | None) -> str:
     )
 
 
-def create_environment(python: str) -> None:
-    """Make .venv anew with ``python``; on a Debian without ensurepip, root gets python3-venv
-    installed.
+def create_environment(python: str, venv: Path = VENV) -> None:
+    """Make the environment anew with ``python``; on a Debian without ensurepip, root gets
+    python3-venv installed.
     """
-    if VENV.exists():
-        say("The folder .venv is not a usable environment of the Python wanted; making it anew.")
-        shutil.rmtree(VENV)
-    say(f"Making .venv with {python} ...")
+    name = shown(venv)
+    if venv.exists():
+        say(f"The folder {name} is not a usable environment of the Python wanted; making it anew.")
+        shutil.rmtree(venv)
+    say(f"Making {name} with {python} ...")
     if subprocess.run(
         [python, "-I", "-c", "import ensurepip, venv"], stderr=subprocess.DEVNULL
     ).returncode:
         install_venv_module(python)
-    done = run([python, "-I", "-m", "venv", str(VENV)])
+    done = run([python, "-I", "-m", "venv", str(venv)])
     if done.returncode:
-        shutil.rmtree(VENV, ignore_errors=True)
+        shutil.rmtree(venv, ignore_errors=True)
         raise SetupError(
-            f"'{python} -m venv .venv' failed ({last_line(done)}); mend that and run it again."
+            f"'{python} -m venv {name}' failed ({last_line(done)}); mend that and run it again."
         )
 
 
@@ -155,22 +166,23 @@ def install_venv_module(python: str) -> None:
     apt_install([package])
 
 
-def install_packages() -> None:
+def install_packages(venv: Path = VENV) -> None:
     """Install the locked packages and the project itself, editable."""
-    lock = PROJECT / "requirements" / f"python{venv_version()}.txt"
+    lock = PROJECT / "requirements" / f"python{venv_version(venv)}.txt"
     say(
         f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the "
         "first time) ..."
     )
-    pip(*LOCKED, "-r", str(lock))
+    pip(*LOCKED, "-r", str(lock), venv=venv)
     # With the locked setuptools: a build of its own would fetch another.
-    pip("--no-deps", "--no-build-isolation", "--no-index", "--editable", str(PROJECT))
+    own = ("--no-deps", "--no-build-isolation", "--no-index", "--editable", str(PROJECT))
+    pip(*own, venv=venv)
 
 
-def pip(*arguments: str) -> None:
+def pip(*arguments: str, venv: Path = VENV) -> None:
     """Run pip install; on failure show its output and raise SetupError."""
     command = [
-        str(venv_python()),
+        str(venv_python(venv)),
         "-I",
         "-m",
         "pip",

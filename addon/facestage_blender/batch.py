@@ -16,6 +16,7 @@ if not __package__:
         sys.path.append(str(ROOT.parent / "backend"))
 
 from facestage_blender.headless.batch import main
+from facestage_blender.headless.command import leave
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

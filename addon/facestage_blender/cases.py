@@ -4,9 +4,8 @@ python -P -m facestage_blender.cases --out DIR [--count 12] [--model default|ict
 python -P -m facestage_blender.cases --out DIR --person SEED [--photos 4] [--model ...]
 """
 
-import sys
-
 from .headless.cases import main
+from .headless.command import leave
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -3,9 +3,8 @@
 python -P -m facestage_blender.demo [--out out/demo]
 """
 
-import sys
-
+from .headless.command import leave
 from .headless.demo import main
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

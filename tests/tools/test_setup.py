@@ -113,8 +113,8 @@ def test_nothing_is_installed_without_its_digest(
     set_up: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[tuple[str, ...]] = []
-    monkeypatch.setattr(set_up, "pip", lambda *arguments: calls.append(arguments))
-    monkeypatch.setattr(set_up, "venv_version", lambda: "3.11")
+    monkeypatch.setattr(set_up, "pip", lambda *arguments, venv: calls.append(arguments))
+    monkeypatch.setattr(set_up, "venv_version", lambda _venv: "3.11")
     set_up.install_packages()
     packages, project = calls
     assert packages[:3] == ("--require-hashes", "--only-binary", ":all:") and packages[-1].endswith(

@@ -26,6 +26,7 @@ SETTINGS = "bpy.context.scene.facestage"
 STATE = "bpy.context.window_manager.facestage"
 SPACE = "bpy.context.area.spaces.active"
 BROWSER = (250, 190, 1100, 625)  # where Blender opens its file browser on this screen
+ASSETS = (1325, 360, 274, 200)  # where the Asset Browser shows its first pictures
 BELOW = 31  # pixels from a panel's title to its first row
 SEEN = """
 import numpy as np
@@ -220,6 +221,18 @@ def test_the_lights_are_previewed_and_the_face_is_relit(blender: Blender):
     assert not blender.ask("bpy.context.window_manager.facestage_preview.active")
 
 
+def test_how_sure_the_fit_is_shows_on_the_face(blender: Blender):
+    shading = f"{SPACE}.shading"
+    before = blender.ask(f"[{shading}.type, {shading}.color_type]")
+    blender.scroll(40)
+    blender.click("Show Certainty")
+    blender.until(f"{shading}.color_type == 'VERTEX'")
+    blender.shot("certainty")
+    blender.click("Show Certainty")
+    blender.until(f"[{shading}.type, {shading}.color_type] == {before!r}")
+    blender.scroll(-100)
+
+
 def test_an_expression_changes_the_face(blender: Blender):
     jaw = f"{SETTINGS}.rig.data.shape_keys.key_blocks['jawOpen'].value"
     fitted = blender.ask(jaw)
@@ -333,6 +346,49 @@ def test_a_saved_file_finds_all_again(blender: Blender):
     assert blender.ask(f"{SETTINGS}.result").startswith("//")
     blender.do("bpy.ops.facestage.apply_result()")
     blender.shot("saved-and-opened")
+
+
+def test_the_asset_browser_shows_the_face(blender: Blender):
+    blender.scroll(60)
+    blender.click("Mark as Asset")
+    blender.until(f"bpy.data.collections[{SETTINGS}.rig.name].asset_data")
+    blender.do(
+        "areas = {each.type: each for each in bpy.context.screen.areas}\n"
+        "areas['PROPERTIES'].ui_type = 'ASSETS'\n"
+    )
+    blender.settle()
+    blender.do(
+        "area = next(each for each in bpy.context.screen.areas if each.ui_type == 'ASSETS')\n"
+        "area.spaces.active.params.asset_library_reference = 'LOCAL'\n"
+        "area.spaces.active.show_region_toolbar = False\n"
+    )
+    blender.settle()
+    blender.shot("asset-browser")
+    blender.find("Facestage Face", ASSETS)
+    blender.do(
+        "area = next(each for each in bpy.context.screen.areas if each.ui_type == 'ASSETS')\n"
+        "area.ui_type = 'PROPERTIES'\n"
+    )
+    blender.scroll(-100)
+
+
+def test_the_users_camera_is_given_back(blender: Blender):
+    blender.scroll(-100)
+    blender.click("Camera")  # opens its panel
+    blender.click("Give Back Camera")
+    blender.until(f"not {SETTINGS}.view_before")
+    blender.shot("camera-given-back")
+    scene = "bpy.context.scene"
+    assert blender.ask(f"{scene}.camera.name") == "Camera"
+    assert blender.ask(f"[{scene}.render.resolution_x, {scene}.render.resolution_y]") == [
+        1920,
+        1080,
+    ]
+    assert blender.ask(f"{scene}.view_settings.view_transform") == "AgX"
+    blender.do("bpy.ops.facestage.apply_result()")
+    assert blender.ask(f"{scene}.camera.name") != "Camera"
+    assert blender.ask(f"{scene}.render.resolution_x") == 512
+    blender.click("Camera")
 
 
 def test_light_as_world_takes_the_lights_of_a_picture(blender: Blender):

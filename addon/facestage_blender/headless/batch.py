@@ -22,6 +22,7 @@ from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 
 from ..backend.commands import find_backend
 from ..scene.light_setups import LIGHT_FROM
+from .additions import ADDITIONS
 from .command import exit_code
 
 
@@ -131,7 +132,15 @@ def _add_fit(result: argparse.ArgumentParser) -> None:
 
 
 def _add_pictures(result: argparse.ArgumentParser) -> None:
-    """The options of the extra pictures."""
+    """The options of what the face gets beside the fit, and of the extra pictures."""
+    result.add_argument(
+        "--add",
+        choices=ADDITIONS,
+        nargs="*",
+        default=[],
+        metavar="NAME",
+        help="what is not fitted, for close-ups and animators: " + ", ".join(ADDITIONS),
+    )
     result.add_argument(
         "--relight",
         choices=sorted(LIGHT_FROM),
@@ -227,6 +236,7 @@ def run(options: argparse.Namespace) -> None:
         face=options.face,
         rig_blend=_resolved(options.rig_blend),
         rig_object=options.rig_object,
+        add=tuple(options.add),
     )
     scene = (
         pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)

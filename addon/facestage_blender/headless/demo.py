@@ -223,17 +223,11 @@ def _close_ups(scene: bpy.types.Scene, folder: Path, samples: int) -> Path:
     """The contact sheet of the head from close by and all around, now with lashes,
     brow hair and wet eyes.
     """
-    from ..rig.face_rig import require_rig
-    from ..skin.brows import grow_brows
-    from ..skin.lashes import grow_lashes
-    from ..skin.wet_eyes import wet_eyes
+    from .additions import add_to_face
     from .close_ups import close_ups
     from .contact_sheet import contact_sheet
 
-    rig = require_rig(scene)
-    grow_lashes(rig)
-    grow_brows(rig)
-    wet_eyes(rig)
+    add_to_face(scene, ("lashes", "brow-hair", "wet-eyes"))
     sheet = folder / "close_ups.png"
     contact_sheet(close_ups(scene, CLOSE_UP_PX, samples), sheet, columns=3)
     return sheet

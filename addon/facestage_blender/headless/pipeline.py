@@ -42,6 +42,7 @@ from ..scene.camera import ensure_camera, require_camera, show_photo, write_came
 from ..scene.paths import RESULT_FOLDER, job_folders, result_folder
 from ..scene.stage import build_stage, default_stage, facestage_collection
 from ..scene.user_state import preserved
+from .additions import add_to_face
 
 SCENE_FILE = "scene.blend"
 
@@ -79,6 +80,7 @@ class Order:
     rig_blend: Path | None = None  # a .blend with a mesh of the user's, which then is the rig
     rig_object: str = ""
     more: tuple[Photo, ...] = ()  # of the same person
+    add: tuple[str, ...] = ()  # of ADDITIONS
 
     @property
     def photos(self) -> tuple[Photo, ...]:
@@ -135,7 +137,10 @@ def fit_photo(
     take_results(scene, folder, [photo.image.resolve() for photo in photos])
     result = Result.load(result_folder(scene))
     apply_result(scene, result)
-    save_blend(order.out / SCENE_FILE)
+    save_blend(order.out / SCENE_FILE)  # before something is asked of the rig that it can not have
+    if order.add:
+        add_to_face(scene, order.add)
+        save_blend(order.out / SCENE_FILE)
     return result
 
 

@@ -251,7 +251,7 @@ def place_by_landmarks(scene: bpy.types.Scene) -> None:
     if landmarks is None:
         raise InputError("The photo has no landmarks; press Detect Landmarks first.")
     indices, corners, weights = anchors(setting.rig, landmarks.scheme)
-    sight = _sight_of(landmarks, indices, setting.lens, FOCAL_SIGMA if finds_focal(scene) else 0.0)
+    sight = sight_of(landmarks, indices, setting.lens, FOCAL_SIGMA if finds_focal(scene) else 0.0)
     shapes = setting.shapes(corners, weights)
     rest = np.clip(np.zeros(len(setting.sliders)), shapes.low, shapes.high)
     to_camera = upright_pose(shapes.at(rest), sight, np.array(setting.rig.matrix_world.to_scale()))
@@ -289,7 +289,10 @@ def shown_triangles(rig: bpy.types.Object) -> np.ndarray:
     return corners.reshape(-1, 3)[~np.isin(slots, left_out)]
 
 
-def _sight_of(landmarks: Landmarks, indices: np.ndarray, lens: Camera, focal_sigma: float) -> Sight:
+def sight_of(
+    landmarks: Landmarks, indices: np.ndarray, lens: Camera, focal_sigma: float = 0.0
+) -> Sight:
+    """What the landmarks of these ``indices`` (m,) say of where the face is."""
     pixels = landmarks.points[indices]
     deviation = np.full(len(indices), LANDMARK_SIGMA_SHARE * face_size(pixels))
     deviation[~landmarks.visible[indices]] *= HIDDEN_SIGMA

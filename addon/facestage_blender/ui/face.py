@@ -10,6 +10,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.job import DEFAULT_MODEL
 
 from ..drawing import draw_wrapped
+from ..pins.aiming import aim_camera
 from ..rig.control.control_rig import renewal_steps
 from ..rig.face_rig import build_rig
 from ..rig.model_kinds import KINDS, choose_model, model_label, model_license
@@ -46,6 +47,8 @@ class FACESTAGE_OT_build_rig(ModelTask, bpy.types.Operator):
         build_rig(scene, model, scene.facestage.model, ensure_stage(scene), albedo)
         yield
         yield from renewal_steps(scene)
+        yield
+        aim_camera(scene)
 
 
 class FACESTAGE_OT_choose_model(Action, bpy.types.Operator, ImportHelper):

@@ -23,6 +23,7 @@ from ..landmarks.editing import (
 from ..landmarks.photo_view import look_at_face
 from ..landmarks.plane import photo_size
 from ..pictures.images import load_image
+from ..pins.aiming import aim_camera
 from ..preferences import backend_command
 from ..scene.paths import require_photo, work_folder
 from .action import Action
@@ -68,6 +69,7 @@ class FACESTAGE_OT_detect_landmarks(BackendTask, bpy.types.Operator):
         width, height = load_image(require_photo(scene)).size
         landmarks.check_inside(width, height)
         scene.facestage.landmarks, scene.facestage.landmarks_from = str(self.out), "DETECTED"
+        aim_camera(scene)
         look_at_face(context, empties.show_landmarks(scene, landmarks, width, height), landmarks)
 
     def _end(

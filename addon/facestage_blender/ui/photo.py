@@ -18,6 +18,7 @@ from ..exchange.photos import add_photos, choose_photo, numbered, remove, show
 from ..exchange.write_back import apply_steps
 from ..landmarks.empties import HIDDEN, IGNORED, VISIBLE, landmark_empties, shown_plane
 from ..landmarks.photo_view import look_through_camera
+from ..pins.aiming import aim_camera
 from ..scene.own_view import can_give_view_back, give_view_back
 from ..scene.paths import absolute
 from ..translations import said
@@ -51,6 +52,7 @@ class FACESTAGE_OT_choose_photo(Action, bpy.types.Operator, ImportHelper):
     def act(self, context: bpy.types.Context) -> None:
         """Remember the photo and show it."""
         choose_photo(context.scene, Path(self.filepath))
+        aim_camera(context.scene)
         look_through_camera(context)
 
 

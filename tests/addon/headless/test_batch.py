@@ -56,6 +56,30 @@ def test_several_photos_of_a_person_share_a_scene(
     assert code == 2 and "--landmarks names 1 files for 2 photos" in said
 
 
+def test_what_is_not_fitted_is_added_on_request(
+    run, photo: Path, landmark_file: Path, tmp_path: Path
+) -> None:
+    import bpy
+
+    out = tmp_path / "out"
+    line = ["--image", photo, "--landmarks", landmark_file, "--out", out, "--lights", 3, "--add"]
+    code, said = run(*line, "pores", "handles")
+    assert code == 0, said
+    bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
+    from facestage_blender.skin.pores import pores_of
+
+    rig = bpy.context.scene.facestage.rig
+    assert pores_of(rig) is not None
+    assert rig.facestage_face.control_rig is not None
+    # The small test face has no lids: the fit is saved all the same.
+    (out / "scene.blend").unlink()
+    code, said = run(*line, "lashes")
+    assert code == 2 and "where this rig's lids are" in said
+    assert (out / "scene.blend").is_file()
+    code, said = run(*line, "moustache")
+    assert code == 2 and "moustache" in said
+
+
 def test_whole_run_saves_a_scene_that_opens_again(
     run, photo: Path, landmark_file: Path, tmp_path: Path
 ) -> None:

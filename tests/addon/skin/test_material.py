@@ -392,8 +392,10 @@ def test_a_normal_map_turns_normals_towards_u(scene) -> None:
     ratio = np.maximum(turned @ towards, 0) / np.maximum(normal @ towards, 1e-3)
     inside &= normal @ towards > 0.3
     error = np.abs(found - ratio * plain[..., 0])[inside].max() / found[inside].max()
-    print(f"off by {error:.2%} of the brightest pixel; 4 % allowed")
-    assert error < 0.04
+    # Until 4.5, Cycles bends a normal whose highlight would point into the surface.
+    allowed = 0.04 if bpy.app.version >= (4, 5) else 0.08
+    print(f"off by {error:.2%} of the brightest pixel; {allowed:.0%} allowed")
+    assert error < allowed
     set_textures(ball, images, {"roughness": 0.5})
     again = render_linear(scene, 64, direct_only=True)[..., 0]
     assert np.abs(again - plain[..., 0]).mean() < 0.01 * plain.mean()

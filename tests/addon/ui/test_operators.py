@@ -65,10 +65,11 @@ def ready(scene, stand_in, photo: Path, landmark_file: Path, tmp_path: Path):
     return scene
 
 
-def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
+def test_operators_equal_their_functions(ready, head, photo: Path, landmark_file: Path) -> None:
     import bpy
 
     from facestage_blender.exchange.photos import choose_photo
+    from facestage_blender.pins.aiming import aim_camera
     from facestage_blender.rig.face_rig import build_rig
     from facestage_blender.scene.stage import build_stage, default_stage
 
@@ -76,7 +77,9 @@ def test_operators_equal_their_functions(ready, head, photo: Path) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
     choose_photo(scene, photo)
+    scene.facestage.landmarks = str(landmark_file)
     build_rig(scene, head, "default", build_stage(scene, default_stage(5, 1.0, 0.2)))
+    aim_camera(scene)
     assert describe(scene) == by_operators
 
 
