@@ -2,7 +2,7 @@
 
 An object of its own, as lashes are; geometry nodes carry each hair with the triangle that it grows
 from. Hairs rise at the inner end, lie along the brow from its middle on, and converge from its
-upper and lower border. About 1 hair a square millimetre where it is dense, 6 to 9 mm long.
+upper and lower border. About 0.7 hairs a square millimetre where it is dense, 6 to 9 mm long.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import SKIN
 
 from ..pictures.images import image_pixels
+from .brow_paint import restore_paint, thin_paint
 from .eye_material import render_uvs
 from .hairs import SECTIONS, SIDES, write_hairs
 from .lids import (
@@ -43,11 +44,14 @@ ALONG, ACROSS, REACH, PAST = 56, 25, 2.2, 0.006
 BEGINS, DENSE = 0.15, 0.6
 NEAR = 0.7  # how far from its line hair grows, of the band's half
 OTHER_SIDE = 0.6  # of the other brow's density, for what hair or shadow hides in the photo
-PER_MM2 = 1.1
+PER_MM2 = 0.7
 THICK = 0.006  # metres across a full brow
 LENGTH, RADIUS, HEIGHT = 0.0078, 0.00004, 0.0007  # metres; how high a hair's tip lies
 OF_TEXEL = 0.5  # hair is darker than texels, which show skin between
 DARKEST = 0.004
+# Below hair: how much of the paint the skin about it takes the place of where hair is dense, how
+# far from a place of the band a vertex follows it (metres), and how dense bare skin may be.
+THINNED, FOLLOWS, BARE = 0.6, 0.0015, 0.05
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,8 @@ def renew_brows(rig: bpy.types.Object) -> None:
 
 def remove_brows(rig: bpy.types.Object) -> None:
     """Take a rig's brow hair away, and all that only it uses."""
+    if brows_of(rig) is not None:
+        restore_paint(rig)
     remove_growth(brows_of(rig))
 
 
@@ -143,12 +149,47 @@ def _fill(brows: bpy.types.Object, rig: bpy.types.Object) -> None:
         rest.append(tube)
     if not lines:
         return
+    thin_paint(rig, *_below(bands, points))
     write_hairs(
         brows.data,
         np.concatenate(rest),
         dict(zip(ROOT, np.concatenate(roots).T, strict=True)),
         {WEIGHTS: np.concatenate(weights), OFFSET: np.concatenate(offsets)},
     )
+
+
+def _below(bands: list[Band], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each vertex (n, 3): the albedo (n, 3) of the skin about the brow that it lies below, and
+    the share (n,) of it that shows.
+    """
+    color, share = np.zeros(points.shape), np.zeros(len(points))
+    for band in bands:
+        places = band.places.reshape(-1, 3)
+        low, high = places.min(axis=0) - 2 * FOLLOWS, places.max(axis=0) + 2 * FOLLOWS
+        near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+        square = ((points[near, None] - places) ** 2).sum(axis=2)
+        weight = np.exp(-square / FOLLOWS**2)
+        total = weight.sum(axis=1)
+        near, weight, total = near[total > 0.1], weight[total > 0.1], total[total > 0.1]
+        if not len(near):
+            continue
+        skin = np.repeat(_bare(band), ACROSS, axis=0)
+        color[near] = weight @ skin / total[:, None]
+        share[near] = THINNED * (weight @ band.seen.ravel()) / total
+    return color, share
+
+
+def _bare(band: Band) -> np.ndarray:
+    """(along, 3) the mean albedo of bare skin above and below a brow, smoothly along it."""
+    bare = (band.seen < BARE) + 1e-6
+    light = (bare[..., None] * band.albedo).sum(axis=1)
+    wide = np.ones(15)
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        return np.convolve(np.pad(values, 7, "edge"), wide, "valid")
+
+    total = blurred(bare.sum(axis=1))
+    return np.stack([blurred(light[:, k]) / total for k in range(3)], axis=1)
 
 
 def _axes(corners: np.ndarray) -> np.ndarray:

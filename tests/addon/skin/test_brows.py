@@ -177,3 +177,40 @@ def test_a_rebuilt_rig_keeps_them_where_it_can(scene, rig, default, head: FaceMo
     assert brows_of(rig) is None
     with pytest.raises(InputError, match="brows"):
         grow_brows(rig)
+
+
+def test_the_skin_below_shows_less_paint_while_they_are_there(rig, default: FaceModel) -> None:
+    from facestage.contract.texture_maps import ALBEDO
+    from facestage_blender.skin.brow_paint import COLOR, NODE, SHARE
+    from facestage_blender.skin.brows import THINNED, grow_brows, remove_brows
+    from facestage_blender.skin.material import GROUP
+
+    def source() -> str:
+        tree = rig.material_slots[0].material.node_tree
+        return tree.nodes[GROUP].inputs[ALBEDO.socket].links[0].from_node.name
+
+    nodes = len(rig.material_slots[0].material.node_tree.nodes)
+    before = source()
+    grow_brows(rig)
+    grow_brows(rig)  # again: nothing twice
+    assert source() == NODE
+    share = np.array([each.value for each in rig.data.attributes[SHARE].data])
+    color = np.array([each.vector for each in rig.data.attributes[COLOR].data])
+    brows = default.regions["brows"]
+    print(
+        f"of the paint {share[brows].mean():.2f} goes, elsewhere {np.delete(share, brows).mean()}"
+    )
+    assert share.max() <= THINNED + 1e-6
+    assert share[brows].mean() > 0.6 * THINNED
+    assert share[default.regions["lips"]].max() == 0
+    assert (share > 0.02).sum() < 8 * len(brows)
+    # What shows instead is as bright as the forehead, not as the hair.
+    narrow = np.setdiff1d(default.regions["narrow_face"], default.regions["brows"])
+    above = narrow[default.vertices[narrow, 1] > default.vertices[brows, 1].max()]
+    skin = default.albedo_mean[above].mean()
+    hair = default.albedo_mean[brows].mean()
+    assert color[brows].mean() > hair + 0.6 * (skin - hair)
+    remove_brows(rig)
+    assert source() == before
+    assert len(rig.material_slots[0].material.node_tree.nodes) == nodes
+    assert SHARE not in rig.data.attributes and COLOR not in rig.data.attributes

@@ -1,0 +1,80 @@
+"""Less paint below brow hair, which on painted brows would make them twice as dark: the skin's
+material shows more of the skin about them. Textures and exported files stay as they are.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from facestage.contract.texture_maps import ALBEDO
+
+from .material import GROUP, SCATTERS, node_at
+
+NODE = "Skin below Brows"
+COLOR, SHARE = "facestage_brow_skin", "facestage_brow_share"  # attributes of the rig's vertices
+
+
+def thin_paint(rig: bpy.types.Object, color: np.ndarray, share: np.ndarray) -> None:
+    """Let the skin of a rig show ``color`` (vertices, 3), linear RGB, in place of a ``share``
+    (vertices,), 0..1, of its albedo.
+    """
+    attributes = rig.data.attributes
+    for name, kind, values in ((COLOR, "FLOAT_VECTOR", color), (SHARE, "FLOAT", share)):
+        attribute = attributes.get(name) or attributes.new(name, kind, "POINT")
+        field = "vector" if kind == "FLOAT_VECTOR" else "value"
+        attribute.data.foreach_set(field, np.asarray(values, np.float32).ravel())
+    for tree in _skins(rig):
+        if NODE not in tree.nodes:
+            _insert(tree)
+
+
+def restore_paint(rig: bpy.types.Object) -> None:
+    """Let the skin show its albedo alone again."""
+    for tree in _skins(rig):
+        mix = tree.nodes.get(NODE)
+        if mix is None:
+            continue
+        before = _socket(mix.inputs, "A").links
+        if before:
+            tree.links.new(before[0].from_socket, tree.nodes[GROUP].inputs[ALBEDO.socket])
+        for link in [*_socket(mix.inputs, "B").links, *mix.inputs["Factor"].links]:
+            tree.nodes.remove(link.from_node)
+        tree.nodes.remove(mix)
+    for name in (COLOR, SHARE):
+        if name in rig.data.attributes:
+            rig.data.attributes.remove(rig.data.attributes[name])
+
+
+def _skins(rig: bpy.types.Object) -> list[bpy.types.NodeTree]:
+    """The node trees of the rig's skin."""
+    trees = [slot.material.node_tree for slot in rig.material_slots if slot.material is not None]
+    return [
+        tree
+        for tree in trees
+        if tree is not None and GROUP in tree.nodes and tree.nodes[GROUP].get(SCATTERS)
+    ]
+
+
+def _insert(tree: bpy.types.NodeTree) -> None:
+    """Mix what the skin's albedo is so far with the attributes."""
+    albedo = tree.nodes[GROUP].inputs[ALBEDO.socket]
+    mix = node_at(tree.nodes, "ShaderNodeMix", -250, 100)
+    mix.name, mix.label, mix.data_type = NODE, NODE, "RGBA"
+    if albedo.links:
+        tree.links.new(albedo.links[0].from_socket, _socket(mix.inputs, "A"))
+    for name, output, target in (
+        (COLOR, "Vector", _socket(mix.inputs, "B")),
+        (SHARE, "Fac", mix.inputs["Factor"]),
+    ):
+        attribute = node_at(tree.nodes, "ShaderNodeAttribute", -450, 0)
+        attribute.attribute_name = name
+        tree.links.new(attribute.outputs[output], target)
+    tree.links.new(_socket(mix.outputs, "Result"), albedo)
+
+
+def _socket(sockets: Any, name: str) -> bpy.types.NodeSocket:
+    """A mix node's socket of colors."""
+    return next(each for each in sockets if each.name == name and each.type == "RGBA")
