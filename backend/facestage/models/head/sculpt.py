@@ -97,7 +97,7 @@ def _evened(mesh: HeadMesh, vertices: np.ndarray) -> np.ndarray:
     z = mesh.vertices[inner, 2]
     around = smoothstep((18.0 - distance) / 10.0) * smoothstep((4.0 - z) / 8.0)
     weight = np.zeros(len(vertices))
-    weight[inner] = np.maximum(around, smoothstep((-24.0 - z) / 14.0))
+    weight[inner] = np.maximum(around, smoothstep((-8.0 - z) / 20.0))
     # What stands off the head does not bend it. Both ways to split a quad, so that the two halves
     # of the head stay each other's mirror image.
     polygons = mesh.polygons[mesh.polygon_part == SKIN]
