@@ -327,7 +327,7 @@ class SequenceRun:
             before = checkpoint if number == checkpoint.number else None
             pictures = tracker.no_pictures() if before is None else before.pictures
             shown = self.film.frames(0 if before is None else before.done)
-            halves = number if number < passes - 1 else None
+            halves = None if tracked.wants_all_pixels(number, passes) else number
             for answer in looker.answers(tracker.questions(tracked, shown, halves)):
                 tracker.heard(pictures, answer)
                 done = answer.index + 1

@@ -59,6 +59,10 @@ class Tracked:
         state = actor.at(*pose, course.expression[index])
         return state if self.lights is None else replace(state, lights=self.lights[index])
 
+    def wants_all_pixels(self, number: int, passes: int) -> bool:
+        """Of the look ``number`` of so many: the last one does, and light that moves always."""
+        return number == passes - 1 or self.lights is not None
+
     @property
     def doubts(self) -> Float[np.ndarray, " frames"]:
         """How many times worse than the median each frame is explained, by landmarks or picture."""

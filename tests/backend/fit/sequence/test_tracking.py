@@ -132,6 +132,15 @@ def test_half_of_the_pixels_says_as_much_as_all(film: Callable[..., Film], scene
         assert abs(np.log(half / said[0]).mean()) < 0.2
 
 
+def test_the_last_look_and_light_that_moves_want_all_pixels(
+    film: Callable[..., Film], scene: Scene
+):
+    lights = np.tile(scene.state.lights, (FRAMES, 1))
+    tracked = film(lights)[1]
+    assert [tracked.wants_all_pixels(number, 3) for number in range(3)] == [False, False, True]
+    assert replace(tracked, lights=lights).wants_all_pixels(0, 3)
+
+
 def test_beside_a_picture_landmarks_of_lids_count_in_full(
     film: Callable[..., Film], scene: Scene, monkeypatch: pytest.MonkeyPatch
 ):
