@@ -59,7 +59,8 @@ def main() -> int:
 
 def set_up(python: str | None, force: bool = False, venv: Path = VENV) -> None:
     """Create the environment, install the locked packages, find the libraries they need."""
-    usable = venv_version(venv) in ([python_version(python)] if python else SUPPORTED)
+    version = venv_version(venv)
+    usable = bool(version) and version in ([python_version(python)] if python else SUPPORTED)
     stamp = venv / STAMP
     if usable and not force and stamp.is_file() and stamp.read_text() == fingerprint():
         return

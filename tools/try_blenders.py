@@ -62,6 +62,8 @@ def try_version(version: str, folder: Path, tests: str) -> str:
     python = setup.venv_python()
     if version in OTHER_PYTHON:
         venv = (folder / f"environment{version}").resolve()
+        if setup.python_version(OTHER_PYTHON[version]) is None:
+            raise SetupError(f"it needs {OTHER_PYTHON[version]}, which does not start; install it")
         setup.set_up(OTHER_PYTHON[version], venv=venv)
         python = setup.venv_python(venv)
     else:

@@ -54,3 +54,12 @@ def test_what_fails_is_said_and_the_others_are_tried(
     monkeypatch.setattr("sys.argv", ["try_blenders.py", "--folder", "x", "4.2", "4.5"])
     assert blenders.main() == 1
     assert capsys.readouterr().out == "Blender 4.2: not tried: no room\nBlender 4.5: passed\n"
+
+
+def test_a_python_that_does_not_start_is_said(
+    blenders: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(blenders.OTHER_PYTHON, "5.2", str(tmp_path / "python3.13"))
+    with pytest.raises(blenders.SetupError, match=r"it needs .*python3\.13, which does not start"):
+        blenders.try_version("5.2", tmp_path, "none")
+    assert not list(tmp_path.iterdir())
