@@ -59,7 +59,11 @@ def apply_steps(scene: bpy.types.Scene, result: Result) -> Iterator[None]:
     """
     shape = _checked(scene, result)
     textures = yield from loading_steps(result)
-    _write(scene, result, shape, textures)
+    _write_shape(scene, result, shape)
+    yield
+    _write_skin(scene, result, textures)
+    yield
+    write_certainty(require_rig(scene), result.arrays.get(DEVIATION))
     yield
     yield from renewal_steps(scene)
 
@@ -103,9 +107,8 @@ def _checked(scene: bpy.types.Scene, result: Result) -> _Shape:
     return _Shape(sliders, identity, borrowed, relief)
 
 
-def _write(
-    scene: bpy.types.Scene, result: Result, shape: _Shape, textures: dict[str, bpy.types.Image]
-) -> None:
+def _write_shape(scene: bpy.types.Scene, result: Result, shape: _Shape) -> None:
+    """Sliders, relief, lights, pose and camera."""
     settings = scene.facestage
     empty, rig = require_stage(scene), require_rig(scene)
     moves_stage = not settings.keep_camera and shares_camera(scene)
@@ -115,12 +118,27 @@ def _write(
     if own is not None and shape.borrowed is not None:
         write_shape(rig, own, shape.identity, shape.borrowed)
     write_relief(rig, shape.relief)
-    write_certainty(rig, result.arrays.get(DEVIATION))
     take_back(scene)
     build_stage(scene, result.stage)
     if moves_stage:
         _put_before(scene.camera, empty, result)
     place(empty, carrier(rig), result.model_to_stage, rig_axes(rig))
+    if not settings.keep_camera and not moves_stage:
+        return_to_photo(scene)
+        camera = ensure_camera(scene, facestage_collection(scene))
+        place(empty, camera, result.camera_to_stage, frames.CAMERA)
+        write_camera(scene, camera.data, result.camera)
+    if result.folder is not None:
+        settings.result = str(result.folder)
+    for layer in scene.view_layers:
+        layer.update()
+
+
+def _write_skin(
+    scene: bpy.types.Scene, result: Result, textures: dict[str, bpy.types.Image]
+) -> None:
+    """Textures, what light does in the skin, and what grows on it."""
+    rig = require_rig(scene)
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
     displace(rig, False)  # another relief: by its normal map until it is asked for
     scattering, translucency = (
@@ -133,13 +151,6 @@ def _write(
     renew_brows(rig)
     keep_wet(rig)
     separate_light(scene)
-    if not settings.keep_camera and not moves_stage:
-        return_to_photo(scene)
-        camera = ensure_camera(scene, facestage_collection(scene))
-        place(empty, camera, result.camera_to_stage, frames.CAMERA)
-        write_camera(scene, camera.data, result.camera)
-    if result.folder is not None:
-        settings.result = str(result.folder)
     for layer in scene.view_layers:
         layer.update()
 

@@ -339,13 +339,13 @@ def test_handles_are_placed_anew_only_for_another_shape(ready, stand_in, tmp_pat
 
     armature = add_control_rig(ready)
     result = fitted(ready, stand_in, tmp_path)
-    assert len(list(apply_steps(ready, result))) == 6  # pictures, scene, handles
+    assert len(list(apply_steps(ready, result))) == 8  # pictures, shape, skin, certainty, handles
     place = armature.data.bones["jaw_master"].tail_local.copy()
     lengthen(armature, "jaw_master")
     longer = armature.data.bones["jaw_master"].tail_local.copy()
     assert (longer - place).length > 1e-3
     smiling = replace(result, expression=0.5 * result.expression)
-    assert len(list(apply_steps(ready, smiling))) == 4
+    assert len(list(apply_steps(ready, smiling))) == 6
     assert (armature.data.bones["jaw_master"].tail_local - longer).length < 1e-6
     apply_result(ready, replace(result, identity=0.5 * result.identity))
     assert (armature.data.bones["jaw_master"].tail_local - longer).length > 1e-3
