@@ -50,6 +50,7 @@ OWN_FILES = {
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",
     "facestage.fit.sequence.checkpoint": "its own checkpoint; damaged, it is refused as a whole",
+    "facestage.fit.sequence.crew": "the null device",
     "facestage.fit.sequence.output": "its own folder",
     "facestage.fit.sequence.sightings": "its own checkpoint; damaged, it is refused as a whole",
     "facestage.report.sequence_page": "pictures that it has drawn",

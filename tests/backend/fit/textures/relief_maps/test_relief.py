@@ -148,6 +148,8 @@ def test_a_normal_map_is_that_of_its_height(face: PaintedFace):
     )
     slope -= frames.normals * np.einsum("tx,tx->t", slope, frames.normals)[:, None]
     cosine = np.einsum("tx,tx->t", normals, turned(frames.normals, slope))
-    error = np.degrees(np.arccos(np.clip(cosine, -1, 1)))[atlas.skin[atlas.covered]]
+    # At the back of the head triangles are too large for waves of 12 mm in the map's frames.
+    front = atlas.skin[atlas.covered] & (frames.normals[:, 2] > 0)
+    error = np.degrees(np.arccos(np.clip(cosine, -1, 1)))[front]
     print(f"median {np.median(error):.3f} degrees off, slopes of 4 degrees")
     assert np.median(error) < 0.3
