@@ -14,6 +14,7 @@ from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import FROZEN, OFF, fibonacci_stage
 from facestage.contract.result import CONVERGED, Result
+from facestage.contract.sequence import Sequence, SequenceFrame
 from reference.contract_files import full_job
 
 
@@ -82,4 +83,34 @@ def result() -> Result:
         versions={"numpy": "1"},
         seed=3,
         arrays={"condition": np.asarray(17.0 * (half + half))},
+    )
+
+
+@pytest.fixture
+def sequence() -> Sequence:
+    frames = (
+        SequenceFrame(101, 0.0, "a101.png", "seen", "", 1, 0.01, 0.5),
+        SequenceFrame(102, 0.04, "a102.png", "lost", "No face was found.", 1),
+        SequenceFrame(103, 0.08, "a103.png", "unsure", "A cut.", 2, 0.02, 0.7),
+    )
+    pose = np.tile(np.eye(4), (3, 1, 1))
+    pose[:, 2, 3] = -0.7
+    return Sequence(
+        "converged",
+        "3 frames follow one face.",
+        "/films/take.mp4",
+        "default",
+        Camera(64, 48, 90.0, (32.0, 24.0)),
+        25.0,
+        frames,
+        (101, 103),
+        ("a", "b"),
+        ("jawOpen",),
+        np.array([0.5, -1.0]),
+        np.array([[0.0], [0.25], [0.5]]),
+        pose,
+        {"expression": np.full((3, 1), 0.1), "pose": np.zeros((3, 6))},
+        {"mouth": 0.02},
+        {"similarity_mm": 0.8},
+        {"landmarks": 1.5},
     )

@@ -9,40 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
-from facestage.contract.sequence import ARRAYS, FILE, Sequence, SequenceFrame
-
-
-@pytest.fixture
-def sequence() -> Sequence:
-    frames = (
-        SequenceFrame(101, 0.0, "a101.png", "seen", "", 1, 0.01, 0.5),
-        SequenceFrame(102, 0.04, "a102.png", "lost", "No face was found.", 1),
-        SequenceFrame(103, 0.08, "a103.png", "unsure", "A cut.", 2, 0.02, 0.7),
-    )
-    pose = np.tile(np.eye(4), (3, 1, 1))
-    pose[:, 2, 3] = -0.7
-    return Sequence(
-        "converged",
-        "3 frames follow one face.",
-        "/films/take.mp4",
-        "default",
-        Camera(64, 48, 90.0, (32.0, 24.0)),
-        25.0,
-        frames,
-        (101, 103),
-        ("a", "b"),
-        ("jawOpen",),
-        np.array([0.5, -1.0]),
-        np.array([[0.0], [0.25], [0.5]]),
-        pose,
-        {"expression": np.full((3, 1), 0.1), "pose": np.zeros((3, 6))},
-        {"mouth": 0.02},
-        {"similarity_mm": 0.8},
-        {"landmarks": 1.5},
-    )
+from facestage.contract.sequence import ARRAYS, FILE, Sequence
 
 
 def test_round_trip(sequence: Sequence, tmp_path: Path):

@@ -61,6 +61,13 @@ TARGETS = {
             60,
         ),
         _target(
+            "corrections",
+            f"{CONTRACT}.corrections",
+            seeds_contract.corrections_files,
+            files.read_corrections,
+            40,
+        ),
+        _target(
             "sequence-truth",
             "facestage.fit.sequence.sequence_truth",
             seeds_contract.sequence_truths,

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from facestage.cli.common import MODELS, add_finding
-from facestage.contract.errors import EXIT_DONE
+from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.quality import GOOD, parse_budget
+
+if TYPE_CHECKING:
+    from facestage.contract.events import Event
+
+# What a sequence was tracked with, and is fitted again with.
+OF_TRACKING: dict[str, object] = {
+    "rate": None,
+    "model": "default",
+    "face": None,
+    "camera": None,
+    "focal_px": None,
+    "landmarks_only": False,
+    "freeze": [],
+    "budget": GOOD,
+    "seed": 0,
+    "vertices": False,
+    "resume": False,
+}
 
 
 def add_command(commands: Any) -> None:
@@ -92,6 +111,20 @@ def add_command(commands: Any) -> None:
         action="store_true",
         help="continue from the checkpoint of a stopped run into the same --out",
     )
+    again = track.add_argument_group("fitting again around frames corrected by hand")
+    again.add_argument(
+        "--corrected",
+        type=Path,
+        metavar="FILE",
+        help="weights and poses of single frames that are known (.json, see docs/sequences.md): "
+        "the sequence in --out is fitted again around them, and written anew",
+    )
+    again.add_argument(
+        "--frames",
+        metavar="A:B",
+        help="numbers of the first and the last frame that --corrected may change (default: half "
+        "a second around the corrected ones)",
+    )
     track.add_argument(
         "--json", action="store_true", help="tell of the progress in JSON on a terminal, too"
     )
@@ -104,10 +137,22 @@ def run(options: argparse.Namespace) -> int:
     # that look at frames. Heard when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from facestage.cli.terminal import ProgressLine, listener, track_summary
+
+    work = _refit if options.corrected is not None else _track
+    with listener(options.json) as emit:
+        work(options, emit)
+    if isinstance(emit, ProgressLine):
+        print(track_summary(options.out))
+    return EXIT_DONE
+
+
+def _track(options: argparse.Namespace, emit: Callable[[Event], None]) -> None:
     from facestage.contract.camera import Camera
     from facestage.fit.sequence.request import Request
     from facestage.fit.sequence.run import track_film
 
+    if options.frames is not None:
+        raise InputError("--frames says what --corrected may change; give that too.")
     seconds, quality = parse_budget(options.budget)
     request = Request(
         film=options.film,
@@ -125,17 +170,37 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         device=options.device,
     )
-    with listener(options.json) as emit:
-        track_film(request, options.out, options.resume, emit, options.landmark_model)
-    if isinstance(emit, ProgressLine):
-        print(track_summary(options.out))
-    return EXIT_DONE
+    track_film(request, options.out, options.resume, emit, options.landmark_model)
+
+
+def _refit(options: argparse.Namespace, emit: Callable[[Event], None]) -> None:
+    from facestage.contract.corrections import read_corrections
+    from facestage.fit.correction.refit import RefitRequest, refit
+    from facestage.fit.correction.span import FrameRange
+
+    given = [name for name, usual in OF_TRACKING.items() if getattr(options, name) != usual]
+    if given:
+        raise InputError(
+            f"--corrected fits a sequence again as it was tracked; leave out "
+            f"--{given[0].replace('_', '-')}."
+        )
+    request = RefitRequest(
+        film=options.film,
+        corrections=read_corrections(options.corrected),
+        frames=None if options.frames is None else FrameRange.parse(options.frames),
+        truth=options.truth,
+        landmark_model=options.landmark_model,
+        device=options.device,
+    )
+    refit(request, options.out, emit)
 
 
 def cancelled(options: argparse.Namespace) -> str:
     """What a stopped run says: whether there is a checkpoint to go on from."""
     from facestage.contract.files.partial import has_checkpoint, partial_folder
 
+    if options.corrected is not None:
+        return "cancelled; the sequence is as it was."
     if has_checkpoint(partial_folder(options.out.resolve())):
         return "cancelled; what is done is kept, --resume continues from it."
     return "cancelled before the first checkpoint; run it again to start over."

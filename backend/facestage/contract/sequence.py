@@ -11,6 +11,7 @@ from marshmallow import ValidationError, validates_schema
 
 from facestage.contract.arrays import Float
 from facestage.contract.camera import Camera, CameraSchema
+from facestage.contract.corrections import CORRECTIONS_MAX, NUMBER_MAX, Correction, CorrectionSchema
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_folder
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
@@ -37,10 +38,10 @@ FILE, ARRAYS, VERTICES = "sequence.json", "sequence.npz", "vertices.npy"
 LIVE_LINK = "live_link.csv"  # where the model's expressions are ARKit's
 KEYFRAMES = "keyframes"  # the folder of the person that the keyframes show, see person.py
 FRAMES_MAX = 200_000
-NUMBER_MAX = 10**9
 # The frame shows the face | it is doubtful, see its advice | no face was found: it follows others
 SEEN, UNSURE, LOST = "seen", "unsure", "lost"
 FRAME_STATUSES = (SEEN, UNSURE, LOST)
+_WRITTEN_APART = "deviations", "folder", "camera", "frames", "light_radiance", "corrected"
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class Sequence:
     folder: Path | None = None
     # Linear RGB of the first keyframe's lights in every frame; None: no frame needs another light.
     light_radiance: Float[np.ndarray, "frames lights 3"] | None = None
+    corrected: tuple[Correction, ...] = ()  # by hand: what refits keep as it is
 
     def write_into(self, folder: Path) -> None:
         """Write sequence.json and sequence.npz into an existing folder."""
@@ -95,10 +97,12 @@ class Sequence:
         data = {
             name: value
             for name, value in vars(self).items()
-            if name not in (*arrays, "deviations", "folder", "camera", "frames", "light_radiance")
+            if name not in (*arrays, *_WRITTEN_APART)
         }
         data = {"schema": SCHEMA_VERSION} | data | {"camera": self.camera.to_json()}
         data["frames"] = [asdict(frame) for frame in self.frames]
+        if self.corrected:
+            data["corrected"] = [each.to_json() for each in self.corrected]
         write_json(folder / FILE, data)
         deviations = {f"deviation/{name}": value for name, value in self.deviations.items()}
         write_arrays(folder / ARRAYS, {name: getattr(self, name) for name in arrays} | deviations)
@@ -130,6 +134,7 @@ class Sequence:
         return cls(
             camera=Camera(**found.pop("camera")),
             frames=tuple(SequenceFrame(**frame) for frame in found.pop("frames")),
+            corrected=tuple(Correction(**each) for each in found.pop("corrected")),
             deviations=given.pop("deviation"),
             folder=folder,
             **given,
@@ -168,6 +173,9 @@ class SequenceSchema(FileSchema):
     errors = Figures()
     timings = Figures()
     versions = Table(Text(), load_default=dict)
+    corrected = Items(
+        Part(CorrectionSchema, "a correction"), 0, CORRECTIONS_MAX, load_default=tuple
+    )
 
 
 class SequenceArrays(FileSchema):

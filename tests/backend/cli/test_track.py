@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facestage.contract.corrections import Correction, write_corrections
 from facestage.images.image_io import write_png
 from reference.command_line import listing, refuse
 
@@ -21,6 +22,12 @@ from reference.command_line import listing, refuse
         (["FRAMES", "--budget", "soon"], "budget is 'soon'"),
         (["FRAMES", "--camera", "nothing.json"], "nothing.json"),
         (["FRAMES", "--model", "nothing"], "nothing"),
+        (["FRAMES", "--frames", "1:2"], "give that too"),
+        (["FRAMES", "--corrected", "nothing.json"], "nothing.json"),
+        (["FRAMES", "--corrected", "KEYS", "--frames", "2-1"], "frames are '2-1'"),
+        (["FRAMES", "--corrected", "KEYS", "--resume"], "leave out --resume"),
+        (["FRAMES", "--corrected", "KEYS", "--focal-px", "90"], "leave out --focal-px"),
+        (["FRAMES", "--corrected", "KEYS"], "run facestage track first"),
     ],
 )
 def test_bad_input_is_refused(
@@ -31,7 +38,9 @@ def test_bad_input_is_refused(
     empty.mkdir()
     for number in range(3):
         write_png(frames / f"{number}.png", np.zeros((32, 32, 3), np.uint8))
-    known = {"FRAMES": str(frames), "EMPTY": str(empty), "nothing.mp4": str(tmp_path / "no.mp4")}
+    write_corrections(tmp_path / "keys.json", [Correction(1, {"jawOpen": 0.5})])
+    known = {"KEYS": str(tmp_path / "keys.json")}
+    known |= {"FRAMES": str(frames), "EMPTY": str(empty), "nothing.mp4": str(tmp_path / "no.mp4")}
     before = listing(tmp_path)
     sentence = refuse(
         capsys, "track", *(known.get(word, word) for word in options), "--out", tmp_path / "out"

@@ -111,6 +111,15 @@ def read_sequence(folder: Path) -> None:
     require(found.model_to_camera.shape == (count, 4, 4), "other poses")
 
 
+def read_corrections(folder: Path) -> None:
+    from facestage.contract.corrections import read_corrections
+
+    found = read_corrections(folder / "corrections.json")
+    require(len({each.frame for each in found}) == len(found) > 0, "a frame twice, or none")
+    for each in found:
+        check_dataclass(each)
+
+
 def read_sequence_truth(folder: Path) -> None:
     from facestage.fit.sequence.sequence_truth import SequenceTruth
     from fuzz.seeds.contract import tiny_model

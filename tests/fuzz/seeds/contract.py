@@ -14,6 +14,7 @@ import numpy as np
 
 from facestage.contract.batch import FAILED, JOURNAL, BatchRow
 from facestage.contract.camera import Camera
+from facestage.contract.corrections import Correction, write_corrections
 from facestage.contract.events import Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job
@@ -167,8 +168,17 @@ def sequence_folders() -> list[Case]:
         {"jaw": 0.1},
         {"similarity_mm": 1.0},
         {"total": 2.0},
+        corrected=(Correction(2, {"jawOpen": 0.5}, np.eye(4)),),
     )
     return [written(sequence.write_into)]
+
+
+def corrections_files() -> list[Case]:
+    given = [
+        Correction(3, {"jawOpen": 0.25, "eyeBlink_L": 1.5}, np.eye(4)),
+        Correction(7, {"a": -1.0}),
+    ]
+    return [written(lambda folder: write_corrections(folder / "corrections.json", given))]
 
 
 def sequence_truths() -> list[Case]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
@@ -29,13 +29,14 @@ from facestage.contract.sequence import (
     SequenceFrame,
 )
 from facestage.contract.texture_maps import TEXTURE_MAPS
-from facestage.fit.sequence.course import POSE
+from facestage.fit.sequence.actor import Actor
+from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.live_link import live_link_csv
 from facestage.fit.sequence.motion import GROUP_NAMES
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sightings import Sightings
 from facestage.fit.sequence.tracking import DOUBT, Tracked, Tracker
-from facestage.images.film import Film
+from facestage.images.film import Film, Frame
 from facestage.landmarks.tracker import Sight
 from facestage.report import write_sequence_report
 
@@ -96,18 +97,12 @@ def write_sequence(
         with suppress(FileNotFoundError):
             first = folder / KEYFRAMES_FOLDER / found.person.photos[0].folder
             shutil.copyfile(first / each.file, folder / each.file)
-    csv = live_link_csv(
-        track.expression_names,
-        track.expression,
-        frames,
-        Rotation.from_matrix(tracked.course.rotation).as_euler("YXZ"),
-        track.frame_rate,
-    )
-    if csv is not None:
-        (folder / LIVE_LINK).write_text(csv, encoding="utf-8", newline="")
+    write_live_link(folder, track)
     if request.with_vertices:
-        _write_vertices(folder / VERTICES, tracker, tracked)
-    write_sequence_report(folder, track, list(_thumbnails(found, tracker)))
+        write_vertices(folder / VERTICES, tracker.actor, tracked.course)
+    wanted = some_of(0, len(sightings) - 1)
+    shown = (frame for frame in found.film.frames() if frame.index in wanted)
+    write_sequence_report(folder, track, list(thumbnails(shown, tracker, tracked)))
     return track
 
 
@@ -182,31 +177,48 @@ def _motion(tracked: Tracked) -> dict[str, float]:
     }
 
 
-def _write_vertices(path: Path, tracker: Tracker, tracked: Tracked) -> None:
+def write_vertices(path: Path, actor: Actor, course: Course) -> None:
     """Every vertex of the model in every frame, (F, n, 3) float32, frame by frame."""
-    model = tracker.actor.geometry.model
-    shape = (len(tracked.course), len(model.vertices), 3)
+    model = actor.geometry.model
+    shape = (len(course), len(model.vertices), 3)
     with path.open("wb") as stream:
         header = {"descr": "<f4", "fortran_order": False, "shape": shape}
         np.lib.format.write_array_header_1_0(stream, header)
-        for index in range(len(tracked.course)):
-            state = tracked.state(tracker.actor, index)
-            vertices = model.shape(None, state.expression) @ state.rotation.T + state.translation
+        for index in range(len(course)):
+            vertices = model.shape(None, course.expression[index]) @ course.rotation[index].T
+            vertices += course.translation[index]
             stream.write(np.ascontiguousarray(vertices, "<f4").tobytes())
 
 
-def _thumbnails(found: Found, tracker: Tracker) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Number, photo and fit of some frames, cut to the face."""
-    count = len(found.sightings)
-    wanted = set(np.linspace(0, count - 1, min(THUMBNAILS, count)).round().astype(int).tolist())
-    for frame in found.film.frames():
-        if frame.index not in wanted or frame.index >= count:
-            continue
+def write_live_link(folder: Path, track: Sequence) -> None:
+    """What Live Link Face would have recorded, where the model's expressions are ARKit's."""
+    csv = live_link_csv(
+        track.expression_names,
+        track.expression,
+        track.frames,
+        Rotation.from_matrix(track.model_to_camera[:, :3, :3]).as_euler("YXZ"),
+        track.frame_rate,
+    )
+    if csv is not None:
+        (folder / LIVE_LINK).write_text(csv, encoding="utf-8", newline="")
+
+
+def some_of(first: int, last: int) -> set[int]:
+    """THUMBNAILS indices at most, from ``first`` to ``last``."""
+    count = min(THUMBNAILS, last - first + 1)
+    return set(np.linspace(first, last, count).round().astype(int).tolist())
+
+
+def thumbnails(
+    frames: Iterable[Frame], tracker: Tracker, tracked: Tracked
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Number, photo and fit of ``frames``, cut to the face."""
+    for frame in frames:
         view = tracker.view(frame)
         if view is None:
             continue
         photo = view.term.photo.color
-        evaluation = view.evaluated(found.tracked.state(tracker.actor, frame.index))
+        evaluation = view.evaluated(tracked.state(tracker.actor, frame.index))
         used = evaluation.base_weight > 0
         rows, columns = np.nonzero(used)
         if not len(rows):

@@ -19,7 +19,6 @@ PAIR = 2
 ACTIVE_SET_ROUNDS = 6
 # Expectation maximisation between two looks at the frames.
 LEARNING_ROUNDS = 8
-# Of what a frame says in a direction, on top of it: its equations hold near the state alone.
 DAMPING = 1e-3
 
 
@@ -48,12 +47,14 @@ def smooth(
     low: Float[np.ndarray, " expressions"],
     high: Float[np.ndarray, " expressions"],
     rounds: int = LEARNING_ROUNDS,
+    damping: float = DAMPING,
 ) -> Smoothed:
     """One step of all frames from ``course``, their weights kept within ``low`` and ``high``, the
-    motion's scales learned in ``rounds``.
+    motion's scales learned in ``rounds``. ``damping``: of what a frame says in a direction, on top
+    of it, for its equations hold near the state alone.
     """
     differences = motion.triples.differences(course)
-    problem = _Bounded(course, evidence, low, high)
+    problem = _Bounded(course, evidence, low, high, damping)
     for _ in range(rounds):
         step = problem.improved(motion, differences)
         after = differences + motion.triples.applied(step)
@@ -78,8 +79,9 @@ class _Bounded:
         evidence: Evidence,
         low: Float[np.ndarray, " expressions"],
         high: Float[np.ndarray, " expressions"],
+        damping: float,
     ) -> None:
-        self.evidence = evidence
+        self.evidence, self.damping = evidence, damping
         frames, size = evidence.gradient.shape
         self.low, self.high = np.full((frames, size), -np.inf), np.full((frames, size), np.inf)
         self.low[:, POSE:], self.high[:, POSE:] = low - course.expression, high - course.expression
@@ -95,10 +97,10 @@ class _Bounded:
         """
         self._system = None  # or there are two of them for a while
         hessian, frames = self.evidence.hessian, len(self.step)
-        gradient = self.evidence.gradient + _pulled(
+        gradient = self.evidence.gradient + pulled(
             motion, motion.precision * differences, self.step.shape
         )
-        diagonal, lower = _blocks(hessian, motion)
+        diagonal, lower = _blocks(hessian, motion, self.damping)
         held = np.where(self.free, 0.0, self.step)
         right = -_paired(gradient + _product(hessian, motion, held))
         mask = _paired(self.free.astype(float))
@@ -123,7 +125,7 @@ class _Bounded:
 
 
 def _blocks(
-    hessian: Float[np.ndarray, "frames unknowns unknowns"], motion: Motion
+    hessian: Float[np.ndarray, "frames unknowns unknowns"], motion: Motion, damping: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The system's blocks of pairs of frames: on the diagonal, and below it."""
     frames, size = hessian.shape[:2]
@@ -133,7 +135,7 @@ def _blocks(
     number = np.arange(frames)
     unknown = np.arange(size)
     diagonal[number // PAIR, number % PAIR, :, number % PAIR, :] = hessian
-    damped = DAMPING * np.einsum("tii->ti", hessian)
+    damped = damping * np.einsum("tii->ti", hessian)
     for each in number:
         diagonal[each // PAIR, each % PAIR, unknown, each % PAIR, unknown] += damped[each]
     precision = motion.precision
@@ -161,10 +163,10 @@ def _product(
     """The system times a step, without its damping."""
     result = np.einsum("tij,tj->ti", hessian, step)
     pull = motion.precision * motion.triples.applied(step)
-    return result + _pulled(motion, pull, step.shape)
+    return result + pulled(motion, pull, step.shape)
 
 
-def _pulled(
+def pulled(
     motion: Motion, pull: Float[np.ndarray, "triples unknowns"], shape: tuple[int, ...]
 ) -> Float[np.ndarray, "frames unknowns"]:
     """What ``pull`` on each second difference is on the frames."""

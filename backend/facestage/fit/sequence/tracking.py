@@ -93,10 +93,10 @@ class Tracker:
         self._triples = Triples.of(times, shots)
         self._groups = groups_of(model.expression_names)
         box = model.expression_box
-        self._low = np.where(box, 0.0, -np.inf)
-        self._high = np.where(box, 1.0, np.inf)
+        self.low = np.where(box, 0.0, -np.inf)
+        self.high = np.where(box, 1.0, np.inf)
         if "expression" in freeze:
-            self._low, self._high = np.zeros(len(box)), np.zeros(len(box))
+            self.low, self.high = np.zeros(len(box)), np.zeros(len(box))
         self._sigma = np.where(box, EXPRESSION_SIGMA, 1.0)
 
     def by_landmarks(
@@ -125,7 +125,7 @@ class Tracker:
         poses = [initial_pose(geometry, one, camera) for one in self.landmarks if one is not None]
         nearest = np.abs(np.arange(len(self.landmarks))[:, None] - seen).argmin(axis=1)
         rotation, translation = (np.array(part)[nearest] for part in zip(*poses, strict=True))
-        return Course(rotation, translation, np.zeros((len(nearest), len(self._low))))
+        return Course(rotation, translation, np.zeros((len(nearest), len(self.low))))
 
     @property
     def looker(self) -> Looker:
@@ -162,7 +162,7 @@ class Tracker:
     def no_pictures(self) -> Pictures:
         """Before the first is looked at."""
         lights = 0 if self._light_held else len(self.actor.state.lights)
-        return Pictures.none(len(self.landmarks), POSE + len(self._low), lights)
+        return Pictures.none(len(self.landmarks), POSE + len(self.low), lights)
 
     def view(self, frame: Frame) -> FrameView | None:
         """A frame as it is compared; None: no face."""
@@ -176,10 +176,23 @@ class Tracker:
         self, tracked: Tracked, pictures: Pictures | None, rounds: int = LEARNING_ROUNDS
     ) -> Tracked:
         """One step of all frames, by their landmarks and by what their ``pictures`` said."""
-        course, size = tracked.course, POSE + len(self._low)
-        hessian = np.zeros((len(course), size, size))
-        gradient = np.zeros((len(course), size))
-        landmark_rms = np.full(len(course), np.nan)
+        tracked, evidence = self.said(tracked, pictures)
+        evidence = self.with_prior(tracked.course, evidence)
+        if rounds:
+            evidence = with_honest_poses(tracked.course, evidence, self._seen_shots())
+        found = smooth(tracked.course, evidence, tracked.motion, self.low, self.high, rounds)
+        deviation = honest(found.deviation, evidence.hessian)
+        tracked = replace(tracked, course=found.course, motion=found.motion, deviation=deviation)
+        return tracked if pictures is None else self._relit(tracked, pictures.light, found.step)
+
+    def said(self, tracked: Tracked, pictures: Pictures | None) -> tuple[Tracked, Evidence]:
+        """What landmarks and ``pictures`` of all frames say, by how well each is explained; that is
+        noted.
+        """
+        size = POSE + len(self.low)
+        hessian = np.zeros((len(tracked.course), size, size))
+        gradient = np.zeros((len(tracked.course), size))
+        landmark_rms = np.full(len(tracked.course), np.nan)
         for index, landmarks in enumerate(self.landmarks):
             if landmarks is None:
                 continue
@@ -198,20 +211,18 @@ class Tracker:
             gradient += seen[1]
             photo_rms = pictures.rms
         tracked = replace(tracked, landmark_rms=landmark_rms, photo_rms=photo_rms)
-        trust = np.minimum(1.0, DOUBT / np.maximum(tracked.doubts, 1e-9)) ** DOUBT_POWER
-        trust = np.nan_to_num(trust, nan=1.0)
-        hessian *= trust[:, None, None]
-        gradient *= trust[:, None]
-        each = np.arange(POSE, size)
-        hessian[:, each, each] += 1.0 / self._sigma**2
-        gradient[:, POSE:] += course.expression / self._sigma**2
-        evidence = Evidence(hessian, gradient)
-        if rounds:
-            evidence = with_honest_poses(course, evidence, self._seen_shots())
-        found = smooth(course, evidence, tracked.motion, self._low, self._high, rounds)
-        deviation = _honest(found.deviation, evidence.hessian)
-        tracked = replace(tracked, course=found.course, motion=found.motion, deviation=deviation)
-        return tracked if pictures is None else self._relit(tracked, pictures.light, found.step)
+        doubted = np.minimum(1.0, DOUBT / np.maximum(tracked.doubts, 1e-9)) ** DOUBT_POWER
+        doubted = np.nan_to_num(doubted, nan=1.0)
+        hessian *= doubted[:, None, None]
+        gradient *= doubted[:, None]
+        return tracked, Evidence(hessian, gradient)
+
+    def with_prior(self, course: Course, evidence: Evidence) -> Evidence:
+        """``evidence``, in place, with what is known of weights before a film."""
+        each = np.arange(POSE, evidence.gradient.shape[1])
+        evidence.hessian[:, each, each] += 1.0 / self._sigma**2
+        evidence.gradient[:, POSE:] += course.expression / self._sigma**2
+        return evidence
 
     def _beside_picture(self, scheme: str) -> Float[np.ndarray, " landmarks"]:
         """What each landmark counts for beside a picture."""
@@ -255,7 +266,7 @@ class Tracker:
         return replace(tracked, bias=LandmarkBias.of(self.actor, chosen, states))
 
 
-def _honest(
+def honest(
     deviation: Float[np.ndarray, "frames unknowns"],
     hessian: Float[np.ndarray, "frames unknowns unknowns"],
 ) -> Float[np.ndarray, "frames unknowns"]:

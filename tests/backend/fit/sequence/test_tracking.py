@@ -20,7 +20,7 @@ from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.frames import FrameView, landmark_evidence
 from facestage.fit.sequence.landmark_bias import LandmarkBias
 from facestage.fit.sequence.motion import LIDS, Motion, Triples, groups_of
-from facestage.fit.sequence.tracking import ALIKE, BESIDE_PICTURE, Tracked, Tracker, _honest
+from facestage.fit.sequence.tracking import ALIKE, BESIDE_PICTURE, Tracked, Tracker, honest
 from facestage.images.film import Frame
 from facestage.images.image_io import Photograph
 from facestage.render.variant import start_renderer
@@ -166,11 +166,11 @@ def test_beside_a_picture_landmarks_of_lids_count_in_full(
 def test_deviations_are_twice_the_smoothed_and_no_more_than_of_the_frame_alone():
     smoothed = np.full((2, POSE + 2), 0.1)
     hessian = np.tile(np.eye(POSE + 2), (2, 1, 1)) * [[[1.0 / 0.15**2]], [[1.0]]]
-    found = _honest(smoothed, hessian)
+    found = honest(smoothed, hessian)
     np.testing.assert_array_equal(found[:, :POSE], 0.1)
     np.testing.assert_allclose(found[:, POSE:], [[0.15, 0.15], [ALIKE * 0.1, ALIKE * 0.1]])
     hessian[0, 0, 0] = 0.0  # no face: nothing but the neighbours
-    np.testing.assert_allclose(_honest(smoothed, hessian)[0, POSE:], ALIKE * 0.1)
+    np.testing.assert_allclose(honest(smoothed, hessian)[0, POSE:], ALIKE * 0.1)
 
 
 def test_a_checkpoint_comes_back_with_its_light_and_an_older_one_begins_the_looks_anew(
