@@ -294,6 +294,15 @@ class OfFace(OfPhoto):
         min=1,
         max=PHOTOS_MAX,
     )
+    performance: StringProperty(
+        name="Performance", description="Folder of the performance that was imported last"
+    )
+    performance_start: FloatProperty(
+        name="Start", description="Frame at which the performance was imported"
+    )
+    performance_mark: StringProperty(
+        name="Mark", description="Changes when the performance's folder does"
+    )
     stage: PointerProperty(
         type=bpy.types.Object,
         name="Light Stage",

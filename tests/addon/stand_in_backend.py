@@ -55,6 +55,10 @@ def main() -> int:
         results().detect(Path(sys.argv[2]), Path(options["--out"]), int(options["--face"]))
     elif verb == "render":
         results().relight_cache(Path(sys.argv[2]))
+    elif verb == "track":
+        results().track_again(
+            Path(sys.argv[2]), Path(options["--out"]), Path(options["--corrected"]), options
+        )
     elif verb == "doctor":
         print("everything works", flush=True)
     say("done", 1.0)

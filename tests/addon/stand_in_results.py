@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 
 from facestage.contract.camera import Camera
+from facestage.contract.corrections import joined, read_corrections
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.storage import write_json
@@ -20,6 +22,7 @@ from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.person import Person, PersonPhoto
 from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, STOPPED, Result
+from facestage.contract.sequence import Sequence
 
 
 def fit(job_folder: Path, out: Path) -> None:
@@ -52,6 +55,21 @@ def fit_person(job_folders: list[Path], out: Path) -> None:
             result.roughness,
             {},
         ).write_into(folder)
+
+
+def track_again(film: Path, out: Path, corrected: Path, options: dict[str, str]) -> None:
+    """The frames right beside a corrected one follow by half."""
+    track, given = Sequence.load(out), read_corrections(corrected)
+    expression, numbers = track.expression.copy(), [frame.number for frame in track.frames]
+    for each in given:
+        place = numbers.index(each.frame)
+        for name, value in each.weights.items():
+            column = expression[:, track.expression_names.index(name)]
+            column[[place - 1, place + 1]] += 0.5 * (value - column[place])
+            column[place] = value
+    found = joined(track.corrected, given)
+    replace(track, expression=expression, corrected=found).write_into(out)
+    write_json(out / "asked.json", {"film": str(film), "frames": options.get("--frames")})
 
 
 def write_result(job: Job, folder: Path, seed: int = 2) -> Result:

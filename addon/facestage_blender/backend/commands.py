@@ -73,6 +73,20 @@ def render_command(backend: list[str], result: Path) -> list[str]:
     return [*backend, "render", str(result), "--cache"]
 
 
+def refit_command(
+    backend: list[str],
+    film: Path,
+    out: Path,
+    corrected: Path,
+    frames: tuple[int, int] | None = None,
+) -> list[str]:
+    """The command that fits a sequence's folder again around frames corrected by hand; ``frames``:
+    numbers of the first and the last one that may change.
+    """
+    reach = [] if frames is None else ["--frames", f"{frames[0]}:{frames[1]}"]
+    return [*backend, "track", str(film), "--out", str(out), "--corrected", str(corrected), *reach]
+
+
 def doctor_command(backend: list[str]) -> list[str]:
     """The command that reports what works on this machine."""
     return [*backend, "doctor"]

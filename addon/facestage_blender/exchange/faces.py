@@ -32,6 +32,7 @@ from .asset import clear_asset
 _MADE = (
     *("stage", "rig", "landmark_plane", "landmarks", "result", "folder"),
     *("photos", "photo_number", "pins", "pinning"),
+    *("performance", "performance_start", "performance_mark"),
 )
 
 

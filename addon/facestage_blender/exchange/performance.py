@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Euler, Matrix
 
 from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
@@ -17,7 +19,7 @@ from facestage.contract.sequence import KEYFRAMES, Sequence
 
 from ..rig.expressions import expression_keys
 from ..rig.face_rig import key_name, require_rig, rig_axes
-from ..rig.keyframes import write_curve, write_keys
+from ..rig.keyframes import curves_of, write_curve, write_keys
 from ..rig.own_record import OwnMesh
 from ..rig.sliders import carrier
 from ..scene import frames
@@ -49,7 +51,7 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
         raise InputError(
             f"The face rig has no slider '{lacking[0]}', which the film moves; build it again."
         )
-    result = _keyframe(sequence)
+    result = keyframe_of(sequence)
     radiance = sequence.light_radiance
     if radiance is not None and radiance.shape[1] != len(result.stage):
         raise InputError(
@@ -59,23 +61,54 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
     apply_result(scene, result)
     _set_rate(scene, sequence.frame_rate)
     first = scene.frame_current
-    times = first + np.array([each.time for each in sequence.frames]) * sequence.frame_rate
-    write_keys(rig, times, weights)
-    _key_head(scene, rig, times, result.camera_to_stage @ sequence.model_to_camera)
+    times = frame_times(sequence, first)
+    key_frames(scene, rig, sequence, times)
     if radiance is not None:
         _key_lights(scene, times, radiance, result.stage.side)
     _show_film(scene, sequence, first)
     last = int(np.ceil(times[-1] - 1e-3))
     scene.frame_start, scene.frame_end = min(scene.frame_start, first), max(scene.frame_end, last)
+    remember(scene, sequence, first)
     scene.frame_set(first)
     return last
+
+
+def frame_times(sequence: Sequence, first: float) -> Float[np.ndarray, " frames"]:
+    """Where each of the film's frames lies in the scene if it begins at frame ``first``."""
+    return first + np.array([each.time for each in sequence.frames]) * sequence.frame_rate
+
+
+def remember(scene: bpy.types.Scene, sequence: Sequence, first: float) -> None:
+    """Note what the keys are of."""
+    settings = scene.facestage
+    settings.performance, settings.performance_start = str(sequence.folder), first
+    settings.performance_mark = mark_of(sequence)
+
+
+def mark_of(sequence: Sequence) -> str:
+    """Another one for other expressions or poses."""
+    parts = sequence.expression, sequence.model_to_camera
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
+
+
+def key_frames(
+    scene: bpy.types.Scene,
+    rig: bpy.types.Object,
+    sequence: Sequence,
+    times: Float[np.ndarray, " frames"],
+    of: slice = slice(None),
+) -> None:
+    """Key expression and head of those ``of`` the frames, which lie at ``times`` in the scene."""
+    weights = {key_name(name): column[of] for name, column in _columns(sequence)}
+    write_keys(rig, times[of], weights)
+    _key_head(rig, times[of], {path: each[of] for path, each in head_keys(scene, rig, sequence)})
 
 
 def _columns(sequence: Sequence) -> list[tuple[str, np.ndarray]]:
     return list(zip(sequence.expression_names, sequence.expression.T, strict=True))
 
 
-def _keyframe(sequence: Sequence) -> Result:
+def keyframe_of(sequence: Sequence) -> Result:
     """The first keyframe's result. Raises InputError where it is gone."""
     folder = Path(sequence.folder or "") / KEYFRAMES
     return Result.load(folder / Person.load(folder).photos[0].folder)
@@ -86,27 +119,52 @@ def _set_rate(scene: bpy.types.Scene, rate: float) -> None:
     scene.render.fps_base = scene.render.fps / rate
 
 
-def _key_head(
-    scene: bpy.types.Scene,
-    face: bpy.types.Object,
-    times: Float[np.ndarray, " frames"],
-    to_stage: Float[np.ndarray, "frames 4 4"],
-) -> None:
-    """Key where the face is, whatever it hangs on."""
-    rig, axes = carrier(face), rig_axes(face)
-    rig.rotation_mode = "XYZ"
+def head_frame(scene: bpy.types.Scene, face: bpy.types.Object) -> Matrix:
+    """From the stage's empty to what the keys of the face's place and turn are relative to."""
+    rig = carrier(face)
     parent = Matrix() if rig.parent is None else rig.parent.matrix_world @ rig.matrix_parent_inverse
-    base = parent.inverted() @ require_stage(scene).matrix_world
+    return parent.inverted() @ require_stage(scene).matrix_world
+
+
+def head_keys(
+    scene: bpy.types.Scene, face: bpy.types.Object, sequence: Sequence
+) -> list[tuple[str, Float[np.ndarray, "frames 3"]]]:
+    """Where the face is in every frame, whatever it hangs on: by path of its carrier, x, y, z."""
+    rig, axes, base = carrier(face), rig_axes(face), head_frame(scene, face)
     poses = []
-    turned = rig.rotation_euler.copy()
-    for each in to_stage:
+    turned = _first_turn(rig)
+    for each in keyframe_of(sequence).camera_to_stage @ sequence.model_to_camera:
         place, turn, scale = (base @ Matrix(frames.local_matrix(each, axes).tolist())).decompose()
         turned = turn.to_euler("XYZ", turned)  # next to the last one, not a whole turn away
         poses.append((place, turned, scale))
-    for path, values in zip(PLACES, zip(*poses, strict=True), strict=True):
+    columns = zip(*poses, strict=True)
+    return [
+        (path, np.array([list(each) for each in values]))
+        for path, values in zip(PLACES, columns, strict=True)
+    ]
+
+
+def _first_turn(rig: bpy.types.Object) -> Euler:
+    """As it is, or as its first keys have it."""
+    turn = rig.rotation_euler.copy()
+    for curve in curves_of(rig):
+        if curve.data_path == "rotation_euler" and len(curve.keyframe_points):
+            turn[curve.array_index] = curve.keyframe_points[0].co.y
+    return turn
+
+
+def _key_head(
+    face: bpy.types.Object,
+    times: Float[np.ndarray, " frames"],
+    keys: Mapping[str, Float[np.ndarray, "frames 3"]],
+) -> None:
+    """Key where the face is."""
+    rig = carrier(face)
+    rig.rotation_mode = "XYZ"
+    for path, values in keys.items():
         setattr(rig, path, values[0])
         rig.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
-        for axis, column in enumerate(np.array([list(each) for each in values]).T):
+        for axis, column in enumerate(values.T):
             write_curve(rig, path, axis, times, column)
 
 

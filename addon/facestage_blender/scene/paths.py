@@ -11,6 +11,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.paths import user_path
 
 JOB_FOLDER, RESULT_FOLDER = "job", "result"  # in the work folder
+CORRECTIONS = "corrections.json"  # there, too
 
 
 def absolute(path: str) -> Path:

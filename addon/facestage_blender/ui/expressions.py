@@ -3,26 +3,31 @@
 from typing import ClassVar
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
+from facestage.contract.corrections import write_corrections
 from facestage.contract.live_link import read_recording
 from facestage.contract.result import Result
 from facestage.contract.sequence import Sequence
 
+from ..backend.commands import refit_command
+from ..backend.process import BackendProcess
+from ..exchange.corrections import corrected_performance, film_numbers, key_again
 from ..exchange.live_link import key_recording
 from ..exchange.performance import apply_performance
 from ..landmarks.photo_view import look_through_camera
-from ..preferences import expression_folder
+from ..preferences import backend_command, expression_folder
 from ..rig.expressions import FURTHER, REGIONS, as_fitted, expression_keys, mirror, neutral
 from ..rig.face_rig import require_rig
 from ..rig.keyframes import key_handles, key_now
 from ..rig.presets import BUILT_IN, apply_preset, forget_preset, keep_preset, preset_names
 from ..rig.sliders import draw_slider
-from ..scene.paths import absolute, result_folder
+from ..scene.paths import CORRECTIONS, absolute, result_folder, work_folder
 from ..translations import said
 from .action import Action
-from .sidebar import SidebarPanel
+from .backend_task import BackendTask
+from .sidebar import SidebarPanel, draw_task
 
 
 class FACESTAGE_OT_set_expression(Action, bpy.types.Operator):
@@ -162,6 +167,50 @@ class FACESTAGE_OT_import_performance(Action, bpy.types.Operator):
         look_through_camera(context)
 
 
+class FACESTAGE_OT_refit_performance(BackendTask, bpy.types.Operator):
+    """Fits a film again around what was corrected."""
+
+    bl_idname = "facestage.refit_performance"
+    bl_label = "Refit Around Corrected Keys"
+    bl_description = (
+        "Fit the film again around the keys that you have changed since the performance was "
+        "imported, sliders or head. They stay as they are, and the frames beside them follow"
+    )
+    bl_options = {"REGISTER", "UNDO"}
+
+    task = "Fitting around corrected keys"
+    _before: Sequence | None = None
+
+    first: IntProperty(
+        name="First",
+        description="The first frame that may change; 0, and Last: half a second around the keys",
+        options={"SKIP_SAVE"},
+    )
+    last: IntProperty(
+        name="Last", description="The last frame that may change", options={"SKIP_SAVE"}
+    )
+
+    def command(self, context: bpy.types.Context) -> list[str]:
+        """Write what was corrected and say where."""
+        scene = context.scene
+        backend, found = backend_command(context), corrected_performance(scene)
+        self._before = found.sequence
+        reach = None
+        if self.first or self.last:
+            start = scene.facestage.performance_start
+            reach = film_numbers(found.sequence, start, self.first, self.last)
+        path = work_folder(scene) / CORRECTIONS
+        write_corrections(path, found.corrections)
+        folder = absolute(scene.facestage.performance)
+        return refit_command(backend, absolute(found.sequence.film), folder, path, reach)
+
+    def finish(self, context: bpy.types.Context, _process: BackendProcess) -> None:
+        """Key what has changed."""
+        assert self._before is not None  # the command was made of it
+        count = key_again(context.scene, self._before)
+        self.report({"INFO"}, said("{count} frames follow your keys", count=count))
+
+
 class FACESTAGE_MT_expressions(bpy.types.Menu):
     """Expressions by name."""
 
@@ -199,8 +248,8 @@ class FACESTAGE_PT_expressions(SidebarPanel, bpy.types.Panel):
         rig = context.scene.facestage.rig
         return rig is not None and rig.data.shape_keys is not None
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw what moves all sliders."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what moves all sliders, and what a film says of them."""
         row = self.layout.row(align=True)
         for to, text in (("NEUTRAL", "Neutral"), ("FITTED", "As Fitted"), ("MIRROR", "Mirror")):
             row.operator("facestage.set_expression", text=text).to = to
@@ -209,6 +258,10 @@ class FACESTAGE_PT_expressions(SidebarPanel, bpy.types.Panel):
         row.operator("facestage.key_expression", icon="KEY_HLT")
         row.operator("facestage.import_live_link", icon="IMPORT", text="Live Link Face")
         self.layout.operator("facestage.import_performance", icon="FILE_MOVIE")
+        if not context.scene.facestage.performance:
+            return
+        if not draw_task(self.layout, context, FACESTAGE_OT_refit_performance.task):
+            self.layout.operator("facestage.refit_performance", icon="MOD_SMOOTH")
 
 
 class _Region:
@@ -247,6 +300,7 @@ CLASSES = (
     FACESTAGE_OT_key_expression,
     FACESTAGE_OT_import_live_link,
     FACESTAGE_OT_import_performance,
+    FACESTAGE_OT_refit_performance,
     FACESTAGE_MT_expressions,
     FACESTAGE_PT_expressions,
     *(_panel(region) for region in (*REGIONS, FURTHER)),
