@@ -300,6 +300,9 @@ class OfFace(OfPhoto):
     performance_start: FloatProperty(
         name="Start", description="Frame at which the performance was imported"
     )
+    performance_simplify: FloatProperty(
+        name="Simplify", description="How far its curves may be from the film"
+    )
     performance_mark: StringProperty(
         name="Mark", description="Changes when the performance's folder does"
     )

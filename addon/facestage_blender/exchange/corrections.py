@@ -20,6 +20,9 @@ from ..rig.sliders import carrier, slider_path
 from ..scene import frames
 from ..scene.paths import absolute
 from .performance import (
+    PLACE,
+    TURN,
+    Simplicity,
     frame_times,
     head_frame,
     head_keys,
@@ -32,7 +35,6 @@ from .performance import (
 # How far a key may be from where it was put, for what Blender keeps of a number: of a weight; of a
 # place in metres and a turn in radians; of a frame.
 WEIGHT_SAME, PLACE_SAME, FRAME_SAME = 1e-4, 1e-5, 0.02
-PLACE, TURN = "location", "rotation_euler"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,11 @@ def key_again(scene: bpy.types.Scene, before: Sequence) -> int:
     changed = np.flatnonzero(other)
     if len(changed):
         times = frame_times(sequence, settings.performance_start)
-        key_frames(scene, rig, sequence, times, slice(changed[0], changed[-1] + 1))
+        by_hand = [each.frame for each in sequence.corrected]
+        pinned = np.isin([frame.number for frame in sequence.frames], by_hand)
+        simplicity = Simplicity(settings.performance_simplify, pinned)
+        reach = slice(changed[0], changed[-1] + 1)
+        key_frames(scene, rig, sequence, times, reach, simplicity)
     remember(scene, sequence, settings.performance_start)
     scene.frame_set(scene.frame_current)
     return len(changed)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Bool, Float
 from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file, is_folder
 from facestage.contract.person import Person
@@ -19,7 +21,7 @@ from facestage.contract.sequence import KEYFRAMES, Sequence
 
 from ..rig.expressions import expression_keys
 from ..rig.face_rig import key_name, require_rig, rig_axes
-from ..rig.keyframes import curves_of, write_curve, write_keys
+from ..rig.keyframes import Thinning, curves_of, write_curve, write_keys
 from ..rig.own_record import OwnMesh
 from ..rig.sliders import carrier
 from ..scene import frames
@@ -27,16 +29,43 @@ from ..scene.camera import ensure_camera
 from ..scene.stage import facestage_collection, light_power, require_stage, stage_lights
 from .write_back import apply_result
 
-PLACES = ("location", "rotation_euler", "scale")
+PLACES = PLACE, TURN, SCALE = "location", "rotation_euler", "scale"
+# What is as much as a slider's whole way.
+HEAD = {PLACE: 0.1, TURN: math.radians(10.0), SCALE: 0.1}
 
 
-def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
+@dataclass(frozen=True, eq=False)
+class Simplicity:
+    """How far curves may be from the film where that saves keys.
+
+    Sliders by ``weight``; the head's turn about each axis by 10 degrees, its place along each by
+    100 mm for a ``weight`` of 1; a light's power by that share of its most. Frames that are
+    ``pinned`` keep their keys.
+    """
+
+    weight: float = 0.0
+    pinned: Bool[np.ndarray, " frames"] | None = None
+
+    def of(self, chosen: slice) -> Simplicity:
+        """For some of the frames."""
+        return self if self.pinned is None else replace(self, pinned=self.pinned[chosen])
+
+    def thinning(self, scale: float = 1.0) -> Thinning:
+        """Of a curve whose values are by ``scale`` what a slider's are by 1."""
+        return Thinning(self.weight * scale, self.pinned)
+
+
+EVERY_KEY = Simplicity()
+
+
+def apply_performance(scene: bpy.types.Scene, sequence: Sequence, simplify: float = 0.0) -> int:
     """Put a film's person into the scene and key the whole performance from the present frame on.
 
     Person, camera and, unless it changes, light are those of the first keyframe; scene and film run
     at the film's rate.
-    The last frame is returned. Raises InputError before anything changes when the rig is of another
-    model.
+    ``simplify``: how far the curves may be from the film where that saves keys, see
+    :class:`Simplicity`. The last frame is returned. Raises InputError before anything changes when
+    the rig is of another model.
     """
     rig = require_rig(scene)
     if rig.facestage_face.model != sequence.model or OwnMesh.of(rig) is not None:
@@ -62,13 +91,15 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence) -> int:
     _set_rate(scene, sequence.frame_rate)
     first = scene.frame_current
     times = frame_times(sequence, first)
-    key_frames(scene, rig, sequence, times)
+    simplicity = Simplicity(simplify)
+    key_frames(scene, rig, sequence, times, simplicity=simplicity)
     if radiance is not None:
-        _key_lights(scene, times, radiance, result.stage.side)
+        _key_lights(scene, times, radiance, result.stage.side, simplicity)
     _show_film(scene, sequence, first)
     last = int(np.ceil(times[-1] - 1e-3))
     scene.frame_start, scene.frame_end = min(scene.frame_start, first), max(scene.frame_end, last)
     remember(scene, sequence, first)
+    scene.facestage.performance_simplify = simplify
     scene.frame_set(first)
     return last
 
@@ -97,11 +128,14 @@ def key_frames(
     sequence: Sequence,
     times: Float[np.ndarray, " frames"],
     of: slice = slice(None),
+    simplicity: Simplicity = EVERY_KEY,
 ) -> None:
     """Key expression and head of those ``of`` the frames, which lie at ``times`` in the scene."""
+    simplicity = simplicity.of(of)
     weights = {key_name(name): column[of] for name, column in _columns(sequence)}
-    write_keys(rig, times[of], weights)
-    _key_head(rig, times[of], {path: each[of] for path, each in head_keys(scene, rig, sequence)})
+    write_keys(rig, times[of], weights, simplicity.thinning())
+    head = {path: each[of] for path, each in head_keys(scene, rig, sequence)}
+    _key_head(rig, times[of], head, simplicity)
 
 
 def _columns(sequence: Sequence) -> list[tuple[str, np.ndarray]]:
@@ -157,6 +191,7 @@ def _key_head(
     face: bpy.types.Object,
     times: Float[np.ndarray, " frames"],
     keys: Mapping[str, Float[np.ndarray, "frames 3"]],
+    simplicity: Simplicity,
 ) -> None:
     """Key where the face is."""
     rig = carrier(face)
@@ -165,7 +200,7 @@ def _key_head(
         setattr(rig, path, values[0])
         rig.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
         for axis, column in enumerate(values.T):
-            write_curve(rig, path, axis, times, column)
+            write_curve(rig, path, axis, times, column, simplicity.thinning(HEAD[path]))
 
 
 def _key_lights(
@@ -173,6 +208,7 @@ def _key_lights(
     times: Float[np.ndarray, " frames"],
     radiance: Float[np.ndarray, "frames lights 3"],
     sides: Float[np.ndarray, " lights"],
+    simplicity: Simplicity,
 ) -> None:
     """Key the power and the color of every light."""
     for index, light in enumerate(stage_lights(require_stage(scene))):
@@ -180,9 +216,10 @@ def _key_lights(
         light.data.energy, light.data.color = float(energy[0]), color[0]
         for path in ("energy", "color"):
             light.data.keyframe_insert(path, frame=float(times[0]))  # makes action, slot and curves
-        write_curve(light.data, "energy", 0, times, energy)
+        brightest = float(energy.max())
+        write_curve(light.data, "energy", 0, times, energy, simplicity.thinning(brightest))
         for channel, column in enumerate(color.T):
-            write_curve(light.data, "color", channel, times, column)
+            write_curve(light.data, "color", channel, times, column, simplicity.thinning())
 
 
 def _show_film(scene: bpy.types.Scene, sequence: Sequence, first: int) -> None:

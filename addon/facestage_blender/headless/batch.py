@@ -1,4 +1,5 @@
-"""Fits a photo without a window: to a .blend, and to pictures in other light if asked.
+"""Fits a photo without a window, or animates a film's face: to a .blend, and to pictures in other
+light if asked.
 
 Exit codes as the backend's: 0 done, 2 bad input, 3 cancelled, 4 backend unavailable.
 """
@@ -19,11 +20,18 @@ from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.person import Person
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
+from facestage.contract.sequence import Sequence
 
 from ..backend.commands import find_backend
 from ..scene.light_setups import LIGHT_FROM
 from .additions import ADDITIONS
 from .command import exit_code
+
+# What says something of a performance; all else is of a fit.
+OF_PERFORMANCE = frozenset(
+    {"performance", "out", "simplify", "add", "relight", "expression", "resolution"}
+    | {"close_ups", "samples", "export", "texture_size"}
+)
 
 
 class Parser(argparse.ArgumentParser):
@@ -49,13 +57,26 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_photo(result: argparse.ArgumentParser) -> None:
     """The options that say what is known of the photo."""
-    result.add_argument(
+    shown = result.add_mutually_exclusive_group(required=True)
+    shown.add_argument(
         "--image",
         type=Path,
         nargs="+",
-        required=True,
         help="the photo: PNG, JPEG or EXR; several of one person are fitted together, and the "
         "scene shows the first",
+    )
+    shown.add_argument(
+        "--performance",
+        type=Path,
+        metavar="DIR",
+        help="nothing is fitted: a folder that 'facestage track' wrote becomes an animation",
+    )
+    result.add_argument(
+        "--simplify",
+        type=_simplicity,
+        metavar="WEIGHT",
+        help="of --performance: leave keys out as long as every slider stays so near to the film, "
+        "the head's turn within 10 degrees and its place within 100 mm times as much",
     )
     result.add_argument(
         "--out", type=Path, required=True, help="folder for the .blend, the result and the pictures"
@@ -198,7 +219,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Fit, save, and render the extra pictures."""
+    """Fit, or animate, save, and render the extra pictures."""
+    if options.performance is not None:
+        _animate(options)
+        return
+    if options.simplify is not None:
+        raise InputError("--simplify is for the curves of --performance; leave it out.")
     for image in options.image:
         if not image.is_file():
             raise InputError(f"The photo '{image}' does not exist; check the path.")
@@ -207,7 +233,7 @@ def run(options: argparse.Namespace) -> None:
     cameras = _for_each(options.camera, "--camera", count, one_for_all=True)
     truths = _for_each(options.truth, "--truth", count)
     backend = find_backend()
-    from ..exchange.export import export_face, format_of  # loads Blender
+    from ..exchange.export import format_of  # loads Blender
     from ..scene.paths import RESULT_FOLDER
     from . import pipeline
 
@@ -242,12 +268,44 @@ def run(options: argparse.Namespace) -> None:
         pipeline.empty_scene() if order.rig_blend is None else pipeline.open_scene(order.rig_blend)
     )
     result = pipeline.fit_photo(scene, order, backend, pipeline.progress_printer())
+    advice = Person.load(out / RESULT_FOLDER).advice if more else result.advice
+    told = f"{advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}"
+    _show_more(scene, options, out, told)
+
+
+def _animate(options: argparse.Namespace) -> None:
+    """The film's person and the whole performance, saved."""
+    usual = vars(parser().parse_args(["--performance", ".", "--out", "."]))
+    for name, value in vars(options).items():
+        if name not in OF_PERFORMANCE and value != usual[name]:
+            raise InputError(
+                f"--performance is not fitted; leave out --{name.replace('_', '-')}, or say it to "
+                "facestage track."
+            )
+    sequence = Sequence.load(options.performance.resolve())
+    backend = find_backend()
+    from ..exchange.export import format_of  # loads Blender
+    from . import pipeline
+
+    for path in options.export:
+        format_of(path)
+    out, scene = options.out.resolve(), pipeline.empty_scene()
+    simplify = options.simplify or 0.0
+    on_event = pipeline.progress_printer()
+    pipeline.animate(scene, sequence, out, simplify, backend, on_event, tuple(options.add))
+    told = f"{sequence.advice}\nScene: {out / pipeline.SCENE_FILE}"
+    _show_more(scene, options, out, told)
+
+
+def _show_more(scene: bpy.types.Scene, options: argparse.Namespace, out: Path, told: str) -> None:
+    """Render and export what is asked for beside the scene, and say where all is."""
+    from ..exchange.export import export_face
+
     pictures = _extra_pictures(scene, options, out)
     exported = [
         each for path in options.export for each in export_face(scene, path, options.texture_size)
     ]
-    advice = Person.load(out / RESULT_FOLDER).advice if more else result.advice
-    print(f"{advice}\nScene: {out / pipeline.SCENE_FILE}\nResult: {result.folder}")
+    print(told)
     for picture in pictures:
         print(f"Picture: {picture}")
     for file in exported:
@@ -298,6 +356,13 @@ def _positive(text: str) -> float:
     value = float(text)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a number greater than 0, found '{text}'")
+    return value
+
+
+def _simplicity(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"expected a number from 0 to 1, found '{text}'")
     return value
 
 

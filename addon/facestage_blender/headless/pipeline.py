@@ -27,9 +27,11 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import DEFAULT_COUNT
 from facestage.contract.quality import GOOD
 from facestage.contract.result import Result
+from facestage.contract.sequence import Sequence
 
 from ..backend.commands import fit_command, model_command
 from ..backend.process import BackendProcess
+from ..exchange.performance import apply_performance
 from ..exchange.photos import add_photos, show, take_results
 from ..exchange.scene_read import read_jobs
 from ..exchange.write_back import apply_result
@@ -142,6 +144,32 @@ def fit_photo(
         add_to_face(scene, order.add)
         save_blend(order.out / SCENE_FILE)
     return result
+
+
+def animate(
+    scene: bpy.types.Scene,
+    sequence: Sequence,
+    out: Path,
+    simplify: float,
+    backend: list[str],
+    on_event: Callable[[Event], None],
+    add: tuple[str, ...] = (),
+) -> None:
+    """Build the film's person, key the performance from frame 1 on, and save the .blend.
+
+    Raises FacestageError with the backend's own sentence when it fails; then no .blend is written.
+    """
+    model = face_model(sequence.model, backend, on_event)
+    settings = scene.facestage
+    settings.model, settings.output = sequence.model, str(out)
+    stage = default_stage(settings.light_count, settings.light_radius, settings.light_side)
+    build_rig(scene, model, sequence.model, build_stage(scene, stage))
+    scene.frame_start = 1
+    scene.frame_set(1)
+    scene.frame_end = apply_performance(scene, sequence, simplify)
+    if add:
+        add_to_face(scene, add)
+    save_blend(out / SCENE_FILE)
 
 
 def prepare_scene(

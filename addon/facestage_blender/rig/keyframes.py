@@ -3,15 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 
 import bpy
 import numpy as np
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Bool, Float, Int
 
 from .sliders import control_rig, key_slider, slider_path, widen
 
 SAME = 1e-3  # frames
+
+
+@dataclass(frozen=True, eq=False)
+class Thinning:
+    """Which keys may be left out: those without which a curve stays within ``tolerance`` of all;
+    never those that are ``pinned``.
+    """
+
+    tolerance: float
+    pinned: Bool[np.ndarray, " keys"] | None = None
+
+    def kept(
+        self, frames: Float[np.ndarray, " keys"], values: Float[np.ndarray, " keys"]
+    ) -> Int[np.ndarray, " kept"]:
+        """The first, the last, the pinned, and always the one that a straight line between its
+        neighbours misses most (Douglas and Peucker 1973).
+        """
+        if self.tolerance <= 0:
+            return np.arange(len(frames))
+        pinned = np.zeros(0, int) if self.pinned is None else np.flatnonzero(self.pinned)
+        kept = {0, len(frames) - 1, *pinned.tolist()}
+        waiting = list(pairwise(sorted(kept)))
+        while waiting:
+            first, last = waiting.pop()
+            if last - first < 2:
+                continue
+            ends, between = [first, last], slice(first + 1, last)
+            line = np.interp(frames[between], frames[ends], values[ends])
+            missed = np.abs(values[between] - line)
+            worst = int(missed.argmax())
+            if missed[worst] > self.tolerance:
+                middle = first + 1 + worst
+                kept.add(middle)
+                waiting += [(first, middle), (middle, last)]
+        return np.array(sorted(kept))
 
 
 def key_now(keys: Iterable[bpy.types.ShapeKey], frame: float) -> None:
@@ -36,16 +73,17 @@ def write_keys(
     rig: bpy.types.Object,
     frames: Float[np.ndarray, " keys"],
     weights: Mapping[str, Float[np.ndarray, " keys"]],
+    thinning: Thinning | None = None,
 ) -> None:
     """Key sliders of the rig at ``frames``, which grow; what they had from the first to the last of
-    these is replaced.
+    these is replaced. ``thinning``: which keys may be left out.
     """
     shapes = rig.data.shape_keys
     for name, values in weights.items():
         key = shapes.key_blocks[name]
         widen(key, float(values.min()), float(values.max()))
         key_slider(key, float(frames[0]))  # makes action, slot and curve
-        write_curve(shapes, slider_path(key), 0, frames, values)
+        write_curve(shapes, slider_path(key), 0, frames, values, thinning)
 
 
 def write_curve(
@@ -54,10 +92,12 @@ def write_curve(
     index: int,
     frames: Float[np.ndarray, " keys"],
     values: Float[np.ndarray, " keys"],
+    thinning: Thinning | None = None,
 ) -> None:
     """Key what has a key already, in straight lines; what it had meanwhile is replaced.
 
-    The whole curve is written at once: key by key an hour of video would take minutes.
+    ``thinning``: which keys may be left out. The whole curve is written at once: key by key an hour
+    of video would take minutes.
     """
     action = owner.animation_data.action
     if hasattr(action, "fcurve_ensure_for_datablock"):  # Blender 5.0
@@ -69,7 +109,8 @@ def write_curve(
     points.foreach_get("co", old)
     old = old.reshape(-1, 2)
     kept = old[(old[:, 0] < frames[0] - SAME) | (old[:, 0] > frames[-1] + SAME)]
-    table = np.concatenate([kept, np.stack([frames, values], 1)])
+    chosen = slice(None) if thinning is None else thinning.kept(frames, values)
+    table = np.concatenate([kept, np.stack([frames[chosen], values[chosen]], 1)])
     table = table[np.argsort(table[:, 0], kind="stable")]
     points.clear()
     points.add(len(table))

@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from facestage.contract.corrections import write_corrections
@@ -154,6 +154,16 @@ class FACESTAGE_OT_import_performance(Action, bpy.types.Operator):
     )
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    simplify: FloatProperty(
+        name="Simplify",
+        description="Leave keys out as long as every slider stays so near to the film, the head's "
+        "turn within 10 degrees and its place within 100 mm times as much; 0: a key at each frame",
+        min=0.0,
+        max=1.0,
+        precision=3,
+        step=0.5,
+        options={"SKIP_SAVE"},
+    )
     filter_folder: BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -163,7 +173,7 @@ class FACESTAGE_OT_import_performance(Action, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> None:
         """Load the sequence and key it."""
-        apply_performance(context.scene, Sequence.load(absolute(self.directory)))
+        apply_performance(context.scene, Sequence.load(absolute(self.directory)), self.simplify)
         look_through_camera(context)
 
 

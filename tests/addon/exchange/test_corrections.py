@@ -146,3 +146,20 @@ def test_it_says_why_it_cannot(ready, sequence: Sequence, stand_in) -> None:
     sequence.expression[0] += 0.5
     sequence.write_into(Path(str(sequence.folder)))
     refused(refit, "import it again")
+
+
+def test_corrected_keys_of_simple_curves_stay_keys(ready, sequence: Sequence) -> None:
+    import bpy
+
+    ready.frame_set(START)
+    folder = str(sequence.folder)
+    assert bpy.ops.facestage.import_performance(directory=folder, simplify=1.0) == {"FINISHED"}
+    name = sequence.expression_names[0]
+    assert len(values(ready, name)) == 2
+    key = curve_of(ready, name).keyframe_points.insert(START + 4, 0.9)
+    assert key.co.y != pytest.approx(sequence.expression[4, 0], abs=1e-3)
+    assert bpy.ops.facestage.refit_performance() == {"FINISHED"}
+    points = {round(point.co.x): point.co.y for point in curve_of(ready, name).keyframe_points}
+    assert points[START + 4] == pytest.approx(0.9, abs=1e-6)
+    assert len(points) < FRAMES
+    refused(bpy.ops.facestage.refit_performance, "No key differs")

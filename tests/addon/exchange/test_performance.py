@@ -13,6 +13,13 @@ from addon.ui.refusal import refused
 from facestage.contract.sequence import KEYFRAMES, Sequence
 
 
+def keyframe(sequence: Sequence):
+    """The person whom the scene gets."""
+    from facestage_blender.exchange.performance import keyframe_of
+
+    return keyframe_of(sequence)
+
+
 def in_camera(scene) -> np.ndarray:
     """(n, 3) the rig's vertices as they are shown, in the camera's frame."""
     import bpy
@@ -32,9 +39,6 @@ def test_every_frame_is_where_the_film_has_it(
 ) -> None:
     import bpy
 
-    from facestage.contract.person import Person
-    from facestage.contract.result import Result
-
     ready.frame_set(101)
     if handles in ("before", "gone"):
         assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
@@ -47,11 +51,9 @@ def test_every_frame_is_where_the_film_has_it(
         assert bpy.ops.facestage.remove_control_rig() == {"FINISHED"}
     assert ready.render.fps / ready.render.fps_base == pytest.approx(RATE)
     assert ready.frame_current == 101 and ready.frame_end == 250
-    folder = Path(str(sequence.folder)) / KEYFRAMES
-    person = Result.load(folder / Person.load(folder).photos[0].folder)
     for place in range(FRAMES):
         ready.frame_set(101 + place)
-        wanted = head.shape(person.identity, sequence.expression[place])
+        wanted = head.shape(keyframe(sequence).identity, sequence.expression[place])
         pose = sequence.model_to_camera[place]
         wanted = wanted @ pose[:3, :3].T + pose[:3, 3]
         assert np.abs(in_camera(ready) - wanted).max() < 2e-5, place
@@ -118,3 +120,92 @@ def test_another_models_rig_is_left_alone(ready, sequence: Sequence, tmp_path: P
     refused(bpy.ops.facestage.import_performance, "facestage track", directory=str(tmp_path / "no"))
     assert ready.render.fps == fps
     assert ready.facestage.rig.data.shape_keys.animation_data is None
+
+
+def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequence, head) -> None:
+    import bpy
+
+    from facestage_blender.rig.face_rig import key_name
+    from facestage_blender.rig.keyframes import curves_of
+
+    count, near = 60, 0.02
+    smooth = np.sin(np.linspace(0, 7, count))[:, None] * np.linspace(0.1, 0.5, head_size(head))
+    poses = np.tile(sequence.model_to_camera[0], (count, 1, 1))
+    poses[:, 0, 3] += 0.02 * np.sin(np.linspace(0, 5, count))
+    frames = tuple(replace(sequence.frames[0], number=5 + k, time=k / RATE) for k in range(count))
+    long = replace(sequence, frames=frames, expression=0.5 + smooth, model_to_camera=poses)
+    long.write_into(Path(str(sequence.folder)))
+    ready.frame_set(1)
+    bpy.ops.facestage.import_performance(directory=str(sequence.folder), simplify=near)
+    rig = ready.facestage.rig
+    shapes, times = rig.data.shape_keys, 1 + np.arange(count)
+    by_path = {curve.data_path: curve for curve in curves_of(shapes)}
+    keys = 0
+    for name, column in zip(long.expression_names, long.expression.T, strict=True):
+        curve = by_path[shapes.key_blocks[key_name(name)].path_from_id("value")]
+        played = np.array([curve.evaluate(time) for time in times])
+        assert np.abs(played - column).max() <= near + 1e-5
+        keys += len(curve.keyframe_points)
+    assert keys < 0.4 * count * len(long.expression_names)
+    place = next(
+        curve for curve in curves_of(rig) if (curve.data_path, curve.array_index) == ("location", 0)
+    )
+    played = np.array([place.evaluate(time) for time in times])
+    assert len(place.keyframe_points) < count / 2
+    np.testing.assert_allclose(played - played[0], poses[:, 0, 3] - poses[0, 0, 3], atol=4.1e-3)
+
+
+def head_size(head) -> int:
+    return len(head.expression_names)
+
+
+def test_thinning_keeps_corners_and_what_is_pinned() -> None:
+    from facestage_blender.rig.keyframes import Thinning
+
+    frames = np.arange(9.0)
+    values = np.array([0.0, 1, 2, 3, 4, 3, 2, 1, 0])
+    assert Thinning(0.01).kept(frames, values).tolist() == [0, 4, 8]
+    pinned = frames == 6
+    assert Thinning(0.01, pinned).kept(frames, values).tolist() == [0, 4, 6, 8]
+    assert Thinning(10.0, pinned).kept(frames, values).tolist() == [0, 6, 8]
+    assert len(Thinning(0.0, pinned).kept(frames, values)) == 9
+
+
+def test_without_a_window_the_command_line_animates(
+    sequence: Sequence, head, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    import bpy
+
+    from facestage_blender.headless import batch
+
+    out, folder = tmp_path / "out", str(sequence.folder)
+    assert batch.main(["--performance", folder, "--out", str(out), "--add", "handles"]) == 0
+    assert f"Scene: {out / 'scene.blend'}" in capfd.readouterr().out
+    bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
+    scene = bpy.context.scene
+    assert (scene.frame_start, scene.frame_end, scene.frame_current) == (1, FRAMES, 1)
+    for place in (0, 5, FRAMES - 1):
+        scene.frame_set(1 + place)
+        pose = sequence.model_to_camera[place]
+        identity = keyframe(sequence).identity
+        wanted = head.shape(identity, sequence.expression[place]) @ pose[:3, :3].T + pose[:3, 3]
+        assert np.abs(in_camera(scene) - wanted).max() < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--budget", "draft"], "leave out --budget"),
+        (["--focal-px", "90"], "leave out --focal-px"),
+        (["--export", "face.doc"], "face.doc"),
+    ],
+)
+def test_what_is_said_to_a_fit_is_refused_of_a_performance(
+    sequence: Sequence, tmp_path: Path, capfd: pytest.CaptureFixture[str], more: list[str], words
+) -> None:
+    from facestage_blender.headless import batch
+
+    out = tmp_path / "out"
+    assert batch.main(["--performance", str(sequence.folder), "--out", str(out), *more]) == 2
+    assert words in capfd.readouterr().err
+    assert not out.exists()
