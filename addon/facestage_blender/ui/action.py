@@ -14,7 +14,7 @@ from ..scene.user_state import preserved
 from ..translations import said
 
 STEP_SECONDS = 0.01  # between steps
-BUSY_SECONDS = 0.02  # of steps without a drawing between them, and what the last one takes longer
+BUSY_SECONDS = 0.01  # of steps without a drawing between them, and what the last one takes longer
 
 
 def go_on(work: Iterator[None], seconds: float) -> bool:
