@@ -12,7 +12,13 @@ import pytest
 
 # Of Blender itself, or of file dialogs.
 NOT_SHOWN = {"filter_glob", "filter_folder", "check_existing", "rna_type", "bl_idname"}
-BLENDERS_OWN = {"Unique name used in the code and scripting", "filepath", "bl_idname"}
+UNIQUE = "Unique name used in the code and scripting"
+BLENDERS_OWN = {
+    UNIQUE,
+    f"{UNIQUE}, can be re-defined in Python sub-classes if needed",  # Blender 5.2
+    "filepath",
+    "bl_idname",
+}
 # What takes words for people, beside a drawing function's text, and in which of its places.
 SPEAKING = {
     **dict.fromkeys(("InputError", "said", "poll_message_set"), 0),
