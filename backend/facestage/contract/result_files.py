@@ -12,7 +12,7 @@ from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
-SEQUENCE_PICTURE = "sequence.png"
+SEQUENCE_PICTURE, SEQUENCE_FILM = "sequence.png", "film.webp"
 TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
 FILES = frozenset(
     {
@@ -36,6 +36,7 @@ FILES = frozenset(
         sequence.VERTICES,
         sequence.LIVE_LINK,
         SEQUENCE_PICTURE,
+        SEQUENCE_FILM,
     }
 )
 REPORT_PICTURES = frozenset(

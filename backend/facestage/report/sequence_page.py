@@ -2,51 +2,61 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from facestage.contract.files.atomic import atomic_file
-from facestage.contract.result_files import REPORT, SEQUENCE_PICTURE
+from facestage.contract.result_files import REPORT, SEQUENCE_FILM, SEQUENCE_PICTURE
 from facestage.contract.sequence import SEEN
 from facestage.contract.sequence import Sequence as Track
-from facestage.report.color import to_srgb8
 from facestage.report.figure import DARK, LIGHT, Canvas
 from facestage.report.page import STATUS_WORDS, data_uri
 from facestage.report.page_style import CSS
+from facestage.report.sequence_film import ShownFrame, film_of, pace_of
 
-WIDTH, HEIGHT, LEFT, RIGHT, GAP = 1080.0, 170.0, 70.0, 150.0, 56.0
+WIDTH, HEIGHT, LEFT, RIGHT, GAP = 1080.0, 170.0, 70.0, 150.0, 78.0
 CURVES = 10  # the expressions that move most
-COLUMNS, THUMBNAIL = 6, 160.0
+FRAME_MARKS = 12  # numbers of frames along a curve
+COLUMNS, THUMBNAIL, THUMBNAILS = 6, 160.0, 12
+FAST = 1.5  # times as fast as it was, from which on the report says so
+PHOTO_ERROR = "Photo minus fit, RMS, linear, by seconds and by frames"
+LANDMARK_ERROR = (
+    "Landmarks minus fit, RMS, standard deviations of a single photo's, by seconds and by frames"
+)
 ROWS_MAX = 40  # of the table of frames that need a look
 
 
-def write_sequence_report(
-    folder: Path, track: Track, thumbnails: Sequence[tuple[int, np.ndarray, np.ndarray]]
-) -> None:
-    """Write report.html and sequence.png; ``thumbnails``: a frame's number, photo and fit."""
-    if thumbnails:
+def write_sequence_report(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> None:
+    """Write report.html, sequence.png and film.webp; ``frames``: some of the film's, which the
+    last shows.
+    """
+    if frames:
+        some = np.linspace(0, len(frames) - 1, min(THUMBNAILS, len(frames))).round().astype(int)
         with atomic_file(folder / SEQUENCE_PICTURE) as temporary:
-            _draw_thumbnails(temporary, thumbnails)
+            _draw_thumbnails(temporary, [frames[index] for index in some])
+        with atomic_file(folder / SEQUENCE_FILM) as temporary:
+            temporary.write_bytes(film_of(frames))
     with atomic_file(folder / "curves.png") as temporary:
         _draw_curves(temporary, track)
     with atomic_file(folder / REPORT) as temporary:
-        temporary.write_text(_page(folder, track, bool(thumbnails)), encoding="utf-8")
+        temporary.write_text(_page(folder, track, frames), encoding="utf-8")
 
 
-def _draw_thumbnails(path: Path, thumbnails: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> None:
+def _draw_thumbnails(path: Path, thumbnails: Sequence[ShownFrame]) -> None:
     rows = -(-len(thumbnails) // COLUMNS)
     cell = 2 * THUMBNAIL + 34
     canvas = Canvas(20 + COLUMNS * (THUMBNAIL + 8), 16 + rows * cell, DARK)
-    for place, (number, photo, fit) in enumerate(thumbnails):
+    for place, shown in enumerate(thumbnails):
         left = 14 + (place % COLUMNS) * (THUMBNAIL + 8)
         top = 28 + (place // COLUMNS) * cell
-        canvas.text(left, top - 6, f"frame {number}", 10, weight="bold")
-        for row, picture in enumerate((photo, fit)):
-            pixels = to_srgb8(np.clip(picture, 0, 1))
-            canvas.picture(left, top + row * THUMBNAIL, THUMBNAIL, THUMBNAIL, pixels)
+        canvas.text(left, top - 6, f"frame {shown.number}", 10, weight="bold")
+        for row, picture in enumerate((shown.photo, shown.fit)):
+            canvas.picture(left, top + row * THUMBNAIL, THUMBNAIL, THUMBNAIL, picture)
     canvas.save(path)
 
 
@@ -61,16 +71,21 @@ def _draw_curves(path: Path, track: Track) -> None:
         ("Turn of the head, degrees", turn),
         ("Place of the head, mm from its mean", place),
     ]
-    error = np.array([np.nan if f.photo_rms is None else f.photo_rms for f in track.frames])
-    if np.isfinite(error).any():
-        panels.append(("Photo minus fit, RMS, linear", {"photo": error}))
+    photo, landmarks = (
+        np.array([np.nan if value is None else value for value in values])
+        for values in zip(*((f.photo_rms, f.landmark_rms) for f in track.frames), strict=True)
+    )
+    errors = {PHOTO_ERROR: {"photo": photo}, LANDMARK_ERROR: {"landmarks": landmarks}}
+    for heading, curves in errors.items():
+        if any(np.isfinite(values).any() for values in curves.values()):
+            panels.append((heading, curves))
     if spread is not None:
         mean = spread[:, moving].mean(axis=1)
         panels.append(("Standard deviation of these weights, mean", {"deviation": mean}))
     canvas = Canvas(WIDTH, 40 + len(panels) * (HEIGHT + GAP), LIGHT)
     for row, (heading, curves) in enumerate(panels):
         top = 34 + row * (HEIGHT + GAP)
-        canvas.text(LEFT, top - 10, heading, 11, weight="bold")
+        canvas.text(LEFT, top - (22 if heading in errors else 10), heading, 11, weight="bold")
         axes = canvas.axes(LEFT, top, WIDTH - LEFT - RIGHT, HEIGHT)
         for name, values in curves.items():
             axes.plot(seconds, values, linewidth=1.2, label=name)
@@ -82,9 +97,31 @@ def _draw_curves(path: Path, track: Track) -> None:
                 fontsize=7,
                 labelcolor=LIGHT.text,
             )
+        if heading in errors:
+            _mark_frames(axes, track, seconds)
         axes.margins(x=0)
         axes.set_xlabel("seconds", fontsize=8)
     canvas.save(path)
+
+
+def _mark_frames(axes: Any, track: Track, seconds: np.ndarray) -> None:
+    """Numbers of frames above, and lines where frames need a look."""
+    for frame in track.frames:
+        if frame.status != SEEN:
+            axes.axvline(frame.time, color="#d9822b", alpha=0.5, linewidth=1.0)
+    numbers = np.array([frame.number for frame in track.frames])
+    marked = np.flatnonzero(numbers % _round_step(len(numbers)) == 0)
+    above = axes.secondary_xaxis("top")
+    above.set_xticks(seconds[marked], labels=[str(number) for number in numbers[marked]])
+    above.tick_params(colors=LIGHT.muted, labelsize=8, length=0, pad=0)
+    above.spines["top"].set_visible(False)
+
+
+def _round_step(frames: int) -> int:
+    """1, 2 or 5 times a power of ten: every so many ``frames`` are at most FRAME_MARKS."""
+    power = 10 ** int(np.log10(max(frames, 1)))
+    steps = (factor * power // 10 for factor in (1, 2, 5, 10, 20, 50))
+    return next(step for step in steps if step and frames <= FRAME_MARKS * step)
 
 
 def _pose_curves(track: Track) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -100,7 +137,7 @@ def _pose_curves(track: Track) -> tuple[dict[str, np.ndarray], dict[str, np.ndar
     )
 
 
-def _page(folder: Path, track: Track, pictures: bool) -> str:
+def _page(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> str:
     title = f"{len(track.frames)} frames of {Path(track.film).name}"
     words = STATUS_WORDS.get(track.status, track.status)
     figures = "".join(
@@ -124,8 +161,9 @@ def _page(folder: Path, track: Track, pictures: bool) -> str:
     )
     shown = (
         '<section>\n<h2>Frames and fits</h2>\n<figure class="dark"><img alt="Frames above their '
-        f'fits" src="{data_uri((folder / SEQUENCE_PICTURE).read_bytes())}"></figure>\n</section>\n'
-        if pictures
+        f'fits" src="{data_uri((folder / SEQUENCE_PICTURE).read_bytes())}"></figure>\n'
+        f"{_film(folder, track, frames)}</section>\n"
+        if frames
         else ""
     )
     curves = data_uri((folder / "curves.png").read_bytes())
@@ -140,4 +178,17 @@ def _page(folder: Path, track: Track, pictures: bool) -> str:
         f"</section>\n{look}"
         f'<section>\n<h2>Numbers</h2>\n<div class="card"><table>{figures}</table></div>\n'
         "</section>\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _film(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> str:
+    """The film beside its fit."""
+    content = base64.b64encode((folder / SEQUENCE_FILM).read_bytes()).decode("ascii")
+    words = f"Frames {frames[0].number} to {frames[-1].number}, photo and the fit of its skin"
+    pace = pace_of(frames)
+    if pace > FAST:
+        words += f", {pace:.0f} times as fast"
+    return (
+        f'<figure class="dark"><img alt="The film beside its fit" '
+        f'src="data:image/webp;base64,{content}"><figcaption>{words}</figcaption></figure>\n'
     )

@@ -32,7 +32,7 @@ from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.crew import Crew
 from facestage.fit.sequence.landmark_bias import LandmarkBias
 from facestage.fit.sequence.motion import Motion, Triples, groups_of
-from facestage.fit.sequence.output import some_of, thumbnails, write_live_link, write_vertices
+from facestage.fit.sequence.output import shown_frames, some_of, write_live_link, write_vertices
 from facestage.fit.sequence.sequence_truth import SequenceTruth
 from facestage.fit.sequence.smoother import Evidence
 from facestage.fit.sequence.tracking import Tracked, Tracker, honest
@@ -339,7 +339,7 @@ class _Refit:
         first = self.span.window.start
         wanted = some_of(self.span.first - first, self.span.end - 1 - first)
         shown = (frame for frame in self._shown() if frame.index in wanted)
-        write_sequence_report(folder, track, list(thumbnails(shown, self.tracker, self.tracked)))
+        write_sequence_report(folder, track, list(shown_frames(shown, self.tracker, self.tracked)))
 
 
 def faces_of(

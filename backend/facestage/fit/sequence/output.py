@@ -11,9 +11,11 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import affine_transform
 from scipy.spatial.transform import Rotation
 
 from facestage import __version__
+from facestage.contract.arrays import Float
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES
 from facestage.contract.person import Person
@@ -38,9 +40,11 @@ from facestage.fit.sequence.sightings import Sightings
 from facestage.fit.sequence.tracking import DOUBT, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.landmarks.tracker import Sight
-from facestage.report import write_sequence_report
+from facestage.report import ShownFrame, to_srgb8, write_sequence_report
 
-THUMBNAILS = 12
+FILM_MOST = 96  # frames of the report's film
+PICTURE_SIDE = 160  # pixels of each of its pictures
+HEAD_SIDE = 0.24  # metres that they show
 UNSURE_SHARE = 0.3  # of the frames, from which on the sequence is not believed
 
 
@@ -102,7 +106,7 @@ def write_sequence(
         write_vertices(folder / VERTICES, tracker.actor, tracked.course)
     wanted = some_of(0, len(sightings) - 1)
     shown = (frame for frame in found.film.frames() if frame.index in wanted)
-    write_sequence_report(folder, track, list(thumbnails(shown, tracker, tracked)))
+    write_sequence_report(folder, track, list(shown_frames(shown, tracker, tracked)))
     return track
 
 
@@ -204,30 +208,42 @@ def write_live_link(folder: Path, track: Sequence) -> None:
 
 
 def some_of(first: int, last: int) -> set[int]:
-    """THUMBNAILS indices at most, from ``first`` to ``last``."""
-    count = min(THUMBNAILS, last - first + 1)
+    """FILM_MOST indices at most, from ``first`` to ``last``."""
+    count = min(FILM_MOST, last - first + 1)
     return set(np.linspace(first, last, count).round().astype(int).tolist())
 
 
-def thumbnails(
+def shown_frames(
     frames: Iterable[Frame], tracker: Tracker, tracked: Tracked
-) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Number, photo and fit of ``frames``, cut to the face."""
+) -> Iterator[ShownFrame]:
+    """``frames`` beside their fits, cut to where the head is; all of one person are as large."""
     for frame in frames:
         view = tracker.view(frame)
         if view is None:
             continue
+        state = tracked.state(tracker.actor, frame.index)
         photo = view.term.photo.color
-        evaluation = view.evaluated(tracked.state(tracker.actor, frame.index))
+        evaluation = view.evaluated(state)
         used = evaluation.base_weight > 0
-        rows, columns = np.nonzero(used)
-        if not len(rows):
-            continue
         fit = photo + np.where(used[..., None], evaluation.residual, 0.0)
-        side = int(max(np.ptp(rows), np.ptp(columns))) + 9
-        top, left = (max(int(part.min() + part.max() - side) // 2, 0) for part in (rows, columns))
-        cut = slice(top, top + side), slice(left, left + side)
-        yield frame.number, photo[cut], fit[cut]
+        camera = view.window.camera(state.camera)
+        (centre,) = camera.project(state.translation[None])
+        step = HEAD_SIDE * camera.focal_px / -float(state.translation[2]) / PICTURE_SIDE
+        first = centre[::-1] - 0.5 + (0.5 - PICTURE_SIDE / 2) * step
+        pictures = (to_srgb8(_cut(linear, step, first)) for linear in (photo, fit))
+        yield ShownFrame(frame.number, frame.time, *pictures)
+
+
+def _cut(
+    linear: Float[np.ndarray, "height width 3"], step: float, first: Float[np.ndarray, " 2"]
+) -> Float[np.ndarray, "side side 3"]:
+    """The pixels from ``first`` (row, column) on, ``step`` apart; black beyond the picture."""
+    shape = PICTURE_SIDE, PICTURE_SIDE
+    channels = [
+        affine_transform(linear[..., channel], (step, step), first, shape, order=1)
+        for channel in range(3)
+    ]
+    return np.stack(channels, axis=-1)
 
 
 def _versions() -> dict[str, str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -17,7 +18,12 @@ from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.color import linear_to_srgb
-from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES, forget_checkpoint
+from facestage.contract.files.partial import (
+    KEYFRAME_PICTURES,
+    KEYFRAMES,
+    PREVIEW,
+    forget_checkpoint,
+)
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
@@ -46,6 +52,7 @@ from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr, write_png
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer, traces_here
+from facestage.report import write_preview
 
 T = TypeVar("T")
 # Where on the scale from 0 to 1 each part of the work ends.
@@ -53,6 +60,7 @@ LOOKED_THROUGH, FITTED, FOLLOWED, SEEN = 0.1, 0.55, 0.6, 0.97
 # Of a budget in seconds, what the keyframes may take.
 KEYFRAME_SHARE = 0.6
 SAVED_EVERY = 10.0  # seconds
+PREVIEW_EVERY = 10.0  # seconds; drawing one takes as long as a look at a frame
 
 
 def track_film(
@@ -97,6 +105,8 @@ class SequenceRun:
         self.request, self.film, self.partial = request, film, partial
         self._emit, self._landmark_model, self._fineness = emit, landmark_model, fineness
         self._began = time.monotonic()
+        self._drawn = -np.inf  # when the last preview was, by the clock
+        self._preview: str | None = None  # its file
         self._elsewhere = 0.0  # seconds of processor time of other processes
         self.timings: dict[str, float] = {}
 
@@ -114,9 +124,25 @@ class SequenceRun:
                 seconds=seconds,
                 seconds_left=left,
                 fraction=fraction,
+                preview=self._preview,
                 message=words,
             )
         )
+
+    def _previewed(self, frames: Iterable[Frame], tracked: Tracked) -> Iterator[Frame]:
+        """``frames``, of which one is drawn beside its fit now and then."""
+        # By a scene of its own: what was traced before shows in the last digits of what follows.
+        actor = copy(self.tracker.actor)
+        for frame in frames:
+            due = time.monotonic() - self._drawn > PREVIEW_EVERY
+            view = self.tracker.view(frame, actor) if due else None
+            if view is not None:
+                photo = view.term.photo.color
+                evaluation = view.evaluated(tracked.state(actor, frame.index))
+                path = self.partial / PREVIEW
+                write_preview(path, photo, photo + evaluation.residual)
+                self._drawn, self._preview = time.monotonic(), str(path)
+            yield frame
 
     def run(self, resume: bool) -> Found:
         """All of it, or what an earlier run left to be done."""
@@ -326,7 +352,8 @@ class SequenceRun:
         for number in range(checkpoint.number, passes):
             before = checkpoint if number == checkpoint.number else None
             pictures = tracker.no_pictures() if before is None else before.pictures
-            shown = self.film.frames(0 if before is None else before.done)
+            left = self.film.frames(0 if before is None else before.done)
+            shown = self._previewed(left, tracked)
             halves = None if tracked.wants_all_pixels(number, passes) else number
             for answer in looker.answers(tracker.questions(tracked, shown, halves)):
                 tracker.heard(pictures, answer)

@@ -164,13 +164,13 @@ class Tracker:
         lights = 0 if self._light_held else len(self.actor.state.lights)
         return Pictures.none(len(self.landmarks), POSE + len(self.low), lights)
 
-    def view(self, frame: Frame) -> FrameView | None:
-        """A frame as it is compared; None: no face."""
-        landmarks = self.landmarks[frame.index]
+    def view(self, frame: Frame, actor: Actor | None = None) -> FrameView | None:
+        """A frame as it is compared, to this tracker's ``actor`` or a copy; None: no face."""
+        landmarks = self.landmarks[frame.index] if frame.index < len(self.landmarks) else None
         if landmarks is None:
             return None
         cut, skin = Cut.of(frame.photograph, landmarks), self._skins.get(frame.index)
-        return FrameView.of(self.actor, cut, skin)
+        return FrameView.of(actor or self.actor, cut, skin)
 
     def smoothed(
         self, tracked: Tracked, pictures: Pictures | None, rounds: int = LEARNING_ROUNDS

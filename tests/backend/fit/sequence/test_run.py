@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 from facestage.contract.errors import InputError
 from facestage.contract.events import PROGRESS, Event
@@ -67,15 +68,21 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     assert vertices.dtype == np.float32 and (vertices[..., 2] < 0).all()
     assert (tmp_path / "out" / "albedo.exr").is_file()
     assert "Frames that need a look" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    with Image.open(tmp_path / "out" / "film.webp") as shown:
+        assert len(list(ImageSequence.Iterator(shown))) == FRAMES - 1  # none was lost but one
 
     def stop(event: Event) -> None:
         if event.kind == PROGRESS and "pass 2 of 3: frame 6" in event.message:
+            with Image.open(str(event.preview)) as preview:
+                assert preview.width == 2 * preview.height
             raise StopError
 
     # From now on by two processes: the same answer.
     monkeypatch.setattr(crew, "LOOKS_EACH", 1)
     monkeypatch.setattr(crew, "cores", lambda: 2)
     monkeypatch.setattr(run_module, "SAVED_EVERY", 0.0)
+    # Previews change nothing.
+    monkeypatch.setattr(run_module, "PREVIEW_EVERY", 0.0)
     with pytest.raises(StopError):
         track_film(request, tmp_path / "again", emit=stop, fineness=QUICK)
     assert not (tmp_path / "again").exists()

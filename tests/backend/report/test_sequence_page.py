@@ -1,0 +1,106 @@
+"""The report of a film: what it shows of photo, fit and errors."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from facestage.contract.camera import Camera
+from facestage.contract.sequence import Sequence, SequenceFrame
+from facestage.report import ShownFrame, write_sequence_report
+from facestage.report.figure import LIGHT, Canvas
+from facestage.report.sequence_film import film_of, pace_of
+from facestage.report.sequence_page import _mark_frames, _round_step
+
+SIDE = 32
+
+
+def shown(count: int, apart: float = 1 / 24) -> list[ShownFrame]:
+    """Photos get redder, their fits greener."""
+    frames = []
+    for index in range(count):
+        pictures = np.zeros((2, SIDE, SIDE, 3), np.uint8)
+        pictures[0, ..., 0] = pictures[1, ..., 1] = 40 + 200 * index // count
+        frames.append(ShownFrame(index + 1, index * apart, *pictures))
+    return frames
+
+
+def track_of(count: int) -> Sequence:
+    statuses = ["unsure" if index == 3 else "seen" for index in range(count)]
+    frames = tuple(
+        SequenceFrame(11 + k, k / 24, f"{k}", status, "", 1, 0.01 + 1e-3 * k, 0.5)
+        for k, status in enumerate(statuses)
+    )
+    return Sequence(
+        "converged",
+        "Fine.",
+        "film.mp4",
+        "default",
+        Camera.default(64, 48),
+        24.0,
+        frames,
+        (11,),
+        ("a",),
+        ("jawOpen",),
+        np.zeros(1),
+        np.linspace(0, 1, count)[:, None],
+        np.tile(np.eye(4), (count, 1, 1)),
+        {},
+        {},
+        {},
+        {},
+    )
+
+
+@pytest.mark.parametrize(
+    ("apart", "milliseconds", "pace"), [(1 / 24, 42, 1.0), (2.0, 100, 20.0), (0.0, 20, 0.0)]
+)
+def test_the_film_shows_photo_beside_fit_for_as_long(apart: float, milliseconds: int, pace: float):
+    frames = shown(5, apart)
+    with Image.open(io.BytesIO(film_of(frames))) as film:
+        assert len(list(ImageSequence.Iterator(film))) == 5 and film.size == (2 * SIDE, SIDE)
+        film.seek(4)
+        pixels = np.asarray(film.convert("RGB")).astype(int)
+        assert film.info["duration"] == milliseconds
+    assert abs(pixels[4, 4] - frames[4].photo[0, 0]).max() < 25
+    assert abs(pixels[4, SIDE + 12] - frames[4].fit[0, 0]).max() < 25
+    assert pace_of(frames) == pytest.approx(pace)
+
+
+def test_the_report_plays_the_film_and_names_its_pace(tmp_path: Path):
+    write_sequence_report(tmp_path, track_of(6), shown(6, 3.0))
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "data:image/webp;base64," in page and "30 times as fast" in page
+    assert (
+        "Frames 1 to 6, photo and the fit of its skin" in page and "Frames that need a look" in page
+    )
+    with Image.open(tmp_path / "film.webp") as film:
+        assert len(list(ImageSequence.Iterator(film))) == 6
+    assert (tmp_path / "sequence.png").is_file()
+
+
+def test_without_a_frame_to_show_there_is_no_film(tmp_path: Path):
+    write_sequence_report(tmp_path, track_of(6), [])
+    assert "data:image/webp" not in (tmp_path / "report.html").read_text("utf-8")
+    assert not (tmp_path / "film.webp").exists()
+
+
+@pytest.mark.parametrize(("frames", "step"), [(1, 1), (12, 1), (13, 2), (48, 5), (121, 20)])
+def test_frames_are_numbered_in_round_steps(frames: int, step: int):
+    assert _round_step(frames) == step
+
+
+def test_numbers_of_frames_stand_at_their_seconds():
+    track = track_of(48)
+    axes = Canvas(400, 300, LIGHT).axes(50, 50, 300, 200)
+    axes.plot([0.0, 2.0], [0.0, 1.0])
+    _mark_frames(axes, track, np.array([frame.time for frame in track.frames]))
+    (above,) = axes.child_axes
+    marked = {int(label.get_text()): label.get_position()[0] for label in above.get_xticklabels()}
+    assert sorted(marked) == list(range(15, 59, 5))
+    assert all(place == pytest.approx((number - 11) / 24) for number, place in marked.items())
+    assert [line.get_xdata()[0] for line in axes.lines[1:]] == [3 / 24]
