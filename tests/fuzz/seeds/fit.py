@@ -11,6 +11,7 @@ from facestage.fit.face.state import State
 from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.stages.passage import Within
+from facestage.fit.stages.skin_to_skin import SkinToSkin
 from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory
 from fuzz.case import Case
@@ -71,7 +72,8 @@ def checkpoint(step: int | None = 3) -> Checkpoint:
     """In the middle of a phase, or (None) before its first step."""
     strong, surround = np.array([True, False, True]), Surround((0,), 50.0, 0.1, joined=False)
     hidden, dark = np.zeros((4, 5), bool), np.ones((4, 5), bool)
-    memory = Memory(1.5, 0.1, rigid(3), strong, hidden, dark, surround)
+    between = SkinToSkin(0.2, 0.4)
+    memory = Memory(1.5, 0.1, rigid(3), strong, hidden, dark, surround, 1.0, between)
     ledger = Ledger({"rays": Work(1.5, 20.0)}, {("resting lights", "rays"): 5.0})
     within = (
         None

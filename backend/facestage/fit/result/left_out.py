@@ -135,9 +135,10 @@ def _measured(problem: Problem, fitted: Fitted, add: Any) -> None:
     if not fitted.state.specular.any():
         add("highlights", "the specular map is zero", "the specular terms of every light sample")
     if fitted.state.interreflection == 0 and "interreflection" not in problem.job.freeze:
+        shown = fitted.between
         add(
             "light from skin to skin",
-            "the photo shows none of it",
+            "the photo shows none of it" if shown is None or shown.joined else shown.words,
             "its rays, and one column of the Jacobian",
         )
     if fitted.state.translucency == 0 and "translucency" not in problem.job.freeze:

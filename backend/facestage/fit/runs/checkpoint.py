@@ -33,6 +33,7 @@ from facestage.fit.runs.checkpoint_schema import (
 )
 from facestage.fit.stages.passage import Within
 from facestage.fit.stages.phases import PHASES, Schedule
+from facestage.fit.stages.skin_to_skin import SkinToSkin
 from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory, View
 
@@ -136,6 +137,7 @@ class Checkpoint:
             "penumbra": self.memory.penumbra,
             "exposure": self.memory.exposure,
             "surround": None if self.memory.surround is None else vars(self.memory.surround),
+            "between": None if self.memory.between is None else vars(self.memory.between),
             "within": None if within is None else {"step": within.step, "damping": within.damping},
             "states": {
                 name: state_to_meta(state) for name, state in states.items() if state is not None
@@ -175,6 +177,7 @@ class Checkpoint:
                 given.get("dark"),
                 None if meta.get("surround") is None else _surround(meta["surround"]),
                 finite(meta.get("exposure", 1.0)),
+                None if meta.get("between") is None else _between(meta["between"]),
             )
             within = None
             if meta["within"] is not None:
@@ -248,6 +251,12 @@ def _surround(data: Mapping[str, Any]) -> Surround:
     """Raises KeyError, TypeError or ValueError for what is none."""
     gain, share = finite(data["gain"]), finite(data["share"])
     return Surround(tuple(map(int, data["lights"])), gain, share, bool(data["joined"]))
+
+
+def _between(data: Mapping[str, Any]) -> SkinToSkin:
+    """Raises KeyError, TypeError or ValueError for what is none."""
+    deviation = data["deviation"]
+    return SkinToSkin(finite(data["strength"]), np.inf if deviation is None else finite(deviation))
 
 
 def damaged(folder: Path, error: Exception) -> InputError:

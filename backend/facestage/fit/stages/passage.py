@@ -68,6 +68,7 @@ class Passage:
             view.choose_lamps(state)
             view.look_again(phase, state)
             state = view.with_initial_lights(phase, view.without_next_to_nothing(state))
+            state = view.without_unseen_bounces(phase, state)
             state = view.with_scattering(phase, state)
         descent = view.descent(phase, state)
         return None if descent is None else cls(view, phase, descent, state)

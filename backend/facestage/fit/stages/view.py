@@ -22,7 +22,7 @@ from facestage.fit.energy.term import Setup
 from facestage.fit.face.lamps import strong_lights, turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import BELOW, SHAPE, Known, kept_shapes, start_values
+from facestage.fit.face.unknowns import BELOW, LAMPS, SHAPE, SKIN, Known, kept_shapes, start_values
 from facestage.fit.face.white_balance import WhiteBalance
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
@@ -30,8 +30,9 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
-from facestage.fit.stages.phases import Phase
+from facestage.fit.stages.phases import Phase, PhaseName
 from facestage.fit.stages.photo_descent import PhotoDescent
+from facestage.fit.stages.skin_to_skin import SkinToSkin, look_between
 from facestage.fit.stages.surround import Surround, look_behind
 from facestage.fit.stages.visible import VisiblePhoto, resized_mask
 
@@ -59,6 +60,7 @@ class Memory:
     dark: np.ndarray | None = None
     surround: Surround | None = None  # None before it was looked for, and where it is not wanted
     exposure: float = 1.0
+    between: SkinToSkin | None = None  # None before it was looked for, and where it is not wanted
 
 
 class View:
@@ -82,6 +84,7 @@ class View:
         # (N,) bool, the lights whose position is fitted.
         self.strong = np.zeros(len(problem.lit_stage), bool)
         self.surround: Surround | None = None
+        self.between: SkinToSkin | None = None  # likewise
         self.below: Below | None = None  # None before it was looked for, and where it is not wanted
         self.samples_factor = self._samples_factor()
         self.plan = Plan(Rules.of(problem.job.plan))
@@ -98,6 +101,7 @@ class View:
             self.visible.dark,
             self.surround,
             self.problem.exposure,
+            self.between,
         )
 
     @memory.setter
@@ -108,6 +112,7 @@ class View:
             known.strong,
         )
         self.camera_to_stage, self.surround = known.camera_to_stage, known.surround
+        self.between = known.between
         self.visible.hidden, self.visible.dark = known.hidden, known.dark
 
     def lit_from_behind(self, numbers: Sequence[int] | None = None) -> View:
@@ -295,6 +300,21 @@ class View:
             if getattr(state, name) < least and name not in frozen
         }
         return replace(state, **nothing) if nothing else state
+
+    def without_unseen_bounces(self, phase: Phase, state: State) -> State:
+        """Before the phase that comes after the shape's first: without light from skin to skin
+        where the photo shows none.
+        """
+        held = "interreflection" in self.frozen() or not state.interreflection
+        if held or phase.name != PhaseName.SPECULAR:
+            return state
+        whole = replace(phase, blocks=SHAPE + SKIN + LAMPS)
+        descent = self.descent(whole, state)
+        if descent is None:
+            return state
+        seed = self.problem.job.seed + phase.seed
+        self.between = look_between(descent, self.scaled(phase, state), seed)
+        return state if self.between.joined else replace(state, interreflection=0.0)
 
     def with_scattering(self, phase: Phase, state: State) -> State:
         """Before a phase that says how far light wanders below the skin: with some of it, where the

@@ -75,6 +75,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         view.penumbra,
         surround=view.surround,
         below=view.below,
+        between=view.between,
         support=None if ending.doubt else _support(view, ending.start, state, last),
         color=_color_doubt(view, state, last),
     )

@@ -11,6 +11,7 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.stages.below import Below
+from facestage.fit.stages.skin_to_skin import SkinToSkin
 from facestage.fit.stages.surround import Surround
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.color_doubt import ColorDoubt
@@ -50,4 +51,5 @@ class Fitted:
     surround: Surround | None = None  # what light from behind was found; None: was not looked for
     color: ColorDoubt | None = None  # None: the photo was not asked, or light or skin are held
     below: Below | None = None  # what light below the skin was found; None: was not looked for
+    between: SkinToSkin | None = None  # light from skin to skin; None: was not looked for
     company: str = ""  # what speaks against this photo beside others of the same person; or empty

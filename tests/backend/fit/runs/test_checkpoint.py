@@ -24,6 +24,7 @@ from facestage.fit.runs.checkpoint import Checkpoint
 from facestage.fit.runs.driver import FitRun
 from facestage.fit.runs.progress import Progress
 from facestage.fit.stages.passage import Within
+from facestage.fit.stages.skin_to_skin import SkinToSkin
 from facestage.fit.stages.surround import Surround
 from facestage.fit.stages.view import Memory
 from facestage.fit.trust.fitted import Fitted
@@ -184,7 +185,8 @@ def a_checkpoint(scene: Scene) -> Checkpoint:
     """With something in every field."""
     surround = Surround((0, 4), 70.5, 0.25, joined=True)
     hidden, dark = np.ones((3, 4), bool), np.eye(3, 4) > 0
-    memory = Memory(2.5, 0.01, np.eye(4), np.zeros(4, bool), hidden, dark, surround, 2.5)
+    between, strong = SkinToSkin(0.3, float("inf")), np.zeros(4, bool)
+    memory = Memory(2.5, 0.01, np.eye(4), strong, hidden, dark, surround, 2.5, between)
     ledger = Ledger({"lit": Work(0.5, 12.0)}, {("pixels", "lit"): 3.0})
     row = {"stage": "pose", "seconds": 0.1}
     within = Within(2, scene.state, (1e-4, 8.0), np.ones(4, bool))
@@ -220,7 +222,7 @@ def test_round_trip(scene: Scene, tmp_path: Path):
         assert getattr(loaded, name) == getattr(saved, name)
     for one, other in ((loaded.memory, saved.memory), (loaded.within, saved.within)):
         for name in other.__dataclass_fields__:
-            if name == "surround":
+            if name in ("surround", "between"):
                 assert getattr(one, name) == getattr(other, name)
             elif name != "state":
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
@@ -241,7 +243,7 @@ def test_a_file_of_the_first_version_with_this_number_is_read(scene: Scene, tmp_
     meta["states"] = {
         of: {name: meta["states"][of][name] for name in ("camera", "roughness")} for of in STATES
     }
-    del meta["surround"], meta["exposure"]
+    del meta["surround"], meta["exposure"], meta["between"]
     old = {name: arrays[name] for name in {*own, *names}} | {"meta": np.array(json.dumps(meta))}
     write_arrays(tmp_path / CHECKPOINT, old)
     loaded = Checkpoint.load(tmp_path)
@@ -273,11 +275,15 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     meta = json.loads(str(arrays["meta"]))
     del meta["ledger"]
     unknown = json.dumps(json.loads(str(arrays["meta"])) | {"phase": -1})
-    spoiled = json.dumps(json.loads(str(arrays["meta"])) | {"surround": {"lights": "x"}})
+    spoiled, spoiled_too = (
+        json.dumps(json.loads(str(arrays["meta"])) | each)
+        for each in ({"surround": {"lights": "x"}}, {"between": {"strength": 1.0}})
+    )
     for text in (
         json.dumps(meta),
         unknown,
         spoiled,
+        spoiled_too,
         "{",
         "[]",
         '{"schema": 2, "trace": ' + "[" * 5000,

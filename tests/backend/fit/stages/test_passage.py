@@ -76,6 +76,9 @@ class FakeView:
     def without_next_to_nothing(self, state: float) -> float:
         return state
 
+    def without_unseen_bounces(self, phase: Phase, state: float) -> float:
+        return state
+
     def with_scattering(self, phase: Phase, state: float) -> float:
         return state
 

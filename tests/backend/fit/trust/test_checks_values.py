@@ -83,6 +83,7 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         penumbra=0.25,
         surround=None,
         below=None,
+        between=None,
     )
 
 
