@@ -27,6 +27,7 @@ from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
+from facestage.fit.forward.moving_bounces import MovingBounces
 from facestage.fit.forward.reflectance import by_c_spec, uniform_lobe
 from facestage.fit.forward.scattering import Scattering
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
@@ -69,12 +70,15 @@ class Jacobian:
         all_columns: bool = False,
         positions: PositionDerivatives | None = None,
         edges: ShadowEdges | None = None,
+        *,
+        bounces: MovingBounces | None = None,
     ) -> None:
         """``positions``: needed where ``active`` asks for places of lights.
 
-        ``edges``: shadows move with the shape.
+        ``edges``: shadows move with the shape; ``bounces``: light from skin to skin does, and
+        changes with the albedo.
         """
-        self.positions, self.edges = positions, edges
+        self.positions, self.edges, self.bounces = positions, edges, bounces
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
@@ -140,6 +144,12 @@ class Jacobian:
             shown = np.repeat(seen[turning], 3)
             # (seen vertices, modes)
             parts = [moved[shown], turned[shown], self._bent(seen, turning, moved, turned)]
+        if self.bounces is not None:
+            received = self.bounces.by_shape(basis, np.flatnonzero(seen))
+            if basis.shape[1] > len(modes):
+                received = received[..., modes]
+            # (3 channels of the seen vertices, modes)
+            parts.append(received.reshape(-1, len(modes)))
         self._shape_basis = np.concatenate(parts)  # (6 seen vertices and more, modes)
         if self.edges is not None:
             basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][
@@ -258,6 +268,9 @@ class Jacobian:
             if self._bulges is not None:
                 bend = self._bulges[surface.corners[part]]
                 change += self._by_bulge(part) * (bend[:, edge] - bend[:, 0])[:, None]
+            if self.bounces is not None:
+                received = self._received[surface.corners[part]]
+                change += self._by_received(part) * (received[:, edge] - received[:, 0])
             by_edge.append(change)
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
@@ -273,6 +286,43 @@ class Jacobian:
         """By mean curvature."""
         return np.array(BULGE_M) * self._by_excess(part)
 
+    @cached_property
+    def _received(self) -> Float[np.ndarray, "vertices 3"]:
+        """From other skin."""
+        assert self.bounces is not None
+        return self.bounces.at_vertices(self.bounces.received)
+
+    @cached_property
+    def _received_by_pose(self) -> Float32[np.ndarray, "3 vertices 6"]:
+        assert self.bounces is not None
+        return self.bounces.by_pose(np.arange(len(self.geometry.mean)))
+
+    @cached_property
+    def _received_by_albedo(self) -> Float32[np.ndarray, "3 vertices albedos"]:
+        assert self.bounces is not None
+        return self.bounces.by_albedo(self._albedo_modes, np.arange(len(self.geometry.mean)))
+
+    def _as_received(
+        self, part: slice, changes: Float32[np.ndarray, "3 vertices changes"]
+    ) -> Float[np.ndarray, "3 pixels changes"]:
+        """What these changes of the light from other skin make of the color."""
+        pick = self._pick(part)
+        received = np.stack([pick @ change for change in changes])
+        return self._by_received(part).T[..., None] * received
+
+    def _pick(self, part: slice) -> sp.csr_matrix:
+        """(B, vertices): what pixels take of the vertices."""
+        surface, count = self.image.surface, part.stop - part.start
+        weights = surface.weights[part].astype(np.float32).ravel()
+        pointer = np.arange(0, 3 * count + 1, 3)
+        shape = (count, len(self.geometry.mean))
+        return sp.csr_matrix((weights, surface.corners[part].ravel(), pointer), shape=shape)
+
+    def _by_received(self, part: slice) -> Float[np.ndarray, "pixels 3"]:
+        """By light from other skin."""
+        one = np.ones((len(self.image.color[part]), CHANNELS))
+        return self.image.skin.part(part).radiance(one, uniform_lobe(one))
+
     def _pose(
         self,
         part: slice,
@@ -286,6 +336,8 @@ class Jacobian:
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
         result = np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
+        if self.bounces is not None:
+            result = result + self._as_received(part, self._received_by_pose)
         return (
             result if self.edges is None else result + self.edges.pose(part, self.state.translation)
         )
@@ -335,8 +387,15 @@ class Jacobian:
             by_bulge = self._by_bulge(part).T[..., None] * weights
             coefficients = np.concatenate([coefficients, by_bulge.astype(np.float32)], axis=2)
             column = np.concatenate([column, self._local[corners] + 6 * self._seen_count], axis=1)
-        width = column.shape[1]
-        column = np.broadcast_to(column.astype(np.int32), coefficients.shape).ravel()
+        column = np.broadcast_to(column.astype(np.int32), coefficients.shape)
+        if self.bounces is not None:  # of each corner
+            by_received = self._by_received(part).T[..., None] * weights
+            coefficients = np.concatenate([coefficients, by_received.astype(np.float32)], axis=2)
+            first = len(self._shape_basis) - self._seen_count * np.arange(CHANNELS, 0, -1)
+            places = self._local[corners] + first[:, None, None]
+            column = np.concatenate([column, places.astype(np.int32)], axis=2)
+        width = column.shape[2]
+        column = column.ravel()
         pointer = np.arange(0, CHANNELS * count * width + 1, width)
         shape = (CHANNELS * count, len(self._shape_basis))
         product = (
@@ -401,20 +460,14 @@ class Jacobian:
 
     def _albedo(self, part: slice) -> Float[np.ndarray, "3 pixels albedos"]:
         """By albedo: d color = diffuse part * d log albedo."""
-        image, surface, modes = self.image, self.image.surface, self._albedo_modes
-        corners, count = surface.corners[part], part.stop - part.start
-        pick = sp.csr_matrix(
-            (
-                surface.weights[part].astype(np.float32).ravel(),
-                corners.ravel(),
-                np.arange(0, 3 * count + 1, 3),
-            ),
-            shape=(count, modes.shape[1]),
-        )
+        image, modes, pick = self.image, self._albedo_modes, self._pick(part)
         color = image.skin.part(part).by_log_albedo(image.diffuse[part]).astype(np.float32)
-        return np.stack(
+        result = np.stack(
             [(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)]
         )
+        if self.bounces is not None:
+            result = result + self._as_received(part, self._received_by_albedo)
+        return result
 
     def _interreflection(self, part: slice) -> Float[np.ndarray, "3 pixels 1"]:
         """By the strength of the light from other skin, which that light is proportional to."""

@@ -30,6 +30,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS, SURFACE
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives, position_derivatives
+from facestage.fit.forward.moving_bounces import MovingBounces, moving_bounces
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.photo import Photo
 from facestage.render.light_terms import Asked, LightTerms
@@ -304,6 +305,7 @@ class PhotoTerm(Term):
                     evaluation, wanted[layout.slices["light_position"]]
                 ),
                 edges=self._edges(evaluation, wanted[layout.mask(SURFACE)]),
+                bounces=self._bounces(evaluation, wanted[layout.mask((*SURFACE, "albedo"))]),
             )
             columns = len(jacobian.dense_columns) + len(jacobian.light_index)
             done["cells"] = pixels * columns
@@ -329,6 +331,18 @@ class PhotoTerm(Term):
             return shadow_edges(
                 self.forward, evaluation.state, evaluation.image, placed, evaluation.penumbra
             )
+
+    def _bounces(
+        self, evaluation: Evaluation, wanted: Bool[np.ndarray, " _"]
+    ) -> MovingBounces | None:
+        """How light from skin to skin changes; None when nothing is ``wanted`` that changes it, or
+        there is no such light.
+        """
+        if not wanted.any():
+            return None
+        state = evaluation.state
+        placed = turned(self.stage, state.light_position, self.pivot)
+        return moving_bounces(self.forward, state, evaluation.image, placed, evaluation.seed)
 
     def position_derivatives(
         self, evaluation: Evaluation, wanted: Bool[np.ndarray, " angles"]

@@ -9,6 +9,7 @@ has a picture of its own that lights and relights. Highlights of highlights are 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +40,15 @@ NORMAL_REACH = 0.03
 PART_REACH, SPARSER = 1.0, 3.0
 RAY_OFFSET = 2e-4  # metres off the surface, as shadow rays begin
 ROUNDS = 8  # of light from patch to patch: what is left then is a share of 0.9^9 F^9
+
+
+@dataclass(frozen=True)
+class SkinHits:
+    """The rays of the points that meet the mesh: where, and of which point each is."""
+
+    point: Int[np.ndarray, " hits"]
+    triangle: Int[np.ndarray, " hits"]
+    barycentric: Float[np.ndarray, "hits 3"]
 
 
 class Bounces:
@@ -84,21 +94,22 @@ class Bounces:
         return self._nearest_patch(self._places[self.points])
 
     @cached_property
-    def _patch_of_triangle(self) -> Int[np.ndarray, " triangles"]:
+    def patch_of_triangle(self) -> Int[np.ndarray, " triangles"]:
+        """Which patch each triangle belongs to."""
         return self._nearest_patch(self._places[self.geometry.triangles].mean(axis=1))
 
     def _nearest_patch(self, places: Float[np.ndarray, "places 7"]) -> Int[np.ndarray, " places"]:
         return cKDTree(self._places[self.points[:PATCHES]]).query(places)[1]
 
     @cached_property
-    def _members(self) -> sp.csr_matrix:
+    def members(self) -> sp.csr_matrix:
         """(patches, points) the mean over the points of each patch."""
         patch = self._patch_of_point
         share = 1.0 / np.bincount(patch, minlength=int(patch.max()) + 1)[patch]
         return sp.csr_matrix((share, (patch, np.arange(len(patch)))))
 
     @cached_property
-    def _spread(self) -> sp.csr_matrix:
+    def spread(self) -> sp.csr_matrix:
         """(vertices, points) what each vertex takes of the points around it."""
         count = min(NEIGHBOURS, len(self.points))
         distance, index = cKDTree(self._places[self.points]).query(self._places, k=count)
@@ -127,28 +138,39 @@ class Bounces:
         ``tracer`` holds the mesh at ``vertices``, in whose frame ``stage`` is; lights that are not
         ``traced`` send nothing.
         """
-        normals = self.geometry.vertex_normals(vertices)[0][self.points]
-        places = vertices[self.points]
-        lit = LitPoints(places, normals, normals, normals, stage, 0.5, self.points, numbers)
+        lit = self.lit_points(vertices, stage, numbers)
         direct = tracer.light_terms(
             lit, LIGHT_SAMPLES, seed, Asked(specular=False), traced=traced
         ).diffuse
         if self.resting:
             factors = self._at_rest(tracer, vertices)
         else:
-            factors = self._form_factors(tracer, places, normals)
-        between, members = self._members @ factors, self._members
-        share = brdf.matte(np.pi, albedo_of(members @ log_albedo[self.points])) + UNIFORM * c_spec
+            factors = self.form_factors(self.hits(tracer, lit.points, lit.normals))
+        between = self.members @ factors
+        share = self.share(log_albedo, c_spec)
         result = np.empty((CHANNELS, *direct.shape), np.float32)
-        first = members @ direct
+        first = self.members @ direct
         for channel in range(CHANNELS):
-            sent = share[:, channel, None] * first
-            total = sent
-            for _ in range(ROUNDS):
-                sent = share[:, channel, None] * (between @ sent)
-                total = total + sent
-            result[channel] = factors @ total
+            result[channel] = factors @ sent_on(between, share[:, channel], first)
         return result
+
+    def lit_points(
+        self,
+        vertices: Float[np.ndarray, "vertices 3"],
+        stage: LightStage,
+        numbers: Int[np.ndarray, " lights"],
+    ) -> LitPoints:
+        """The points as the tracer takes them."""
+        normals = self.geometry.vertex_normals(vertices)[0][self.points]
+        places = vertices[self.points]
+        return LitPoints(places, normals, normals, normals, stage, 0.5, self.points, numbers)
+
+    def share(
+        self, log_albedo: Float[np.ndarray, "vertices 3"], c_spec: float
+    ) -> Float[np.ndarray, "patches 3"]:
+        """Of the light that patches receive, what they send back."""
+        albedo = albedo_of(self.members @ log_albedo[self.points])
+        return brdf.matte(np.pi, albedo) + UNIFORM * c_spec
 
     def _at_rest(
         self, tracer: RayTracer, vertices: Float[np.ndarray, "vertices 3"]
@@ -158,17 +180,18 @@ class Bounces:
             mean = self.geometry.mean
             normals = self.geometry.vertex_normals(mean)[0][self.points]
             tracer.update(mean)
-            self._factors_at_rest = self._form_factors(tracer, mean[self.points], normals)
+            hits = self.hits(tracer, mean[self.points], normals)
+            self._factors_at_rest = self.form_factors(hits)
             tracer.update(vertices)
         return self._factors_at_rest
 
-    def _form_factors(
+    def hits(
         self,
         tracer: RayTracer,
         places: Float[np.ndarray, "points 3"],
         normals: Float[np.ndarray, "points 3"],
-    ) -> sp.csr_matrix:
-        """(points, patches): the share of a point's cosine-weighted view that each patch fills."""
+    ) -> SkinHits:
+        """What the points see of the mesh, by RAYS rays each, spread as the cosine."""
         local = _cosine_directions(RAYS)
         helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
         x = np.cross(helper, normals)
@@ -176,12 +199,17 @@ class Bounces:
         frame = np.stack([x, np.cross(normals, x), normals], axis=1)  # rows
         directions = (local @ frame).reshape(-1, 3)
         origins = np.repeat(places + RAY_OFFSET * normals, RAYS, axis=0)
-        triangle = tracer.first_hits(origins, directions).triangle
-        hit = triangle >= 0
-        row = np.repeat(np.arange(len(places)), RAYS)[hit]
-        column = self._patch_of_triangle[triangle[hit]]
-        shape = (len(places), self._members.shape[0])
-        return sp.csr_matrix((np.full(len(row), 1.0 / RAYS, np.float32), (row, column)), shape)
+        found = tracer.first_hits(origins, directions)
+        met = found.triangle >= 0
+        point = np.repeat(np.arange(len(places)), RAYS)[met]
+        return SkinHits(point, found.triangle[met], found.barycentric[met].astype(np.float64))
+
+    def form_factors(self, hits: SkinHits) -> sp.csr_matrix:
+        """(points, patches): the share of a point's cosine-weighted view that each patch fills."""
+        column = self.patch_of_triangle[hits.triangle]
+        shape = (len(self.points), self.members.shape[0])
+        share = np.full(len(column), 1.0 / RAYS, np.float32)
+        return sp.csr_matrix((share, (hits.point, column)), shape)
 
     def at_pixels(
         self,
@@ -193,13 +221,27 @@ class Bounces:
         count = len(corners)
         pick = sp.csr_matrix(
             (weights.astype(np.float32).ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)),
-            shape=(count, self._spread.shape[0]),
+            shape=(count, self.spread.shape[0]),
         )
         channels, points, lights = received.shape
         flat = received.transpose(1, 0, 2).reshape(points, channels * lights)
         # From the right: sparse times dense, twice.
-        result = (pick @ (self._spread @ flat)).reshape(count, channels, lights)
+        result = (pick @ (self.spread @ flat)).reshape(count, channels, lights)
         return np.ascontiguousarray(result.transpose(1, 0, 2))
+
+
+def sent_on(
+    between: sp.csr_matrix,
+    share: Float[np.ndarray, " patches"],
+    first: Float[np.ndarray, "patches ..."],
+) -> Float[np.ndarray, "patches ..."]:
+    """All that patches send if they receive ``first`` from elsewhere."""
+    sent = share[:, None] * first
+    total = sent
+    for _ in range(ROUNDS):
+        sent = share[:, None] * (between @ sent)
+        total = total + sent
+    return total
 
 
 def _cosine_directions(count: int) -> Float[np.ndarray, "_ 3"]:

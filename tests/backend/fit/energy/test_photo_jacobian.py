@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from facestage.fit.energy.photo_jacobian import Jacobian
 from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import BLOCKS
 from facestage.fit.forward.lamp_derivatives import position_derivatives
+from facestage.fit.forward.moving_bounces import Views, moving_bounces
 from facestage.fit.forward.shading import Image
 from facestage.render.light_terms import Asked, LightTerms, LitPoints
 from reference.synthetic_scene import Scene
@@ -96,7 +99,13 @@ def dense_jacobian(
             scene.forward, scene.state, image.surface, scene.stage, PIVOT, every, SAMPLES, SEED
         )
     jacobian = Jacobian(
-        scene.forward, scene.state, image, layout, layout.mask(blocks), positions=positions
+        scene.forward,
+        scene.state,
+        image,
+        layout,
+        layout.mask(blocks),
+        positions=positions,
+        bounces=moving_bounces(scene.forward, scene.state, image, scene.stage, SEED),
     )
     for block in jacobian.blocks(at_a_time):
         rows = result[block.pixels]
@@ -167,6 +176,33 @@ def test_light_from_skin_to_skin(scene: Scene, unshadowed: None):
     assert picture(scene, state, interior(scene)).terms.indirect.max() > 1e-4
     for block in ("interreflection", "lights"):
         check(replace(scene, state=state), block)
+
+
+@pytest.fixture
+def held_form_factors(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What points see of the patches stays what it is at the scene's state."""
+    bounces = scene.forward.bounces
+    picture(scene, replace(scene.state, interreflection=1.0), interior(scene))  # poses the tracer
+    lit = bounces.lit_points(
+        scene.forward.pose(scene.state)[1] - scene.state.translation, scene.stage, np.arange(6)
+    )
+    hits = bounces.hits(scene.forward.tracer, lit.points, lit.normals)
+    monkeypatch.setattr(bounces, "hits", lambda *_: hits)
+    # Then the rays' shares do not change either.
+    none = (sp.csr_matrix((len(bounces.points), 3 * len(scene.geometry.mean)), dtype=np.float32),)
+    monkeypatch.setattr(Views, "changes", lambda *_: CHANNELS * none)
+
+
+@pytest.mark.parametrize("block", ["pose", "identity", "expression", "albedo"])
+def test_light_from_moving_skin(
+    scene: Scene, unshadowed: None, held_form_factors: None, block: str
+):
+    """All that changes what falls on the skin that sends, and what it sends of that.
+
+    How direct light changes as a point moves along the skin is left out.
+    """
+    lit = replace(scene, state=replace(scene.state, interreflection=20.0))
+    check(lit, block, 0.05 if block == "pose" else BOUND)
 
 
 BELOW_THE_SKIN = ("scattering", "lights", "light_position", "albedo", "roughness", "specular")
