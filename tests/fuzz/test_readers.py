@@ -46,6 +46,8 @@ OWN_FILES = {
     "facestage.batch.summary": "a table that it writes",
     "facestage.report.batch_page": "pictures that it has drawn",
     "facestage.bench.relighting": "a table that it writes",
+    "facestage.bench.following": "a table that it writes",
+    "facestage.bench.mediapipe_weights": "a member of the bundle whose SHA-256 is checked",
     "facestage.bench.report": "pictures that it has drawn",
     "facestage.stress.outcome": "the trace that its own child has written",
     "facestage.stress.run": "the log of its own child",

@@ -18,7 +18,7 @@ EXTRAS = PROJECT["optional-dependencies"]
 BLENDER = {"addon_utils", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # The tests' checks of shapes: contract/arrays.py takes it only where it is loaded already.
 CHECKS = {"jaxtyping"}
-# A peer's, which only the comparison with it wants, and asks for: tools/mediapipe_weights.py.
+# A peer's, which only the comparison with it wants, and asks for: bench/mediapipe_weights.py.
 PEERS = {"ai_edge_litert"}
 
 

@@ -63,7 +63,7 @@ def run_bench(
     each part of the light's model. ``lineup``: who runs, instead of what
     these two say. ``face_region``: which vertices of the cases' scans are the face.
     """
-    _make_folder(out)
+    make_folder(out)
     variant = start_renderer(device)
     if lineup is None:
         lineup = QUICK_LINEUP if quick else ALONE_LINEUP if alone else WHOLE_LINEUP
@@ -153,7 +153,8 @@ def warm_up(problem: Problem, truth: Truth, contenders: Sequence[Contender]) -> 
             )
 
 
-def _make_folder(out: Path) -> None:
+def make_folder(out: Path) -> None:
+    """The folder to write into. Raises InputError."""
     if out.exists() and not out.is_dir():
         raise InputError(f"The output '{out}' is a file; expected a folder name.")
     try:

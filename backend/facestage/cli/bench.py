@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,17 @@ def add_command(commands: Any) -> None:
         "what it saves",
     )
     bench.add_argument(
+        "--sequence",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="DIR",
+        help="instead: follow films, folders of pictures with truth.npz (as of facestage track) "
+        "and perhaps camera.json, and print the errors by landmarks alone, of MediaPipe's own "
+        "weights (with LiteRT) and with pictures; with --quick, pictures are looked at once",
+    )
+    bench.add_argument(
         "--quick", action="store_true", help="one case, three contenders, one to two minutes"
     )
     bench.add_argument(
@@ -103,6 +115,24 @@ def run(options: argparse.Namespace) -> int:
     if options.plan and options.case:
         raise InputError(
             "bench --plan renders its own scenes; leave out --case, or leave out --plan."
+        )
+    if options.sequence and (options.case or options.plan or options.parts or options.alone):
+        raise InputError(
+            "bench --sequence follows films alone; leave out --case, --plan, --parts and --alone."
+        )
+    if options.sequence:
+        # As in facestage track: small matrices, and processes that look at frames.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        from facestage.bench.following import run_sequence_bench
+
+        return run_sequence_bench(
+            options.sequence,
+            options.model,
+            options.out,
+            options.quick,
+            sys.stdout,
+            device=options.device,
+            seed=options.seed,
         )
     if options.plan:
         from facestage.bench.plan_savings import run_plan_savings

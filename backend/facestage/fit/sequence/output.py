@@ -60,6 +60,7 @@ class Found:
     model: FaceModel
     tracked: Tracked
     errors: dict[str, float]
+    errors_by_landmarks: dict[str, float]  # before pictures were looked at; none after a resume
     timings: dict[str, float]
     in_time: bool
 

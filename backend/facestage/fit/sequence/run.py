@@ -173,13 +173,15 @@ class SequenceRun:
         results = [Result.load(self.partial / KEYFRAMES / photo.folder) for photo in person.photos]
         tracker, states = self._prepared(model, sightings, landmarks, chosen, frames, results)
         self.tracker = tracker
+        own, by_landmarks = tracker.actor.geometry.model, dict[str, float]()
         checkpoint = PassCheckpoint.load(self.partial) if resume else None
         if checkpoint is None:
             tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
+            by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
             checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
         tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline))
         in_time = time.monotonic() <= deadline
-        errors = {} if truth is None else truth.errors(tracker.actor.geometry.model, tracked.course)
+        errors = {} if truth is None else truth.errors(own, tracked.course)
         self.tell(PROGRESS, "pictures", SEEN, "Writing the sequence")
         return Found(
             self.film,
@@ -190,6 +192,7 @@ class SequenceRun:
             model,
             tracked,
             errors,
+            by_landmarks,
             self.timings | {"total": time.monotonic() - self._began},
             in_time,
         )
