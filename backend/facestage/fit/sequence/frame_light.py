@@ -116,13 +116,9 @@ def _at_least_zero(
     """The solution without what would be negative, by an active set."""
     free: Bool[np.ndarray, "frames lights"] = np.ones(right.shape, bool)
     result = right
-    each = np.arange(right.shape[1])
+    ties = np.broadcast_to(-walk[:, None, None, None], (len(walk), 1, 1, right.shape[1]))
     for _ in range(ACTIVE_SET_ROUNDS):
-        mask = free.astype(float)
-        lower = np.zeros((len(walk), *diagonal.shape[1:]))
-        lower[:, each, each] = -walk[:, None] * mask[1:] * mask[:-1]
-        system = BlockTridiagonal(diagonal * mask[:, :, None] * mask[:, None], lower)
-        result = system.solve(right * mask) * mask
+        result = BlockTridiagonal(diagonal, ties, free).solve(right)
         if (result >= 0).all():
             break
         free &= result >= 0

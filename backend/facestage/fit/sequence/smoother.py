@@ -6,11 +6,13 @@ in pairs: then each pair is tied to the next one alone, and the system is block-
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from facestage.contract.arrays import Bool, Float
+from facestage.contract.arrays import Bool, Float, Shaped
 from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.motion import Motion, Triples
 from facestage.fit.solve.block_tridiagonal import BlockTridiagonal
@@ -65,8 +67,8 @@ def smooth(
         step = problem.improved(motion, differences)
         if (problem.free == before).all():
             break
-    variance = np.einsum("tii->ti", problem.covariance()[0])
-    deviation = np.sqrt(np.maximum(_per_frame(variance, len(course)), 0.0))
+    variance = np.einsum("tiiu->tiu", problem.covariance()[0])
+    deviation = np.sqrt(np.maximum(variance.reshape(-1, variance.shape[-1])[: len(course)], 0.0))
     return Smoothed(course.moved(step), motion, np.where(problem.free, deviation, 0.0), step)
 
 
@@ -96,27 +98,45 @@ class _Bounded:
         there the next time.
         """
         self._system = None  # or there are two of them for a while
-        hessian, frames = self.evidence.hessian, len(self.step)
         gradient = self.evidence.gradient + pulled(
             motion, motion.precision * differences, self.step.shape
         )
-        diagonal, lower = _blocks(hessian, motion, self.damping)
         held = np.where(self.free, 0.0, self.step)
-        right = -_paired(gradient + _product(hessian, motion, held))
-        mask = _paired(self.free.astype(float))
-        # In place: a long film's take more memory than all else.
-        for blocks, first in ((diagonal, 0), (lower, 1)):
-            blocks *= mask[first:, :, None]
-            blocks *= mask[: len(blocks), None]
-        self._system = BlockTridiagonal(diagonal, lower)
-        step = np.where(self.free, _per_frame(self._system.solve(right * mask), frames), self.step)
+        right = -_paired(gradient + self._product(motion, held))
+        within, across = _ties(motion, len(self.step))
+        self._system = BlockTridiagonal(self._blocks(within), across, _paired(self.free))
+        found = _per_frame(self._system.solve(right), len(self.step))
+        step = np.where(self.free, found, self.step)
         outside = self.free & ((step < self.low - 1e-12) | (step > self.high + 1e-12))
         self.step = np.clip(step, self.low, self.high)
         # What lies on a bound and is pushed back inside is let go again.
-        slope = gradient + _product(hessian, motion, self.step)
+        slope = gradient + self._product(motion, self.step)
         wants = ~self.free & np.where(self.step <= self.low, slope < 0, slope > 0)
         self.free = (self.free & ~outside) | wants
         return self.step
+
+    def _blocks(
+        self, within: Float[np.ndarray, "pairs 2 2 unknowns"]
+    ) -> Iterator[Float[np.ndarray, "width width"]]:
+        """The system's blocks of pairs of frames, ``within`` which frames are tied so."""
+        hessian = self.evidence.hessian
+        size = hessian.shape[1]
+        each = np.arange(size)
+        for pair, ties in enumerate(within):
+            block = np.zeros((PAIR, size, PAIR, size))
+            for number, own in enumerate(hessian[PAIR * pair : PAIR * (pair + 1)]):
+                block[number, :, number] = own
+                block[number, each, number, each] += self.damping * own.diagonal()
+            block[:, each, :, each] += ties.transpose(2, 0, 1)
+            yield block.reshape(PAIR * size, -1)
+
+    def _product(
+        self, motion: Motion, step: Float[np.ndarray, "frames unknowns"]
+    ) -> Float[np.ndarray, "frames unknowns"]:
+        """The system times a step, without its damping."""
+        result = (self.evidence.hessian @ step[..., None])[..., 0]
+        pull = motion.precision * motion.triples.applied(step)
+        return result + pulled(motion, pull, step.shape)
 
     def covariance(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the last step, see :meth:`BlockTridiagonal.covariance`."""
@@ -124,46 +144,28 @@ class _Bounded:
         return self._system.covariance()
 
 
-def _blocks(
-    hessian: Float[np.ndarray, "frames unknowns unknowns"], motion: Motion, damping: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The system's blocks of pairs of frames: on the diagonal, and below it."""
-    frames, size = hessian.shape[:2]
-    pairs = -(-frames // PAIR)
-    diagonal = np.zeros((pairs, PAIR, size, PAIR, size))
-    lower = np.zeros((max(pairs - 1, 0), PAIR, size, PAIR, size))
-    number = np.arange(frames)
-    unknown = np.arange(size)
-    diagonal[number // PAIR, number % PAIR, :, number % PAIR, :] = hessian
-    damped = damping * np.einsum("tii->ti", hessian)
-    for each in number:
-        diagonal[each // PAIR, each % PAIR, unknown, each % PAIR, unknown] += damped[each]
+def _ties(
+    motion: Motion, frames: int
+) -> tuple[Float[np.ndarray, "pairs 2 2 unknowns"], Float[np.ndarray, "links 2 2 unknowns"]]:
+    """What second differences add between an unknown and itself: to the diagonal blocks of the
+    pairs of so many frames, and to those below.
+    """
     precision = motion.precision
-    for triple, factors, weight in zip(
-        motion.triples.frames, motion.triples.factors, precision, strict=True
-    ):
-        for a, by_a in zip(triple, factors, strict=True):
-            for b, by_b in zip(triple, factors, strict=True):
-                block = (a // PAIR, a % PAIR, unknown, b % PAIR, unknown)
-                if a // PAIR == b // PAIR:
-                    diagonal[block] += by_a * by_b * weight
-                elif a // PAIR > b // PAIR:
-                    lower[(b // PAIR, *block[1:])] += by_a * by_b * weight
-    if frames % PAIR:
-        diagonal[-1, 1, unknown, 1, unknown] = 0.0
-    width = PAIR * size
-    return diagonal.reshape(pairs, width, width), lower.reshape(-1, width, width)
+    pairs = -(-frames // PAIR)
+    within = np.zeros((pairs, PAIR, PAIR, precision.shape[1]))
+    across = np.zeros((max(pairs - 1, 0), *within.shape[1:]))
+    for (a, by_a), (b, by_b) in product(_corners(motion.triples), repeat=2):
+        added = (by_a * by_b)[:, None] * precision
+        same, below = a // PAIR == b // PAIR, a // PAIR > b // PAIR
+        for blocks, some in ((within, same), (across, below)):
+            place = b[some] // PAIR, a[some] % PAIR, b[some] % PAIR
+            np.add.at(blocks, place, added[some])
+    return within, across
 
 
-def _product(
-    hessian: Float[np.ndarray, "frames unknowns unknowns"],
-    motion: Motion,
-    step: Float[np.ndarray, "frames unknowns"],
-) -> Float[np.ndarray, "frames unknowns"]:
-    """The system times a step, without its damping."""
-    result = np.einsum("tij,tj->ti", hessian, step)
-    pull = motion.precision * motion.triples.applied(step)
-    return result + pulled(motion, pull, step.shape)
+def _corners(triples: Triples) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The first, middle and last frame of all triples, and their factors."""
+    return zip(triples.frames.T, triples.factors.T, strict=True)
 
 
 def pulled(
@@ -179,29 +181,25 @@ def pulled(
 
 def _variances(
     triples: Triples,
-    own: Float[np.ndarray, "pairs width width"],
-    beside: Float[np.ndarray, "links width width"],
+    own: Float[np.ndarray, "pairs 2 2 unknowns"],
+    beside: Float[np.ndarray, "links 2 2 unknowns"],
     free: Bool[np.ndarray, "frames unknowns"],
 ) -> Float[np.ndarray, "triples unknowns"]:
     """Of each second difference, given everything; what is held at a bound has none."""
-    size = free.shape[1]
-    unknown = np.arange(size)
-    own = own.reshape(len(own), PAIR, size, PAIR, size)
-    beside = beside.reshape(len(beside), PAIR, size, PAIR, size)
-    result = np.zeros((len(triples.frames), size))
-    for k, (triple, factors) in enumerate(zip(triples.frames, triples.factors, strict=True)):
-        for a, by_a in zip(triple, factors, strict=True):
-            for b, by_b in zip(triple, factors, strict=True):
-                first, second = min(a, b), max(a, b)
-                blocks = own if first // PAIR == second // PAIR else beside
-                block = blocks[first // PAIR, first % PAIR, unknown, second % PAIR, unknown]
-                result[k] += by_a * by_b * np.where(free[a] & free[b], block, 0.0)
+    result = np.zeros((len(triples.frames), own.shape[-1]))
+    for (a, by_a), (b, by_b) in product(_corners(triples), repeat=2):
+        first, second = np.minimum(a, b), np.maximum(a, b)
+        same = first // PAIR == second // PAIR
+        for blocks, some in ((own, same), (beside, ~same)):
+            place = first[some] // PAIR, second[some] % PAIR, first[some] % PAIR
+            factor = (by_a * by_b)[some, None] * (free[a] & free[b])[some]
+            result[some] += factor * blocks[place]
     return np.maximum(result, 0.0)
 
 
-def _paired(values: Float[np.ndarray, "frames unknowns"]) -> Float[np.ndarray, "pairs width"]:
+def _paired(values: Shaped[np.ndarray, "frames unknowns"]) -> Shaped[np.ndarray, "pairs width"]:
     frames, size = values.shape
-    result = np.zeros((-(-frames // PAIR) * PAIR, size))
+    result = np.zeros((-(-frames // PAIR) * PAIR, size), values.dtype)
     result[:frames] = values
     return result.reshape(-1, PAIR * size)
 

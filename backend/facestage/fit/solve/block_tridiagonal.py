@@ -1,13 +1,16 @@
 """Symmetric positive definite block-tridiagonal systems: forwards and backwards, as smoothers do.
 
 T blocks of m unknowns cost O(T m^3), and every block of the inverse that is asked for comes out of
-the same two sweeps (Rauch, Tung and Striebel 1965, in information form).
+the same two sweeps (Rauch, Tung and Striebel 1965, in information form). In time an unknown is tied
+to itself alone, so a block below the diagonal is k x k diagonal matrices, and nothing that is as
+large as a block is multiplied with one on the way forwards.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
-from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dpotri
 
 from facestage.fit.solve.cholesky import firm_cholesky
@@ -17,65 +20,100 @@ RIDGE = 1e-12
 
 
 class BlockTridiagonal:
-    """The factors of a matrix A whose blocks are ``diagonal`` (T, m, m) and, below them, ``lower``.
-
-    ``lower[t]`` (m, m) is block (t + 1, t). What has no diagonal entry at all has none in the
-    solution.
+    """The inverses of what is left of each diagonal block when all blocks before it are
+    eliminated.
     """
 
-    def __init__(self, diagonal: np.ndarray, lower: np.ndarray) -> None:
-        own = np.einsum("tii->ti", diagonal)
-        self._scale = np.where(own > 0, 1.0 / np.sqrt(np.maximum(own, 1e-300)), 0.0)  # (T, m)
-        self._factors = []
-        # G_t = S_t^-1 C_t^T, with S_t what is left of block t when all before it is eliminated.
-        self._gains: list[np.ndarray] = []
-        count = diagonal.shape[1]
-        carried = np.zeros((count, count))
+    def __init__(self, diagonal: Iterable[np.ndarray], ties: np.ndarray, free: np.ndarray) -> None:
+        """``diagonal``: T blocks (m, m) of m = k n unknowns, asked for one by one. ``ties``
+        (T - 1, k, k, n): of the block (t + 1, t), entry (i n + u, j n + u) is ``ties[t, i, j, u]``,
+        all others are 0. What is not ``free`` (T, m) bool, or has no diagonal entry at all, has no
+        part in the system.
+        """
+        self._ties = ties
+        self._kept: list[np.ndarray] = []  # indices of the unknowns of each block
+        self._inverses: list[np.ndarray] = []  # of those alone
+        # The blocks below the diagonal, of those alone; None where nothing is tied.
+        self._links: list[np.ndarray | None] = []
+        # C S^-1, with S what is left of a block, and C the one below it.
+        self._linked: list[np.ndarray | None] = []
         for t, block in enumerate(diagonal):
-            scale = self._scale[t]
-            left = block * scale[:, None] * scale - carried
-            left[np.diag_indices(count)] = np.where(scale > 0, np.diag(left) + RIDGE, 1.0)
-            factor = firm_cholesky(left, 10 * RIDGE)
-            self._factors.append(factor)
-            if t < len(lower):
-                link = lower[t] * self._scale[t + 1][:, None] * scale
-                gain = cho_solve(factor, link.T, check_finite=False)
-                self._gains.append(gain)
-                carried = link @ gain
+            own = block.diagonal()
+            kept = np.flatnonzero(free[t] & (own > 0))
+            self._kept.append(kept)
+            scale = 1.0 / np.sqrt(own[kept])
+            left = block[kept[:, None], kept]
+            if t and ties[t - 1].any():
+                link = _whole(ties[t - 1])[kept[:, None], self._kept[t - 1]]
+                linked = link @ self._inverses[t - 1]
+                left -= linked @ link.T
+                self._links.append(link)
+                self._linked.append(linked)
+            elif t:
+                self._links.append(None)
+                self._linked.append(None)
+            left *= scale[:, None] * scale
+            left[np.diag_indices(len(kept))] += RIDGE
+            self._inverses.append(_inverse(left) * (scale[:, None] * scale))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """The x of A x = ``right``."""
-        eliminated: list[np.ndarray] = []
-        for t, scale in enumerate(self._scale):
-            rest = right[t] * scale
-            eliminated.append(rest - self._gains[t - 1].T @ eliminated[-1] if t else rest)
-        result = np.empty_like(self._scale)
-        for t in range(len(result) - 1, -1, -1):
-            result[t] = cho_solve(self._factors[t], eliminated[t], check_finite=False)
-            if t < len(self._gains):
-                result[t] -= self._gains[t] @ result[t + 1]
-        return result * self._scale
+        """(T, m), the solution x of A x = ``right`` (T, m); 0 of what has no part in it."""
+        rest = [values[kept] for values, kept in zip(right, self._kept, strict=True)]
+        for t, linked in enumerate(self._linked):
+            if linked is not None:
+                rest[t + 1] -= linked @ rest[t]
+        result = np.zeros_like(right)
+        after = np.zeros(0)
+        for t in range(len(rest) - 1, -1, -1):
+            link = self._links[t] if t < len(self._links) else None
+            if link is not None:
+                rest[t] -= link.T @ after
+            after = self._inverses[t] @ rest[t]
+            result[t, self._kept[t]] = after
+        return result
 
     def covariance(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of A's inverse, the blocks on the diagonal (T, m, m) and those (t, t + 1) beside it."""
-        count, width = self._scale.shape
-        own = np.empty((count, width, width))
-        beside = np.empty((len(self._gains), width, width))
+        """Of A's inverse, the entries between an unknown and itself, laid out as ``ties`` are:
+        (i n + u, j n + u) of each diagonal block t (T, k, k, n), and of the blocks (t + 1, t)
+        (T - 1, k, k, n). 0 of what has no part in it.
+        """
+        count, beside = len(self._kept), np.zeros_like(self._ties)
+        own = np.zeros((count, *self._ties.shape[1:]))
+        after = np.zeros((0, 0))
         for t in range(count - 1, -1, -1):
-            own[t] = _inverse(self._factors[t][0])
-            if t < len(self._gains):
-                beside[t] = -self._gains[t] @ own[t + 1]
-                own[t] -= beside[t] @ self._gains[t].T
-        # In place: a long film's take more memory than all else.
-        scale = self._scale
-        for blocks, first in ((own, 0), (beside, 1)):
-            blocks *= scale[: len(blocks), :, None]
-            blocks *= scale[first:, None]
+            kept, found = self._kept[t], self._inverses[t]
+            linked = self._linked[t] if t < len(self._linked) else None
+            if linked is not None:
+                between = -(after @ linked)
+                found = found - linked.T @ between
+                beside[t] = _with_itself(between, self._kept[t + 1], kept, beside[t].shape)
+            own[t] = _with_itself(found, kept, kept, own[t].shape)
+            after = found
         return own, beside
 
 
-def _inverse(factor: np.ndarray) -> np.ndarray:
-    """Of a matrix, from its lower Cholesky factor."""
-    inverse, _ = dpotri(factor, lower=1)
-    lower = np.tril(inverse)
-    return np.asarray(lower + np.tril(lower, -1).T)
+def _whole(ties: np.ndarray) -> np.ndarray:
+    """The block of which they are a part, all else 0."""
+    groups, _, size = ties.shape
+    result, each = np.zeros((groups, size, groups, size)), np.arange(size)
+    result[:, each, :, each] = ties.transpose(2, 0, 1)
+    return result.reshape(groups * size, -1)
+
+
+def _with_itself(
+    block: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
+    """The entries of a ``block`` of some ``rows`` and ``columns`` between an unknown and itself."""
+    groups, _, size = shape
+    whole = np.zeros((groups * size, groups * size))
+    whole[rows[:, None], columns] = block
+    return np.einsum("iuju->iju", whole.reshape(groups, size, groups, size))
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Of a symmetric positive definite matrix of unit diagonal."""
+    if not len(matrix):
+        return matrix
+    inverse, _ = dpotri(firm_cholesky(matrix, 10 * RIDGE)[0], lower=1)
+    lower = np.tri(len(matrix), dtype=bool)
+    return np.where(lower, inverse, inverse.T)
