@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -76,6 +77,8 @@ class FaceFinder:
     def __init__(self, bundle: Bundle) -> None:
         self.canonical: CanonicalFace = read_canonical(bundle.geometry)
         self._detector, self._mesh = FaceDetector(bundle.detector), FaceMesh(bundle.mesh)
+        # One for the mirror image: a network is asked by one thread at a time.
+        self._mirror_mesh, self._beside = FaceMesh(bundle.mesh), ThreadPoolExecutor(1)
 
     def find(self, photograph: Photograph) -> Search:
         """The faces of a photo; as it is first, then more closely, then exposed anew, until there
@@ -152,10 +155,8 @@ class FaceFinder:
         """The mean mesh of a square and of its mirror image, and how far these differ, in
         pixels.
         """
-        straight, reflected = (
-            self._mesh.predict(views, crop),
-            self._mesh.predict(views, crop.mirror()),
-        )
+        asked = self._beside.submit(self._mirror_mesh.predict, views, crop.mirror())
+        straight, reflected = self._mesh.predict(views, crop), asked.result()
         mirrored = replace(reflected, points=reflected.points[self.canonical.mirror])
         mean = Mesh(
             (straight.points + mirrored.points) / 2, min(straight.presence, mirrored.presence)

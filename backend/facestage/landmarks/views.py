@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class PhotoViews:
         unmasked = photograph.mask.all()
         color = photograph.color if unmasked else photograph.color * photograph.mask[..., None]
         self._levels = [color.astype(np.float32, copy=False)]
+        self._halving = Lock()  # a square and its mirror image are sampled at once
         # Multiplies the linear color; a picture that a display shows as it is stays so.
         self.gain = 1.0 if self._levels[0].max(initial=0.0) <= 1.0 else self.exposure_gain
 
@@ -46,11 +48,12 @@ class PhotoViews:
 
     def _level(self, number: int) -> np.ndarray:
         """The linear picture halved ``number`` times."""
-        while len(self._levels) <= number:
-            last = self._levels[-1]
-            height, width = last.shape[:2]
-            self._levels.append(resize(last, max(1, (width + 1) // 2), max(1, (height + 1) // 2)))
-        return self._levels[number]
+        with self._halving:
+            while len(self._levels) <= number:
+                last = self._levels[-1]
+                height, width = max(1, (last.shape[0] + 1) // 2), max(1, (last.shape[1] + 1) // 2)
+                self._levels.append(resize(last, width, height))
+            return self._levels[number]
 
     def sample(self, crop: Crop, size: int, repeat_border: bool) -> np.ndarray:
         """(size, size, 3) float32 sRGB in 0..1 of ``crop``; outside the photo black, or its border

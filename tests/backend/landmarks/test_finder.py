@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from facestage.images.image_io import Photograph, read_photograph
 from facestage.landmarks.face_mesh import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from facestage.landmarks.finder import Face, FaceFinder, choose_face, require_faces
 from facestage.landmarks.ibug68 import to_ibug68
+from facestage.landmarks.model_file import Bundle
 from facestage.landmarks.search import coarse_windows, fine_windows
 
 AsPhoto = Callable[[np.ndarray], Photograph]
@@ -240,3 +242,27 @@ def test_windows_cover_the_photo_and_their_number_is_bounded():
                 if window.angle == 0 and round(window.side, 6) == side
             ]
             assert np.any(inside, axis=0).all(), (width, height, side)
+
+
+class OneByOne:
+    """An executor that has the work done at once, in this thread."""
+
+    def submit(self, work: Callable[..., object], *given: object) -> Future[object]:
+        future: Future[object] = Future()
+        future.set_result(work(*given))
+        return future
+
+
+def test_a_mirror_image_in_another_thread_says_what_it_does_in_this_one(
+    finder: FaceFinder, bundle: Bundle, astronaut: np.ndarray, photo_of: AsPhoto, found: Face
+):
+    # Large, so that the networks see copies that are halved when they are first needed.
+    photograph = photo_of(np.kron(astronaut[:256, 96:352], np.ones((8, 8, 1), np.uint8)))
+    last = 8 * (found.mesh.points[:, :2] - [96, 0])
+    alone = FaceFinder(bundle)
+    alone._beside, alone._mirror_mesh = OneByOne(), alone._mesh  # type: ignore[assignment]
+    one, other = finder.follow(photograph, last), alone.follow(photograph, last)
+    assert one is not None and other is not None
+    np.testing.assert_array_equal(one.mesh.points, other.mesh.points)
+    np.testing.assert_array_equal(one.visible, other.visible)
+    assert one.confidence == other.confidence
