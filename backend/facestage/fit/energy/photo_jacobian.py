@@ -293,20 +293,25 @@ class Jacobian:
         return self.bounces.at_vertices(self.bounces.received)
 
     @cached_property
-    def _received_by_pose(self) -> Float32[np.ndarray, "3 vertices 6"]:
+    def _received_by_pose(self) -> Float32[np.ndarray, "3 shown 6"]:
         assert self.bounces is not None
-        return self.bounces.by_pose(np.arange(len(self.geometry.mean)))
+        return self.bounces.by_pose(self._shown)
 
     @cached_property
-    def _received_by_albedo(self) -> Float32[np.ndarray, "3 vertices albedos"]:
+    def _received_by_albedo(self) -> Float32[np.ndarray, "3 shown albedos"]:
         assert self.bounces is not None
-        return self.bounces.by_albedo(self._albedo_modes, np.arange(len(self.geometry.mean)))
+        return self.bounces.by_albedo(self._albedo_modes, self._shown)
+
+    @cached_property
+    def _shown(self) -> Int[np.ndarray, " shown"]:
+        """The vertices that pixels lie between."""
+        return np.unique(self.image.surface.corners)
 
     def _as_received(
-        self, part: slice, changes: Float32[np.ndarray, "3 vertices changes"]
+        self, part: slice, changes: Float32[np.ndarray, "3 shown changes"]
     ) -> Float[np.ndarray, "3 pixels changes"]:
         """What these changes of the light from other skin make of the color."""
-        pick = self._pick(part)
+        pick = self._pick(part)[:, self._shown]
         received = np.stack([pick @ change for change in changes])
         return self._by_received(part).T[..., None] * received
 

@@ -38,9 +38,9 @@ class MovingBounces:
     strength: float
     received: Float32[np.ndarray, "3 points"]
     onward: Float32[np.ndarray, "3 points patches"]  # received, by what falls on the patches
-    # For each channel by the places of the vertices, in the model's frame:
-    seen: tuple[sp.csr_matrix, ...]  # received, as form factors change (points, 3 vertices)
-    fallen: tuple[sp.csr_matrix, ...]  # what falls on the patches (patches, 3 vertices)
+    # For each channel by the places of the vertices, in the model's frame (points, 3 vertices):
+    seen: tuple[sp.csr_matrix, ...]  # received, as form factors change
+    lit: tuple[sp.csr_matrix, ...]  # direct light
     turned: Float32[np.ndarray, "3 points 6"]  # direct light by rotation, then translation
     # What would have to fall on the patches to change what they send as their log albedo does.
     by_log_albedo: Float[np.ndarray, "3 patches"]
@@ -53,13 +53,11 @@ class MovingBounces:
         self, basis: Float32[np.ndarray, "coordinates modes"], some: Int[np.ndarray, " _"]
     ) -> Float32[np.ndarray, "3 _ modes"]:
         """What ``some`` vertices receive, by the weights of the modes of ``basis``."""
-        return self._spread(
-            some,
-            [
-                seen @ basis + onward @ (fallen @ basis)
-                for seen, fallen, onward in zip(self.seen, self.fallen, self.onward, strict=True)
-            ],
-        )
+        changes = []
+        for by_view, by_light, onward in zip(self.seen, self.lit, self.onward, strict=True):
+            seen = by_view @ basis
+            changes.append(seen + onward @ (self.bounces.members @ (seen + by_light @ basis)))
+        return self._spread(some, changes)
 
     def by_pose(self, some: Int[np.ndarray, " _"]) -> Float32[np.ndarray, "3 _ 6"]:
         """What ``some`` vertices receive, by rotation about the model's origin and translation."""
@@ -126,7 +124,6 @@ def moving_bounces(
     )
     turning = Turning(forward.geometry, surface.model_vertices, bounces.points)
     by_view = Views.of(turning, hits).changes(sent, bounces.patch_of_triangle[hits.triangle])
-    by_light = _by_light(turning, terms, lit, state)
     albedo = albedo_of(members @ logs[bounces.points]).T
     return MovingBounces(
         bounces,
@@ -134,10 +131,7 @@ def moving_bounces(
         np.stack([factors @ each for each in sent]).astype(np.float32),
         onward.astype(np.float32),
         by_view,
-        tuple(
-            (members @ (view + light)).astype(np.float32)
-            for view, light in zip(by_view, by_light, strict=True)
-        ),
+        _by_light(turning, terms, lit, state),
         _by_pose(terms, lit),
         by_log(brdf.matte(np.pi, np.ones_like(albedo)), albedo) * sent / share**2,
     )
@@ -150,11 +144,11 @@ def _toward_tracer(terms: LightTerms, lit: LitPoints) -> Float[np.ndarray, "poin
 
 def _by_light(
     turning: Turning, terms: LightTerms, lit: LitPoints, state: State
-) -> list[sp.csr_matrix]:
+) -> tuple[sp.csr_matrix, ...]:
     """(points, 3 vertices) for each channel, direct light by the places of the vertices."""
     by_normal = (terms.diffuse_by_normal @ state.rotation).transpose(1, 0, 2)
     by_place = (_toward_tracer(terms, lit) @ state.rotation).transpose(1, 0, 2)
-    return [turning.changes(*each) for each in zip(by_normal, by_place, strict=True)]
+    return tuple(turning.changes(*each) for each in zip(by_normal, by_place, strict=True))
 
 
 def _by_pose(terms: LightTerms, lit: LitPoints) -> Float32[np.ndarray, "3 points 6"]:
