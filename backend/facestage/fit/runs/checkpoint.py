@@ -255,8 +255,10 @@ def _surround(data: Mapping[str, Any]) -> Surround:
 
 def _between(data: Mapping[str, Any]) -> SkinToSkin:
     """Raises KeyError, TypeError or ValueError for what is none."""
-    deviation = data["deviation"]
-    return SkinToSkin(finite(data["strength"]), np.inf if deviation is None else finite(deviation))
+    deviation = np.inf if data["deviation"] is None else finite(data["deviation"])
+    if deviation <= 0:
+        raise ValueError("a standard deviation that is not positive")
+    return SkinToSkin(finite(data["strength"]), deviation)
 
 
 def damaged(folder: Path, error: Exception) -> InputError:

@@ -275,15 +275,18 @@ def test_no_checkpoint_and_damaged_ones(scene: Scene, tmp_path: Path):
     meta = json.loads(str(arrays["meta"]))
     del meta["ledger"]
     unknown = json.dumps(json.loads(str(arrays["meta"])) | {"phase": -1})
-    spoiled, spoiled_too = (
+    spoiled = (
         json.dumps(json.loads(str(arrays["meta"])) | each)
-        for each in ({"surround": {"lights": "x"}}, {"between": {"strength": 1.0}})
+        for each in (
+            {"surround": {"lights": "x"}},
+            {"between": {"strength": 1.0}},
+            {"between": {"strength": 1.0, "deviation": 0.0}},
+        )
     )
     for text in (
         json.dumps(meta),
         unknown,
-        spoiled,
-        spoiled_too,
+        *spoiled,
         "{",
         "[]",
         '{"schema": 2, "trace": ' + "[" * 5000,
