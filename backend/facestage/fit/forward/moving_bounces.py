@@ -248,7 +248,7 @@ class Views:
             ray = each[patch] / RAYS
             turned = np.stack(
                 [np.bincount(point, ray * axis, count) for axis in self.by_normal.T], axis=1
-            )
+            ).astype(float)  # whole numbers where no ray met skin
             values = (ray[:, None] * by_place).astype(np.float32).ravel()
             moving = sp.csr_matrix((values, (rows, columns)), shape)
             result.append(self.turning.changes(turned) + moving)
