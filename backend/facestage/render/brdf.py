@@ -35,11 +35,13 @@ def specular_lobe(
     """Cook-Torrance times (n.l): GGX, height-correlated Smith (Heitz 2014, eq. 99), Schlick.
 
     ``nh2_complement`` is 1 - (n.h)^2 computed as |n x h|^2: in float32 the difference itself
-    loses every digit of a sharp highlight.
+    loses every digit of a sharp highlight. No facet faces below the surface (Walter et al. 2007,
+    eq. 33): half vectors get there where an interpolated normal faces away from the viewer, and
+    |n x h|^2 has a second peak opposite the normal.
     """
     a2 = dr.square(dr.square(roughness))
     denominator = dr.maximum(a2 * nh * nh + nh2_complement, 1e-12)
-    d = a2 / (dr.pi * dr.square(denominator))
+    d = dr.select(nh > 0, a2 / (dr.pi * dr.square(denominator)), 0)
     root_v = dr.sqrt(nv * nv * (1 - a2) + a2)
     root_l = dr.sqrt(nl * nl * (1 - a2) + a2)
     v = 0.5 / (nl * root_v + nv * root_l)

@@ -149,3 +149,30 @@ def test_the_renderers_lobe_is_reciprocal(renderer: str):
     forth = fast_lobe(normal[keep], light[keep], view[keep], 0.4) / nl[keep]
     back = fast_lobe(normal[keep], view[keep], light[keep], 0.4) / nv[keep]
     np.testing.assert_allclose(forth, back, rtol=2e-4)
+
+
+@pytest.mark.parametrize("roughness", ROUGHNESSES)
+def test_a_normal_that_faces_away_shows_no_highlight_from_behind(renderer: str, roughness: float):
+    """Interpolated normals do at a silhouette: the half vector may then lie below the surface, even
+    opposite the normal, where no facet faces.
+    """
+    import mitsuba as mi
+
+    from facestage.render.brdf import HalfVector, lobe_about, view_cosine
+
+    view = np.array([np.sqrt(1 - 0.03**2), 0, -0.03])
+    # The mirrored gaze as by a surface that faces the other way, and directions all around it.
+    about = np.random.default_rng(5).normal(size=(4000, 3)) * [0.05, 0.02, 0.01]
+    light = normalize(np.array([-view[0], 0, 0.029]) + about)
+    light = light[light[:, 2] > 0]
+    normal, towards, to_light = (
+        mi.Vector3f(*np.broadcast_to(each, light.shape).T.astype(np.float32))
+        for each in (NORMAL, view, light)
+    )
+    nv = view_cosine(normal, towards)
+    half = HalfVector.between(to_light, towards)
+    lobe = lobe_about(half, normal, towards, to_light.z, nv, mi.Float(roughness))
+    behind = (light + view)[:, 2] < 0
+    assert behind.mean() > 0.2
+    for name, values in vars(lobe).items():
+        assert (np.array(values)[behind] == 0).all(), name
