@@ -21,11 +21,13 @@ import scipy.sparse as sp
 from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.face_model import SKIN
 from facestage.contract.scattering import BULGE_M, SLANT
+from facestage.fit.energy.received_light import ReceivedLight
 from facestage.fit.energy.shadow_edges import ShadowEdges
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SURFACE
+from facestage.fit.forward.bounces import between_corners
 from facestage.fit.forward.lamp_derivatives import AXES, PositionDerivatives
 from facestage.fit.forward.moving_bounces import MovingBounces
 from facestage.fit.forward.reflectance import by_c_spec, uniform_lobe
@@ -78,20 +80,23 @@ class Jacobian:
         ``edges``: shadows move with the shape; ``bounces``: light from skin to skin does, and
         changes with the albedo.
         """
-        self.positions, self.edges, self.bounces = positions, edges, bounces
+        self.positions, self.edges = positions, edges
         self.forward, self.state, self.image, self.layout = forward, state, image, layout
         self.active = {name: bool(active[where].any()) for name, where in layout.slices.items()}
         self.geometry = forward.geometry
         chosen = active.copy()
         shape = layout.shape
         self._deforms = bool(active[shape].any())
+        of_albedo = active[layout.slices["albedo"]]
+        self._albedo_modes = self.geometry.albedo_columns[:, :, of_albedo]
+        self._received = None
+        if bounces is not None:
+            self._received = ReceivedLight(bounces, image, self._albedo_modes)
         self._bulges = None if image.excess is None else forward.bulges(image.surface)
         if self._deforms:
             self._prepare_shape(chosen, shape, all_columns)
         if self._moves:
             self._logs = forward.log_albedo(state)
-        if self.active["albedo"]:
-            self._albedo_modes = self.geometry.albedo_columns[:, :, active[layout.slices["albedo"]]]
         for name in ("lights", "specular"):
             chosen[layout.slices[name]] = False
         if positions is None:
@@ -144,8 +149,8 @@ class Jacobian:
             shown = np.repeat(seen[turning], 3)
             # (seen vertices, modes)
             parts = [moved[shown], turned[shown], self._bent(seen, turning, moved, turned)]
-        if self.bounces is not None:
-            received = self.bounces.by_shape(basis, np.flatnonzero(seen))
+        if self._received is not None:
+            received = self._received.bounces.by_shape(basis, np.flatnonzero(seen))
             if basis.shape[1] > len(modes):
                 received = received[..., modes]
             # (3 channels of the seen vertices, modes)
@@ -169,10 +174,10 @@ class Jacobian:
         and their unnormalised normals ``turned``.
         """
         surface, geometry = self.image.surface, self.geometry
-        normals = geometry.vertex_normals(surface.model_vertices)[0]
         near = np.repeat(geometry.bends.around(seen)[turning], 3)
+        normals, lengths = surface.model_normals, surface.normal_scale
         return geometry.bends.change(
-            surface.model_vertices, normals, surface.normal_scale, seen, moved[near], turned[near]
+            surface.model_vertices, normals, lengths, seen, moved[near], turned[near]
         )
 
     def blocks(self, size: int = BLOCK_PIXELS) -> Iterator[JacobianBlock]:
@@ -268,9 +273,8 @@ class Jacobian:
             if self._bulges is not None:
                 bend = self._bulges[surface.corners[part]]
                 change += self._by_bulge(part) * (bend[:, edge] - bend[:, 0])[:, None]
-            if self.bounces is not None:
-                received = self._received[surface.corners[part]]
-                change += self._by_received(part) * (received[:, edge] - received[:, 0])
+            if self._received is not None:
+                change += self._received.along_edge(part, edge)
             by_edge.append(change)
         rates = np.stack([*by_edge, by_depth], axis=-1)  # (B, channel, 3)
         return by_normal, -np.einsum("pci,pix->pcx", rates, inverse)
@@ -286,48 +290,6 @@ class Jacobian:
         """By mean curvature."""
         return np.array(BULGE_M) * self._by_excess(part)
 
-    @cached_property
-    def _received(self) -> Float[np.ndarray, "vertices 3"]:
-        """From other skin."""
-        assert self.bounces is not None
-        return self.bounces.at_vertices(self.bounces.received)
-
-    @cached_property
-    def _received_by_pose(self) -> Float32[np.ndarray, "3 shown 6"]:
-        assert self.bounces is not None
-        return self.bounces.by_pose(self._shown)
-
-    @cached_property
-    def _received_by_albedo(self) -> Float32[np.ndarray, "3 shown albedos"]:
-        assert self.bounces is not None
-        return self.bounces.by_albedo(self._albedo_modes, self._shown)
-
-    @cached_property
-    def _shown(self) -> Int[np.ndarray, " shown"]:
-        """The vertices that pixels lie between."""
-        return np.unique(self.image.surface.corners)
-
-    def _as_received(
-        self, part: slice, changes: Float32[np.ndarray, "3 shown changes"]
-    ) -> Float[np.ndarray, "3 pixels changes"]:
-        """What these changes of the light from other skin make of the color."""
-        pick = self._pick(part)[:, self._shown]
-        received = np.stack([pick @ change for change in changes])
-        return self._by_received(part).T[..., None] * received
-
-    def _pick(self, part: slice) -> sp.csr_matrix:
-        """(B, vertices): what pixels take of the vertices."""
-        surface, count = self.image.surface, part.stop - part.start
-        weights = surface.weights[part].astype(np.float32).ravel()
-        pointer = np.arange(0, 3 * count + 1, 3)
-        shape = (count, len(self.geometry.mean))
-        return sp.csr_matrix((weights, surface.corners[part].ravel(), pointer), shape=shape)
-
-    def _by_received(self, part: slice) -> Float[np.ndarray, "pixels 3"]:
-        """By light from other skin."""
-        one = np.ones((len(self.image.color[part]), CHANNELS))
-        return self.image.skin.part(part).radiance(one, uniform_lobe(one))
-
     def _pose(
         self,
         part: slice,
@@ -341,8 +303,8 @@ class Jacobian:
         rotation = np.cross(np.broadcast_to(arm, slide.shape), slide)
         rotation += np.cross(np.broadcast_to(normal, by_normal.shape), by_normal)
         result = np.concatenate([rotation, slide], axis=2).transpose(1, 0, 2)
-        if self.bounces is not None:
-            result = result + self._as_received(part, self._received_by_pose)
+        if self._received is not None:
+            result = result + self._received.by_pose(part)
         return (
             result if self.edges is None else result + self.edges.pose(part, self.state.translation)
         )
@@ -393,8 +355,8 @@ class Jacobian:
             coefficients = np.concatenate([coefficients, by_bulge.astype(np.float32)], axis=2)
             column = np.concatenate([column, self._local[corners] + 6 * self._seen_count], axis=1)
         column = np.broadcast_to(column.astype(np.int32), coefficients.shape)
-        if self.bounces is not None:  # of each corner
-            by_received = self._by_received(part).T[..., None] * weights
+        if self._received is not None:  # of each corner
+            by_received = self._received.color(part).T[..., None] * weights
             coefficients = np.concatenate([coefficients, by_received.astype(np.float32)], axis=2)
             first = len(self._shape_basis) - self._seen_count * np.arange(CHANNELS, 0, -1)
             places = self._local[corners] + first[:, None, None]
@@ -465,13 +427,14 @@ class Jacobian:
 
     def _albedo(self, part: slice) -> Float[np.ndarray, "3 pixels albedos"]:
         """By albedo: d color = diffuse part * d log albedo."""
-        image, modes, pick = self.image, self._albedo_modes, self._pick(part)
+        image, modes, surface = self.image, self._albedo_modes, self.image.surface
+        pick = between_corners(surface.corners[part], surface.weights[part], modes.shape[1])
         color = image.skin.part(part).by_log_albedo(image.diffuse[part]).astype(np.float32)
         result = np.stack(
             [(pick @ modes[channel]) * color[:, channel, None] for channel in range(CHANNELS)]
         )
-        if self.bounces is not None:
-            result = result + self._as_received(part, self._received_by_albedo)
+        if self._received is not None:
+            result = result + self._received.by_albedo(part)
         return result
 
     def _interreflection(self, part: slice) -> Float[np.ndarray, "3 pixels 1"]:
@@ -505,6 +468,8 @@ class Jacobian:
 
     @cached_property
     def _unevenness(self) -> Float[np.ndarray, "pixels 3"]:
+        if self.image.excess is not None:
+            return self.image.excess / self.state.translucency
         return self.forward.unevenness(self.image.surface)
 
     def _texels(self, part: slice) -> sp.csr_matrix:

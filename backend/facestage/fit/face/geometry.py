@@ -136,12 +136,6 @@ class FaceGeometry:
         length = np.linalg.norm(total, axis=1)
         return total / np.maximum(length, 1e-20)[:, None], length
 
-    def curvature(
-        self, vertices: Float[np.ndarray, "vertices 3"]
-    ) -> Float[np.ndarray, " vertices"]:
-        """Mean curvature, 1 / m, convex positive."""
-        return self.bends.at(vertices, self.vertex_normals(vertices)[0])
-
     @cached_property
     def bends(self) -> MovingCurvature:
         """The mean curvature of the rendered mesh in any shape."""

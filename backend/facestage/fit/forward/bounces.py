@@ -60,6 +60,7 @@ class Bounces:
         """
         self.geometry, self.resting = geometry, resting
         self._factors_at_rest: sp.csr_matrix | None = None
+        self._last_seen: tuple[np.ndarray, SkinHits] | None = None
 
     @cached_property
     def points(self) -> Int[np.ndarray, " points"]:
@@ -88,6 +89,13 @@ class Bounces:
         part[self.geometry.triangles] = self.geometry.triangle_part[:, None]
         normals = self.geometry.vertex_normals(mean)[0]
         return np.concatenate([mean, NORMAL_REACH / 2 * normals, PART_REACH * part[:, None]], 1)
+
+    @cached_property
+    def _around(self) -> Int[np.ndarray, " triangles"]:
+        """The triangles that the points' normals hang on."""
+        at = np.zeros(len(self.geometry.mean), bool)
+        at[self.points] = True
+        return np.flatnonzero(at[self.geometry.triangles].any(axis=1))
 
     @cached_property
     def _patch_of_point(self) -> Int[np.ndarray, " points"]:
@@ -145,7 +153,7 @@ class Bounces:
         if self.resting:
             factors = self._at_rest(tracer, vertices)
         else:
-            factors = self.form_factors(self.hits(tracer, lit.points, lit.normals))
+            factors = self.form_factors(self.seen(tracer, vertices, lit))
         between = self.members @ factors
         share = self.share(log_albedo, c_spec)
         result = np.empty((CHANNELS, *direct.shape), np.float32)
@@ -161,7 +169,7 @@ class Bounces:
         numbers: Int[np.ndarray, " lights"],
     ) -> LitPoints:
         """The points as the tracer takes them."""
-        normals = self.geometry.vertex_normals(vertices)[0][self.points]
+        normals = self.geometry.vertex_normals(vertices, self._around)[0][self.points]
         places = vertices[self.points]
         return LitPoints(places, normals, normals, normals, stage, 0.5, self.points, numbers)
 
@@ -178,12 +186,22 @@ class Bounces:
         """The form factors of the mean shape; ``tracer`` holds the mesh at ``vertices``."""
         if self._factors_at_rest is None:
             mean = self.geometry.mean
-            normals = self.geometry.vertex_normals(mean)[0][self.points]
+            normals = self.geometry.vertex_normals(mean, self._around)[0][self.points]
             tracer.update(mean)
             hits = self.hits(tracer, mean[self.points], normals)
             self._factors_at_rest = self.form_factors(hits)
             tracer.update(vertices)
         return self._factors_at_rest
+
+    def seen(
+        self, tracer: RayTracer, vertices: Float[np.ndarray, "vertices 3"], lit: LitPoints
+    ) -> SkinHits:
+        """What the points see of the mesh at ``vertices``, which ``tracer`` holds; of the mesh that
+        was asked for last it is known.
+        """
+        if self._last_seen is None or not np.array_equal(self._last_seen[0], vertices):
+            self._last_seen = vertices, self.hits(tracer, lit.points, lit.normals)
+        return self._last_seen[1]
 
     def hits(
         self,
@@ -218,16 +236,23 @@ class Bounces:
         weights: Float[np.ndarray, "pixels 3"],
     ) -> Float32[np.ndarray, "3 pixels lights"]:
         """What pixels that see these ``corners``, mixed by ``weights``, receive."""
-        count = len(corners)
-        pick = sp.csr_matrix(
-            (weights.astype(np.float32).ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)),
-            shape=(count, self.spread.shape[0]),
-        )
+        pick = between_corners(corners, weights, self.spread.shape[0])
         channels, points, lights = received.shape
         flat = received.transpose(1, 0, 2).reshape(points, channels * lights)
         # From the right: sparse times dense, twice.
-        result = (pick @ (self.spread @ flat)).reshape(count, channels, lights)
+        result = (pick @ (self.spread @ flat)).reshape(-1, channels, lights)
         return np.ascontiguousarray(result.transpose(1, 0, 2))
+
+
+def between_corners(
+    corners: Int[np.ndarray, "pixels 3"], weights: Float[np.ndarray, "pixels 3"], vertices: int
+) -> sp.csr_matrix:
+    """(pixels, vertices): what pixels that see these ``corners``, mixed by ``weights``, take of
+    them.
+    """
+    pointer = np.arange(0, corners.size + 1, 3)
+    entries = (weights.astype(np.float32).ravel(), corners.ravel(), pointer)
+    return sp.csr_matrix(entries, shape=(len(corners), vertices))
 
 
 def sent_on(

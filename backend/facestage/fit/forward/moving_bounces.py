@@ -9,6 +9,7 @@ share changes as (n.d)(m.d) / d^4 dA does (d: from end to end; n, m: the normals
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,6 +30,35 @@ COSINE_MIN, LENGTH_MIN = 0.2, 4e-3  # , m
 
 
 @dataclass(frozen=True)
+class DirectChange:
+    """How direct light on the points changes, in each channel under all lights together."""
+
+    by_normal: Float32[np.ndarray, "3 points 3"]  # model frame
+    by_place: Float32[np.ndarray, "3 points 3"]
+    by_pose: Float32[np.ndarray, "3 points 6"]  # rotation about the tracer's origin, translation
+
+    @classmethod
+    def of(cls, terms: LightTerms, lit: LitPoints, rotation: Float[np.ndarray, "3 3"]) -> Self:
+        """``rotation`` from the model's frame to that of ``lit``."""
+        # Along the points' normals, where the tracer's viewer is.
+        place = -terms.diffuse_by_depth[..., None] * lit.normals[:, None]
+        turn = np.cross(lit.normals[:, None], terms.diffuse_by_normal)
+        turn += np.cross(lit.points[:, None], place)
+        changes = (
+            terms.diffuse_by_normal @ rotation,
+            place @ rotation,
+            np.concatenate([turn, place], axis=2),
+        )
+        return cls(*(each.transpose(1, 0, 2).astype(np.float32) for each in changes))
+
+    def along(self, motion: Motion) -> Float32[np.ndarray, "3 points modes"]:
+        """By the modes of a motion."""
+        change = np.einsum("cpx,pxm->cpm", self.by_normal, motion.normals, optimize=True)
+        change += np.einsum("cpx,pxm->cpm", self.by_place, motion.places, optimize=True)
+        return change
+
+
+@dataclass(frozen=True)
 class MovingBounces:
     """What the points receive from other skin, under all lights together at the state's strength,
     and how it changes.
@@ -38,10 +68,10 @@ class MovingBounces:
     strength: float
     received: Float32[np.ndarray, "3 points"]
     onward: Float32[np.ndarray, "3 points patches"]  # received, by what falls on the patches
-    # For each channel by the places of the vertices, in the model's frame (points, 3 vertices):
-    seen: tuple[sp.csr_matrix, ...]  # received, as form factors change
-    lit: tuple[sp.csr_matrix, ...]  # direct light
-    turned: Float32[np.ndarray, "3 points 6"]  # direct light by rotation, then translation
+    views: Views
+    # (points, hits) for each channel: what the points receive along the rays that met skin.
+    rays: tuple[sp.csr_matrix, ...]
+    direct: DirectChange
     # What would have to fall on the patches to change what they send as their log albedo does.
     by_log_albedo: Float[np.ndarray, "3 patches"]
 
@@ -53,41 +83,46 @@ class MovingBounces:
         self, basis: Float32[np.ndarray, "coordinates modes"], some: Int[np.ndarray, " _"]
     ) -> Float32[np.ndarray, "3 _ modes"]:
         """What ``some`` vertices receive, by the weights of the modes of ``basis``."""
-        changes = []
-        for by_view, by_light, onward in zip(self.seen, self.lit, self.onward, strict=True):
-            seen = by_view @ basis
-            changes.append(seen + onward @ (self.bounces.members @ (seen + by_light @ basis)))
-        return self._spread(some, changes)
+        motion = self.views.turning.motion(basis)
+        shares = self.views.changes(basis, motion)
+        seen = np.stack([ray @ shares for ray in self.rays])
+        return self._spread(some, seen + self.direct.along(motion), seen)
 
     def by_pose(self, some: Int[np.ndarray, " _"]) -> Float32[np.ndarray, "3 _ 6"]:
         """What ``some`` vertices receive, by rotation about the model's origin and translation."""
-        members = self.bounces.members
-        return self._spread(
-            some,
-            [
-                onward @ (members @ turned)
-                for onward, turned in zip(self.onward, self.turned, strict=True)
-            ],
-        )
+        return self._spread(some, self.direct.by_pose)
 
     def by_albedo(
         self, modes: Float32[np.ndarray, "3 vertices albedos"], some: Int[np.ndarray, " _"]
     ) -> Float32[np.ndarray, "3 _ albedos"]:
         """What ``some`` vertices receive, by the weights of modes of the log albedo."""
-        members, points = self.bounces.members, self.bounces.points
-        return self._spread(
-            some,
-            [
-                onward @ (by_log[:, None] * (members @ mode[points]))
-                for onward, by_log, mode in zip(self.onward, self.by_log_albedo, modes, strict=True)
-            ],
-        )
+        by_point = modes[:, self.bounces.points]
+        return self._spread(some, by_point, by_log_albedo=self.by_log_albedo)
 
     def _spread(
-        self, some: Int[np.ndarray, " _"], points: list[Float[np.ndarray, "points changes"]]
+        self,
+        some: Int[np.ndarray, " _"],
+        fallen: Float32[np.ndarray, "3 points changes"],
+        seen: Float32[np.ndarray, "3 points changes"] | None = None,
+        by_log_albedo: Float[np.ndarray, "3 patches"] | None = None,
     ) -> Float32[np.ndarray, "3 _ changes"]:
+        """What reaches ``some`` vertices of what has ``fallen`` on the points and is sent on, and
+        of what they have ``seen`` besides.
+        """
         spread = np.float32(self.strength) * self.bounces.spread[some]
-        return np.stack([spread @ each.astype(np.float32) for each in points])
+        taken = np.unique(spread.indices)
+        spread = spread[:, taken]
+        members = self.bounces.members.astype(np.float32)
+        result = []
+        for channel, onward in enumerate(self.onward):
+            patches = members @ fallen[channel]
+            if by_log_albedo is not None:
+                patches *= by_log_albedo[channel, :, None].astype(np.float32)
+            points = onward[taken] @ patches
+            if seen is not None:
+                points += seen[channel, taken]
+            result.append(spread @ points)
+        return np.stack(result)
 
 
 def moving_bounces(
@@ -111,7 +146,7 @@ def moving_bounces(
         radiance=image.radiance,
         traced=image.terms.indirect.any(axis=(0, 1)),
     )
-    hits = bounces.hits(forward.tracer, lit.points, lit.normals)
+    hits = bounces.seen(forward.tracer, vertices, lit)
     factors = bounces.form_factors(hits)
     between, members = bounces.members @ factors, bounces.members
     logs = forward.log_albedo(state)
@@ -122,84 +157,66 @@ def moving_bounces(
     sent = np.stack(
         [sent_on(between, each, light)[:, 0] for each, light in zip(share, fallen, strict=True)]
     )
-    turning = Turning(forward.geometry, surface.model_vertices, bounces.points)
-    by_view = Views.of(turning, hits).changes(sent, bounces.patch_of_triangle[hits.triangle])
+    turning = Turning(
+        forward.geometry,
+        surface.model_vertices,
+        bounces.points,
+        surface.model_normals,
+        surface.normal_scale,
+    )
+    patch = bounces.patch_of_triangle[hits.triangle]
+    met = (hits.point, np.arange(len(patch)))
+    shape = (len(bounces.points), len(patch))
     albedo = albedo_of(members @ logs[bounces.points]).T
     return MovingBounces(
         bounces,
         state.interreflection,
         np.stack([factors @ each for each in sent]).astype(np.float32),
         onward.astype(np.float32),
-        by_view,
-        _by_light(turning, terms, lit, state),
-        _by_pose(terms, lit),
+        Views.of(turning, hits),
+        tuple(
+            sp.csr_matrix(((each[patch] / RAYS).astype(np.float32), met), shape) for each in sent
+        ),
+        DirectChange.of(terms, lit, state.rotation),
         by_log(brdf.matte(np.pi, np.ones_like(albedo)), albedo) * sent / share**2,
     )
 
 
-def _toward_tracer(terms: LightTerms, lit: LitPoints) -> Float[np.ndarray, "points 3 3"]:
-    """Direct light by the points' places, along their normals: there the tracer's viewer is."""
-    return -terms.diffuse_by_depth[..., None] * lit.normals[:, None]
+@dataclass(frozen=True)
+class Motion:
+    """How the points move by the weights of modes, and how their unit normals turn."""
 
-
-def _by_light(
-    turning: Turning, terms: LightTerms, lit: LitPoints, state: State
-) -> tuple[sp.csr_matrix, ...]:
-    """(points, 3 vertices) for each channel, direct light by the places of the vertices."""
-    by_normal = (terms.diffuse_by_normal @ state.rotation).transpose(1, 0, 2)
-    by_place = (_toward_tracer(terms, lit) @ state.rotation).transpose(1, 0, 2)
-    return tuple(turning.changes(*each) for each in zip(by_normal, by_place, strict=True))
-
-
-def _by_pose(terms: LightTerms, lit: LitPoints) -> Float32[np.ndarray, "3 points 6"]:
-    """Direct light by rotation about the tracer's origin, then translation."""
-    shift = _toward_tracer(terms, lit)
-    turn = np.cross(lit.normals[:, None], terms.diffuse_by_normal)
-    turn += np.cross(lit.points[:, None], shift)
-    return np.concatenate([turn, shift], axis=2).transpose(1, 0, 2).astype(np.float32)
+    places: Float32[np.ndarray, "points 3 modes"]
+    normals: Float32[np.ndarray, "points 3 modes"]
 
 
 class Turning:
-    """How values at points change that hang on the points' unit normals and places."""
+    """Some vertices of a mesh, and how their normals turn as it changes its shape."""
 
     def __init__(
         self,
         geometry: FaceGeometry,
         vertices: Float[np.ndarray, "vertices 3"],
         points: Int[np.ndarray, " points"],
+        normals: Float[np.ndarray, "vertices 3"],
+        lengths: Float[np.ndarray, " vertices"],
     ) -> None:
-        """``points`` are some of the ``vertices``."""
+        """``points`` are some of the vertices; ``normals`` are unit, ``lengths`` those before."""
         self.geometry, self.vertices, self.points = geometry, vertices, points
-        wanted = np.zeros(len(vertices), bool)
+        wanted = np.zeros(len(self.vertices), bool)
         wanted[points] = True
-        self._operator = geometry.normal_operator(vertices, wanted)
+        self._operator = geometry.normal_operator(self.vertices, wanted)
         self._row = (np.cumsum(wanted) - 1)[points]
-        normals, lengths = geometry.vertex_normals(vertices)
         self.normals, self._lengths = normals[points], lengths[points]
 
-    def changes(
-        self,
-        by_normal: Float[np.ndarray, "points 3"],
-        by_place: Float[np.ndarray, "points 3"] | None = None,
-    ) -> sp.csr_matrix:
-        """(points, 3 vertices) by the places of the vertices."""
-        along = np.einsum("px,px->p", by_normal, self.normals)
-        turned = by_normal - along[:, None] * self.normals
-        turned /= np.maximum(self._lengths, 1e-20)[:, None]
-        result = self._at(turned, self._row, self._operator.shape[0]) @ self._operator
-        if by_place is not None:
-            result = result + self._at(by_place, self.points, 3 * len(self.vertices))
-        return result
-
-    @staticmethod
-    def _at(
-        values: Float[np.ndarray, "points 3"], place: Int[np.ndarray, " points"], width: int
-    ) -> sp.csr_matrix:
-        columns = 3 * place[:, None] + np.arange(3)
-        pointer = np.arange(0, values.size + 1, 3)
-        return sp.csr_matrix(
-            (values.astype(np.float32).ravel(), columns.ravel(), pointer), (len(values), width)
-        )
+    def motion(self, basis: Float32[np.ndarray, "coordinates modes"]) -> Motion:
+        """By the modes of ``basis``, of all vertices."""
+        modes = basis.shape[1]
+        turned = (self._operator @ basis).reshape(-1, 3, modes)[self._row]
+        unit = self.normals.astype(np.float32)
+        turned -= unit[..., None] * np.einsum("px,pxm->pm", unit, turned)[:, None]
+        turned /= np.maximum(self._lengths, 1e-20).astype(np.float32)[:, None, None]
+        return Motion(basis.reshape(-1, 3, modes)[self.points], turned)
 
 
 @dataclass(frozen=True)
@@ -231,25 +248,22 @@ class Views:
         return cls(turning, hits, way / here, np.concatenate([-by_way[:, None], by_corner], axis=1))
 
     def changes(
-        self, sent: Float[np.ndarray, "3 patches"], patch: Int[np.ndarray, " hits"]
-    ) -> tuple[sp.csr_matrix, ...]:
-        """(points, 3 vertices) for each channel: what the points receive of patches that send so
-        much, by the places of the vertices; each ray meets a ``patch``.
-        """
-        point, count = self.hits.point, len(self.turning.points)
+        self, basis: Float32[np.ndarray, "coordinates modes"], motion: Motion
+    ) -> Float32[np.ndarray, "hits modes"]:
+        """By the modes of ``basis``; ``motion`` is that of the points by them."""
         corners = self.turning.geometry.triangles[self.hits.triangle]
-        moved = np.concatenate([self.turning.points[point, None], corners], axis=1)
-        columns = (3 * moved[..., None] + np.arange(3)).astype(np.int32).ravel()
-        rows = np.repeat(point, 12)
-        by_place = self.by_place.reshape(-1, 12)
-        shape = (count, 3 * len(self.turning.vertices))
-        result = []
-        for each in sent:
-            ray = each[patch] / RAYS
-            turned = np.stack(
-                [np.bincount(point, ray * axis, count) for axis in self.by_normal.T], axis=1
-            ).astype(float)  # whole numbers where no ray met skin
-            values = (ray[:, None] * by_place).astype(np.float32).ravel()
-            moving = sp.csr_matrix((values, (rows, columns)), shape)
-            result.append(self.turning.changes(turned) + moving)
-        return tuple(result)
+        moved = np.concatenate([self.turning.points[self.hits.point, None], corners], axis=1)
+        change = _each(moved, self.by_place, len(basis)) @ basis
+        normals = motion.normals.reshape(-1, basis.shape[1])
+        change += _each(self.hits.point[:, None], self.by_normal[:, None], len(normals)) @ normals
+        return change
+
+
+def _each(
+    index: Int[np.ndarray, "rows entries"], by: Float[np.ndarray, "rows entries 3"], width: int
+) -> sp.csr_matrix:
+    """(rows, width) that takes of the vectors of ``index`` in each row what ``by`` says."""
+    columns = (3 * index[..., None] + np.arange(3)).astype(np.int32)
+    pointer = np.arange(0, columns.size + 1, 3 * index.shape[1])
+    values = by.astype(np.float32).ravel()
+    return sp.csr_matrix((values, columns.ravel(), pointer), (len(index), width))

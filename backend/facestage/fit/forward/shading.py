@@ -38,13 +38,14 @@ class Surface:
     corner_normals: Float[np.ndarray, "pixels 3 3"]  # unit vertex normals
     vertices: Float[np.ndarray, "vertices 3"]  # camera frame
     model_vertices: Float[np.ndarray, "vertices 3"]  # model frame
+    model_normals: Float[np.ndarray, "vertices 3"]  # unit, model frame
     normal_scale: Float[np.ndarray, " vertices"]  # lengths of the unnormalised vertex normals
 
     def part(self, where: Shaped[np.ndarray, " _"] | slice) -> Surface:
         """Some of the pixels (a mask, indices or a slice); what belongs to the whole mesh is
         kept.
         """
-        whole = {"vertices", "model_vertices", "normal_scale"}
+        whole = {"vertices", "model_vertices", "model_normals", "normal_scale"}
         return replace(
             self, **{name: value[where] for name, value in vars(self).items() if name not in whole}
         )
@@ -138,6 +139,7 @@ class ForwardModel:
             corner_normals=corner_normals,
             vertices=vertices,
             model_vertices=model_vertices,
+            model_normals=model_normals,
             normal_scale=normal_scale,
         )
 
@@ -289,7 +291,7 @@ class ForwardModel:
 
     def bulges(self, surface: Surface) -> Float[np.ndarray, " vertices"]:
         """Mean curvature of the whole mesh, 1 / m, convex positive."""
-        return self.geometry.curvature(surface.model_vertices)
+        return self.geometry.bends.at(surface.model_vertices, surface.model_normals)
 
     def scattering(
         self, surface: Surface, strength: float, among: Bool[np.ndarray, " pixels"] | None = None

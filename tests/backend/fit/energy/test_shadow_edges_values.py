@@ -95,6 +95,7 @@ def surface_at(points: np.ndarray, normals: np.ndarray) -> Surface:
         np.zeros((count, 3, 3)),
         np.zeros((3, 3)),
         np.zeros((3, 3)),
+        np.zeros((3, 3)),
         np.ones(3),
     )
 

@@ -66,7 +66,7 @@ def test_its_change_is_that_of_differences():
     found = bends.change(geometry.mean, normals, lengths, wanted, moves[near], turned[near])
     expected = np.stack(
         [
-            (geometry.curvature(a) - geometry.curvature(b))[wanted] / (2 * step)
+            (geometry.bends.of(a) - geometry.bends.of(b))[wanted] / (2 * step)
             for a, b in zip(plus, minus, strict=True)
         ],
         axis=1,

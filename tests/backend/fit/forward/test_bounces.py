@@ -107,6 +107,21 @@ def test_a_face_at_rest_says_once_which_skin_lights_which():
     assert np.abs(again - flat).mean() > 0.1 * flat.mean()
 
 
+def test_a_mesh_that_moved_is_looked_at_anew():
+    """What was seen of the last one is not."""
+    geometry = inside_of_a_sphere(24)
+    tracer = RayTracer(geometry.triangles, len(geometry.mean))
+    logs, lamp = np.full(geometry.mean.shape, -1.0), lamp_in_the_middle()
+    same, found = Bounces(geometry), []
+    for width in (1.0, 0.3, 0.3, 1.0):
+        vertices = geometry.mean * [1, 1, width]
+        tracer.update(vertices)
+        asked = (tracer, vertices, logs, lamp, np.arange(1), 0, 0)
+        found.append(same.irradiance(*asked))
+        np.testing.assert_array_equal(found[-1], Bounces(geometry).irradiance(*asked))
+    assert np.abs(found[0] - found[1]).mean() > 0.1 * found[0].mean()
+
+
 def test_a_face_without_it_is_as_it_was_and_lights_add_up(scene: Scene):
     pixels = np.stack(np.meshgrid(np.arange(96), np.arange(96)), -1).reshape(-1, 2) + 0.5
     forward, none = scene.forward, scene.state

@@ -53,7 +53,7 @@ def test_the_pixels_have_what_the_contract_says(scene: Scene):
     terms = forward.light_terms(state, surface, scene.stage, 4, 0)
     plain = forward.shade(replace(state, translucency=0.0), surface, terms)
     image = forward.shade(state, surface, terms)
-    bends = scene.geometry.curvature(surface.model_vertices)
+    bends = scene.geometry.bends.of(surface.model_vertices)
     for pixel in range(len(surface.pixels)):
         cosine = -surface.normals[pixel] @ surface.rays[pixel]
         bend = surface.weights[pixel] @ bends[surface.corners[pixel]]
