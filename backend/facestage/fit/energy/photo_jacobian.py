@@ -35,8 +35,6 @@ from facestage.fit.forward.scattering import Scattering
 from facestage.fit.forward.shading import ForwardModel, Image, bilinear_weights
 
 BLOCK_PIXELS = 8192
-# To gather columns of a basis takes as long as to multiply them: below this share of all it pays.
-FEW_MODES = 0.5
 
 
 @dataclass(frozen=True)
@@ -134,51 +132,38 @@ class Jacobian:
                 moving |= geometry.influence[self.edges.vertices].any(axis=0)
             chosen[shape] &= moving[: shape.stop - shape.start]
         modes = np.flatnonzero(chosen[shape])
-        self._local = np.cumsum(seen) - 1
-        self._seen_count = int(seen.sum())
-        turning = seen | geometry.bends.around(seen) if self._bulges is not None else seen
-        operator = geometry.normal_operator(surface.model_vertices, turning)
-        basis, rows = geometry.basis, np.repeat(turning, 3)
-        if len(modes) < FEW_MODES * basis.shape[1]:
-            basis = np.ascontiguousarray(basis[:, modes])
-        moved, turned = basis[rows], operator @ basis
-        if basis.shape[1] > len(modes):
-            moved, turned = moved[:, modes], turned[:, modes]
-        parts = [moved, turned]
-        if self._bulges is not None:
-            shown = np.repeat(seen[turning], 3)
-            # (seen vertices, modes)
-            parts = [moved[shown], turned[shown], self._bent(seen, turning, moved, turned)]
-        if self._received is not None:
-            received = self._received.bounces.by_shape(basis, np.flatnonzero(seen))
-            if basis.shape[1] > len(modes):
-                received = received[..., modes]
-            # (3 channels of the seen vertices, modes)
-            parts.append(received.reshape(-1, len(modes)))
-        self._shape_basis = np.concatenate(parts)  # (6 seen vertices and more, modes)
-        if self.edges is not None:
-            basis = geometry.basis.reshape(len(geometry.mean), 3, -1)[self.edges.vertices][
-                :, :, modes
+        basis = geometry.modes(modes)
+        turning = seen if self._bulges is None else geometry.bends.around(seen)
+        self._local, self._turning_count = np.cumsum(turning) - 1, int(turning.sum())
+        self._place, self._seen_count = np.cumsum(seen) - 1, int(seen.sum())
+        # Rows by x, y, z of the turning vertices, the same of their normals, and of the seen
+        # vertices their curvature and what they receive of other skin, in three channels.
+        ends = np.cumsum(
+            [
+                3 * self._turning_count,
+                3 * self._turning_count,
+                self._seen_count * (self._bulges is not None),
+                CHANNELS * self._seen_count * (self._received is not None),
             ]
-            # (3 vertices that cast shadows, modes)
-            self._edge_basis = basis.reshape(3 * len(basis), len(modes))
-
-    def _bent(
-        self,
-        seen: Bool[np.ndarray, " vertices"],
-        turning: Bool[np.ndarray, " vertices"],
-        moved: Float[np.ndarray, "coordinates modes"],
-        turned: Float[np.ndarray, "coordinates modes"],
-    ) -> Float[np.ndarray, "seen modes"]:
-        """How the curvature at the ``seen`` vertices changes as the ``turning`` ones are ``moved``
-        and their unnormalised normals ``turned``.
-        """
-        surface, geometry = self.image.surface, self.geometry
-        near = np.repeat(geometry.bends.around(seen)[turning], 3)
-        normals, lengths = surface.model_normals, surface.normal_scale
-        return geometry.bends.change(
-            surface.model_vertices, normals, lengths, seen, moved[near], turned[near]
         )
+        self._shape_basis = np.empty((ends[-1], len(modes)), np.float32)
+        moved, turned, bent, received = np.split(self._shape_basis, ends[:-1])
+        coordinates = 3 * np.flatnonzero(turning)[:, None] + np.arange(3)
+        np.take(basis, coordinates.ravel(), axis=0, out=moved, mode="clip")
+        turned[:] = geometry.normal_operator(surface.model_vertices, turning) @ basis
+        if self._bulges is not None:
+            normals, lengths = surface.model_normals, surface.normal_scale
+            bent[:] = geometry.bends.change(
+                surface.model_vertices, normals, lengths, seen, moved, turned
+            )
+        if self._received is not None:
+            by_shape = self._received.bounces.by_shape(basis, np.flatnonzero(seen))
+            received[:] = by_shape.reshape(-1, len(modes))
+        if self.edges is not None:
+            # (3 vertices that cast shadows, modes)
+            self._edge_basis = basis.reshape(len(geometry.mean), -1)[self.edges.vertices].reshape(
+                -1, len(modes)
+            )
 
     def blocks(self, size: int = BLOCK_PIXELS) -> Iterator[JacobianBlock]:
         """All pixels, ``size`` at a time."""
@@ -348,18 +333,19 @@ class Jacobian:
         turned /= np.maximum(surface.normal_scale[corners], 1e-20)[:, None, :, None]
         motion[:, :, 1] = turned.transpose(1, 0, 2, 3)
         column = 3 * self._local[corners][:, None, :, None] + np.arange(3)
-        column = column + 3 * self._seen_count * np.arange(2)[:, None, None]
+        column = column + 3 * self._turning_count * np.arange(2)[:, None, None]
         coefficients, column = motion.reshape(CHANNELS, count, 18), column.reshape(count, 18)
         if self._bulges is not None:  # of each corner
             by_bulge = self._by_bulge(part).T[..., None] * weights
             coefficients = np.concatenate([coefficients, by_bulge.astype(np.float32)], axis=2)
-            column = np.concatenate([column, self._local[corners] + 6 * self._seen_count], axis=1)
+            places = self._place[corners] + 6 * self._turning_count
+            column = np.concatenate([column, places], axis=1)
         column = np.broadcast_to(column.astype(np.int32), coefficients.shape)
         if self._received is not None:  # of each corner
             by_received = self._received.color(part).T[..., None] * weights
             coefficients = np.concatenate([coefficients, by_received.astype(np.float32)], axis=2)
             first = len(self._shape_basis) - self._seen_count * np.arange(CHANNELS, 0, -1)
-            places = self._local[corners] + first[:, None, None]
+            places = self._place[corners] + first[:, None, None]
             column = np.concatenate([column, places.astype(np.int32)], axis=2)
         width = column.shape[2]
         column = column.ravel()

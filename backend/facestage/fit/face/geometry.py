@@ -57,6 +57,7 @@ class FaceGeometry:
         shapes = [basis[:, used].reshape(len(basis), 3 * len(used)) for basis in bases]
         self.basis = np.ascontiguousarray(np.concatenate(shapes).T)
         self._shapes: dict[bytes, np.ndarray] = {}  # by their weights, the last one last
+        self._last_modes: tuple[np.ndarray, np.ndarray] | None = None
         self.log_albedo = np.log(model.albedo_mean[used])
         self.albedo_basis = np.ascontiguousarray(model.albedo_basis[:, used])
 
@@ -112,6 +113,14 @@ class FaceGeometry:
         """Metres by which the shape at ``state`` differs from the model's, every vertex of it."""
         weights = state.relief.astype(np.float32)
         return np.tensordot(weights, self.relief_basis[: len(weights)], 1)
+
+    def modes(self, some: Int[np.ndarray, " modes"]) -> Float32[np.ndarray, "coordinates modes"]:
+        """Columns of the basis; those that were asked for last are at hand."""
+        if len(some) == self.basis.shape[1]:
+            return self.basis
+        if self._last_modes is None or not np.array_equal(self._last_modes[0], some):
+            self._last_modes = some, np.ascontiguousarray(self.basis[:, some])
+        return self._last_modes[1]
 
     def face_normals(
         self, vertices: Float[np.ndarray, "vertices 3"], some: Int[np.ndarray, " _"] | slice = ALL
