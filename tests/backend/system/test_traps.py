@@ -4,6 +4,8 @@ nor settings.
 
 from __future__ import annotations
 
+import importlib
+import multiprocessing
 import os
 import shutil
 import subprocess
@@ -18,6 +20,8 @@ from facestage.system import child
 # What the backend, its libraries or the probes import, and what Python itself needs to start a
 # module.
 MODULES = (
+    "multiprocessing",
+    "pickle",
     "resource",
     "json",
     "runpy",
@@ -138,6 +142,39 @@ def test_a_child_believes_no_relative_python_path(
     )
     assert sprung(trapped) == ""
     assert done.stdout.startswith("['a', 'b c'] ") and str(trapped) not in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("python_path", [os.pathsep, ".", "../photos"])
+def test_what_is_spawned_runs_nothing_of_the_current_folder(
+    trapped: Path, monkeypatch: pytest.MonkeyPatch, python_path: str
+) -> None:
+    monkeypatch.setattr(sys, "path", ["", str(trapped), *sys.path])
+    monkeypatch.setenv("PYTHONPATH", python_path)
+    before = dict(os.environ), sys.path, sys.modules["__main__"]
+    spawn = multiprocessing.get_context("spawn")
+    for module, code in (("json", 0), ("only_in_a_dream", 1)):
+        process = spawn.Process(target=importlib.import_module, args=(module,))
+        with child.apart(SAID="1"):
+            process.start()
+        process.join()
+        assert process.exitcode == code
+    assert sprung(trapped) == ""
+    assert (dict(os.environ), sys.path, sys.modules["__main__"]) == before
+
+
+def test_a_script_that_spawns_is_not_run_twice(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os\n"
+        "from multiprocessing import get_context\n"
+        "from facestage.system.child import apart\n"
+        "print('once', flush=True)\n"
+        "process = get_context('spawn').Process(target=print, args=('child',))\n"
+        "with apart():\n"
+        "    process.start()\n"
+        "process.join()\n"
+    )
+    assert run([sys.executable, str(script)]).stdout == "once\nchild\n"
 
 
 def test_a_child_finds_what_python_path_names_by_its_whole_path(

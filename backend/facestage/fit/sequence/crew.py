@@ -8,22 +8,22 @@ whoever looks.
 from __future__ import annotations
 
 import os
-import pickle
 import queue
 import signal
-import subprocess
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
+from multiprocessing import current_process, get_context
+from multiprocessing.connection import Connection
 from typing import Self
 
 from facestage.fit.result.memory import machine_memory
 from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.render.threads import use_threads
 from facestage.render.variant import start_renderer
-from facestage.system.child import python_code
+from facestage.system.child import apart
 
 # A process takes as long to begin as for a dozen looks.
 LOOKS_EACH = 48
@@ -35,7 +35,7 @@ AHEAD = 2
 ENDS_IN, LISTENS_EVERY = 5.0, 0.2  # seconds
 # Threads of linear algebra would fight with those of the other processes.
 SURROUNDINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-_START = "from facestage.fit.sequence.crew import main; main()"
+SPAWN = get_context("spawn")
 
 
 def cores() -> int:
@@ -65,13 +65,12 @@ class Crew:
     def __init__(self, looker: Looker, count: int) -> None:
         """Raises OSError where no process can be started."""
         self._looker = looker
-        copy = pickle.dumps(looker, pickle.HIGHEST_PROTOCOL)
         self.members: list[Member] = []
         self._idle: queue.SimpleQueue[Member] = queue.SimpleQueue()
         self._threads = ThreadPoolExecutor(count)
         try:
             for _ in range(count):
-                self.members.append(Member(copy))
+                self.members.append(Member(looker))
                 self._idle.put(self.members[-1])
         except BaseException:
             self.end()
@@ -83,7 +82,8 @@ class Crew:
         be started.
         """
         count = crew_size(looks, cores(), machine_memory())
-        if count == 1:
+        # A worker of a pool may start no process.
+        if count == 1 or current_process().daemon:
             return None
         try:
             return cls(looker, count)
@@ -138,29 +138,27 @@ class Crew:
 class Member:
     """A process of the crew, as seen from here."""
 
-    def __init__(self, looker: bytes) -> None:
+    def __init__(self, looker: Looker) -> None:
         self.seconds = 0.0  # of processor time
-        self.process = subprocess.Popen(
-            python_code(_START),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**os.environ, **SURROUNDINGS},
-        )
-        self._looker: bytes | None = looker
+        self._line, end = SPAWN.Pipe()
+        self.process = SPAWN.Process(target=answer_all, args=(end,), daemon=True)
+        try:
+            with apart(**SURROUNDINGS):
+                self.process.start()
+        finally:
+            # Open here as well, it would never be heard that the process is gone.
+            end.close()
+        self._looker: Looker | None = looker
 
     def ask(self, question: Question) -> Answer:
         """Its answer. Raises what it raised, and EndedError where it is gone."""
-        tell, listen = self.process.stdin, self.process.stdout
-        assert tell is not None
-        assert listen is not None
         try:
             if self._looker is not None:
-                tell.write(self._looker)
+                self._line.send(self._looker)
                 self._looker = None
-            pickle.dump(question, tell, pickle.HIGHEST_PROTOCOL)
-            tell.flush()
-            answer, self.seconds = pickle.load(listen)  # noqa: S301 - from this program's own child
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
+            self._line.send(question)
+            answer, self.seconds = self._line.recv()
+        except (OSError, EOFError) as error:
             raise EndedError from error
         if isinstance(answer, BaseException):
             raise answer
@@ -169,31 +167,26 @@ class Member:
 
     def end(self) -> None:
         """Let it go, wherever it is."""
-        with suppress(OSError):
-            self.process.kill()
-        self.process.wait(ENDS_IN)
-        for pipe in (self.process.stdin, self.process.stdout):
-            assert pipe is not None
-            with suppress(OSError, ValueError):
-                pipe.close()
+        self.process.kill()
+        self.process.join(ENDS_IN)
+        self._line.close()
 
 
-def main() -> None:
-    """A member's part: answer what comes in, until nothing does."""
+def answer_all(line: Connection) -> None:
+    """A member's part: answer what comes in by the ``line``, until the process that asks is gone,
+    however it ended.
+    """
     # Ctrl+C goes to all processes of a terminal; the one that leads ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with os.fdopen(os.dup(1), "wb") as tell, os.fdopen(0, "rb", closefd=False) as listen:
-        # What a library prints is no part of an answer.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        start_renderer("cpu")
-        use_threads(1)
-        with suppress(EOFError, BrokenPipeError):
-            looker = pickle.load(listen)  # noqa: S301 - from the process that started this one
-            while True:
-                question = pickle.load(listen)  # noqa: S301
-                answer = _tried(looker, question), time.process_time()
-                pickle.dump(answer, tell, pickle.HIGHEST_PROTOCOL)
-                tell.flush()
+    # What a library prints is nothing that the program says.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    start_renderer("cpu")
+    use_threads(1)
+    with suppress(EOFError, OSError):
+        looker = line.recv()
+        while True:
+            answer = _tried(looker, line.recv())
+            line.send((answer, time.process_time()))
 
 
 def _tried(looker: Looker, question: Question) -> Answer | Exception:

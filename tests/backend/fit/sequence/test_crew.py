@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import time
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +20,7 @@ from facestage.fit.sequence.frames import Cut
 from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.images.image_io import Photograph
 from facestage.render.variant import start_renderer
+from facestage.system import child
 from reference.synthetic_scene import Scene, synthetic_scene
 
 Asked = tuple[Looker, list[Question]]
@@ -70,8 +77,8 @@ def test_processes_say_what_one_says_and_are_ended(asked: Asked):
         first, second = crew.members
         first.process.kill()
         assert_same(list(crew.answers(questions)), alone)
-        assert second.process.poll() is None
-    assert all(member.process.poll() is not None for member in crew.members)
+        assert second.process.is_alive()
+    assert not any(member.process.is_alive() for member in crew.members)
 
 
 @pytest.mark.slow
@@ -104,5 +111,52 @@ def test_where_no_process_can_be_started_this_one_looks(
         raise OSError("no more processes")
 
     monkeypatch.setattr(crew_module, "cores", lambda: 4)
-    monkeypatch.setattr("facestage.fit.sequence.crew.subprocess.Popen", refuse)
+    monkeypatch.setattr(crew_module.SPAWN, "Process", refuse)
     assert Crew.of(asked[0], 1000) is None
+
+
+def test_a_process_that_may_start_none_looks_by_itself(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(crew_module, "cores", lambda: 4)
+    monkeypatch.setattr(crew_module, "current_process", lambda: SimpleNamespace(daemon=True))
+    assert Crew.of(asked[0], 1000) is None
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="asks Linux which processes run")
+def test_processes_end_when_the_one_that_leads_is_killed():
+    code = (
+        # What a shell starts in the background has this ignored, and hands that on.
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from facestage.fit.sequence.crew import Member\n"
+        "members = [Member(0) for _ in range(2)]\n"
+        "for member in members:\n"
+        "    try:\n"
+        "        member.ask(None)\n"
+        "    except AttributeError:\n"
+        "        print(member.process.pid, flush=True)\n"
+        "import time; time.sleep(600)"
+    )
+    with subprocess.Popen(child.python_code(code), stdout=subprocess.PIPE, text=True) as leader:
+        assert leader.stdout is not None
+        members = [int(leader.stdout.readline()) for _ in range(2)]
+        assert all(running(member) for member in members)
+        # Ctrl+C is heard by all processes, and only the one that leads may heed it.
+        for member in members:
+            os.kill(member, signal.SIGINT)
+        time.sleep(1.0)
+        assert all(running(member) for member in members)
+        leader.kill()
+    late = time.monotonic() + 20
+    while any(running(member) for member in members) and time.monotonic() < late:
+        time.sleep(0.1)
+    assert not any(running(member) for member in members)
+
+
+def running(process: int) -> bool:
+    """Neither gone nor waiting for its parent to hear of its end."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text("ascii").split(") ")[1][0] != "Z"
+    except OSError:
+        return False
