@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,34 @@ def test_light_that_changes_comes_back(sequence: Sequence, tmp_path: Path):
     arrays = read_arrays(tmp_path / ARRAYS, "sequence's arrays")
     write_arrays(tmp_path / ARRAYS, arrays | {"light_radiance": light[:2]})
     with pytest.raises(InputError, match="light_radiance"):
+        Sequence.load(tmp_path)
+
+
+def test_haemoglobin_comes_back_whole_or_is_refused(sequence: Sequence, tmp_path: Path):
+    known: dict[str, Any] = {
+        "haemoglobin": np.array([[0.5, 0.0], [1.0, -1.0], [0.0, 2.0]]),
+        "haemoglobin_harmonics": np.arange(10.0).reshape(2, 5),
+        "haemoglobin_color": np.array([-0.04, -0.09, -0.06]),
+    }
+    sequence.write_into(tmp_path)
+    assert Sequence.load(tmp_path).haemoglobin is None and not Sequence.load(tmp_path).skin
+    replace(sequence, skin={"haemoglobin": 0.7}, **known).write_into(tmp_path)
+    loaded = Sequence.load(tmp_path)
+    assert loaded.skin == {"haemoglobin": 0.7}
+    for name, value in known.items():
+        np.testing.assert_array_equal(getattr(loaded, name), value)
+    arrays = read_arrays(tmp_path / ARRAYS, "sequence's arrays")
+    for damaged, words in (
+        ({"haemoglobin": known["haemoglobin"][:, :1]}, "haemoglobin"),
+        ({"haemoglobin": known["haemoglobin"][:2]}, "haemoglobin"),
+        ({"haemoglobin_color": np.zeros(2)}, "haemoglobin_color"),
+    ):
+        write_arrays(tmp_path / ARRAYS, arrays | damaged)
+        with pytest.raises(InputError, match=words):
+            Sequence.load(tmp_path)
+    del arrays["haemoglobin_color"]
+    write_arrays(tmp_path / ARRAYS, arrays)
+    with pytest.raises(InputError, match="haemoglobin_color"):
         Sequence.load(tmp_path)
 
 

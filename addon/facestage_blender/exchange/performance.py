@@ -17,16 +17,17 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_file, is_folder
 from facestage.contract.person import Person
 from facestage.contract.result import Result
-from facestage.contract.sequence import KEYFRAMES, Sequence
+from facestage.contract.sequence import HARMONICS_MAX, KEYFRAMES, Sequence
 
 from ..rig.expressions import expression_keys
 from ..rig.face_rig import key_name, require_rig, rig_axes
-from ..rig.keyframes import Thinning, curves_of, write_curve, write_keys
+from ..rig.keyframes import Thinning, curves_of, remove_curves, write_curve, write_keys
 from ..rig.own_record import OwnMesh
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera
 from ..scene.stage import facestage_collection, light_power, require_stage, stage_lights
+from ..skin.haemoglobin import give_haemoglobin, take_haemoglobin, weight_path
 from .write_back import apply_result
 
 PLACES = PLACE, TURN, SCALE = "location", "rotation_euler", "scale"
@@ -39,8 +40,8 @@ class Simplicity:
     """How far curves may be from the film where that saves keys.
 
     Sliders by ``weight``; the head's turn about each axis by 10 degrees, its place along each by
-    100 mm for a ``weight`` of 1; a light's power by that share of its most. Frames that are
-    ``pinned`` keep their keys.
+    100 mm for a ``weight`` of 1; a light's power by that share of its most, haemoglobin by that
+    share of a standard deviation. Frames that are ``pinned`` keep their keys.
     """
 
     weight: float = 0.0
@@ -87,6 +88,12 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence, simplify: floa
             f"The film's light is of {radiance.shape[1]} lights, its first keyframe's of "
             f"{len(result.stage)}; track the film again."
         )
+    harmonics = sequence.haemoglobin_harmonics
+    if harmonics is not None and harmonics.shape[1] != len(rig.data.vertices):
+        raise InputError(
+            f"The film's haemoglobin is of {harmonics.shape[1]} vertices, the rig has "
+            f"{len(rig.data.vertices)}; track the film again."
+        )
     apply_result(scene, result)
     _set_rate(scene, sequence.frame_rate)
     first = scene.frame_current
@@ -95,6 +102,7 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence, simplify: floa
     key_frames(scene, rig, sequence, times, simplicity=simplicity)
     if radiance is not None:
         _key_lights(scene, times, radiance, result.stage.side, simplicity)
+    _key_haemoglobin(rig, times, sequence, simplicity)
     _show_film(scene, sequence, first)
     last = int(np.ceil(times[-1] - 1e-3))
     scene.frame_start, scene.frame_end = min(scene.frame_start, first), max(scene.frame_end, last)
@@ -220,6 +228,26 @@ def _key_lights(
         write_curve(light.data, "energy", 0, times, energy, simplicity.thinning(brightest))
         for channel, column in enumerate(color.T):
             write_curve(light.data, "color", channel, times, column, simplicity.thinning())
+
+
+def _key_haemoglobin(
+    rig: bpy.types.Object,
+    times: Float[np.ndarray, " frames"],
+    sequence: Sequence,
+    simplicity: Simplicity,
+) -> None:
+    """Key how much more or less of it the skin has, if the film says so."""
+    weights, harmonics = sequence.haemoglobin, sequence.haemoglobin_harmonics
+    if weights is None or harmonics is None or sequence.haemoglobin_color is None:
+        paths = {weight_path(harmonic)[0] for harmonic in range(HARMONICS_MAX)}
+        for tree in take_haemoglobin(rig):
+            remove_curves(tree, paths)
+        return
+    for tree in give_haemoglobin(rig, harmonics, sequence.haemoglobin_color):
+        for harmonic, column in enumerate(weights.T):
+            path, axis = weight_path(harmonic)
+            tree.keyframe_insert(path, index=axis, frame=float(times[0]))  # makes the curve
+            write_curve(tree, path, axis, times, column, simplicity.thinning())
 
 
 def _show_film(scene: bpy.types.Scene, sequence: Sequence, first: int) -> None:

@@ -570,7 +570,7 @@ _EXPRESSION = {
     "No performance was imported; press Import Performance first.": "Es wurde keine Darbietung importiert; zuerst Darbietung importieren drücken.",
     "No key differs from the performance as it was imported; correct the sliders or the head in some frames, and key them.": "Kein Key weicht von der importierten Darbietung ab; korrigieren Sie Regler oder Kopf in einigen Frames, und setzen Sie dort Keys.",
     "Import Performance": "Darbietung importieren",
-    "Put the person of a film and the whole performance into the scene, from the present frame on: the folder that 'facestage track' wrote. Expressions and head become keyframes": "Die Person eines Films und die ganze Darbietung in die Szene setzen, ab dem jetzigen Frame: der Ordner, den 'facestage track' geschrieben hat. Mienen und Kopf werden Keyframes",
+    "Put the person of a film and the whole performance into the scene, from the present frame on: the folder that 'facestage track' wrote. Expressions, head and what changes of light and skin become keyframes": "Die Person eines Films und die ganze Darbietung in die Szene setzen, ab dem jetzigen Frame: der Ordner, den 'facestage track' geschrieben hat. Mienen, Kopf und was sich an Licht und Haut ändert werden Keyframes",
     "Brows": "Brauen",
     "Jaw": "Kiefer",
     "Mouth": "Mund",

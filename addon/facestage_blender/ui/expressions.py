@@ -150,7 +150,8 @@ class FACESTAGE_OT_import_performance(Action, bpy.types.Operator):
     bl_label = "Import Performance"
     bl_description = (
         "Put the person of a film and the whole performance into the scene, from the present frame "
-        "on: the folder that 'facestage track' wrote. Expressions and head become keyframes"
+        "on: the folder that 'facestage track' wrote. Expressions, head and what changes of light "
+        "and skin become keyframes"
     )
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})

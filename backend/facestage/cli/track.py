@@ -76,6 +76,12 @@ def add_command(commands: Any) -> None:
         help="follow landmarks alone once the keyframes are fitted: many times as fast, less exact",
     )
     track.add_argument(
+        "--dynamic-skin",
+        action="store_true",
+        help="also find how much more or less blood the skin shows in each frame: a blush, a pale "
+        "forehead; left out where it is not seen to change (0.3 s a frame)",
+    )
+    track.add_argument(
         "--freeze",
         nargs="+",
         action="extend",
@@ -164,6 +170,7 @@ def _track(options: argparse.Namespace, emit: Callable[[Event], None]) -> None:
         budget_seconds=seconds,
         quality=quality,
         landmarks_only=options.landmarks_only,
+        dynamic_skin=options.dynamic_skin,
         truth=options.truth,
         with_vertices=options.vertices,
         face=options.face,

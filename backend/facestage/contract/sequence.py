@@ -41,7 +41,10 @@ FRAMES_MAX = 200_000
 # The frame shows the face | it is doubtful, see its advice | no face was found: it follows others
 SEEN, UNSURE, LOST = "seen", "unsure", "lost"
 FRAME_STATUSES = (SEEN, UNSURE, LOST)
-_WRITTEN_APART = "deviations", "folder", "camera", "frames", "light_radiance", "corrected"
+HAEMOGLOBIN = ("haemoglobin", "haemoglobin_harmonics", "haemoglobin_color")
+HARMONICS_MAX = 48
+_OPTIONAL = ("light_radiance", *HAEMOGLOBIN)
+_WRITTEN_APART = ("deviations", "folder", "camera", "frames", "corrected", *_OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -88,17 +91,21 @@ class Sequence:
     # Linear RGB of the first keyframe's lights in every frame; None: no frame needs another light.
     light_radiance: Float[np.ndarray, "frames lights 3"] | None = None
     corrected: tuple[Correction, ...] = ()  # by hand: what refits keep as it is
+    # Haemoglobin in the skin beyond the texture's, where it comes and goes: in every frame, the
+    # weights of functions over the model's vertices, of unit RMS over the face, in standard
+    # deviations of a population; and what one of these adds to the log of linear RGB albedo.
+    haemoglobin: Float[np.ndarray, "frames harmonics"] | None = None
+    haemoglobin_harmonics: Float[np.ndarray, "harmonics vertices"] | None = None
+    haemoglobin_color: Float[np.ndarray, " 3"] | None = None
+    # How much was found of skin that changes, where it was asked for, and how much of it is noise.
+    skin: dict[str, float] = field(default_factory=dict)
 
     def write_into(self, folder: Path) -> None:
         """Write sequence.json and sequence.npz into an existing folder."""
         arrays = ["identity", "expression", "model_to_camera"]
-        if self.light_radiance is not None:
-            arrays.append("light_radiance")
-        data = {
-            name: value
-            for name, value in vars(self).items()
-            if name not in (*arrays, *_WRITTEN_APART)
-        }
+        arrays += [name for name in _OPTIONAL if getattr(self, name) is not None]
+        others = {*arrays, *_WRITTEN_APART}
+        data = {name: value for name, value in vars(self).items() if name not in others}
         data = {"schema": SCHEMA_VERSION} | data | {"camera": self.camera.to_json()}
         data["frames"] = [asdict(frame) for frame in self.frames]
         if self.corrected:
@@ -176,6 +183,7 @@ class SequenceSchema(FileSchema):
     corrected = Items(
         Part(CorrectionSchema, "a correction"), 0, CORRECTIONS_MAX, load_default=tuple
     )
+    skin = Figures(load_default=dict)
 
 
 class SequenceArrays(FileSchema):
@@ -185,9 +193,22 @@ class SequenceArrays(FileSchema):
     expression = Array(("frames", "expressions"), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX)
     model_to_camera = Array(("frames", 4, 4), minimum=-FAR, maximum=FAR)
     light_radiance = Array(("frames", "lights", 3), minimum=0, maximum=RADIANCE_MAX, required=False)
+    haemoglobin = Array(
+        ("frames", "harmonics"), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX, required=False
+    )
+    haemoglobin_harmonics = Array(
+        ("harmonics", "vertices"), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX, required=False
+    )
+    haemoglobin_color = Array((3,), minimum=-WEIGHT_MAX, maximum=WEIGHT_MAX, required=False)
     deviation = Table(Array(None, finite=False), load_default=dict)
 
-    dimensions: ClassVar = {}
+    dimensions: ClassVar = {"harmonics": (1, HARMONICS_MAX)}
+
+    @validates_schema
+    def _whole_haemoglobin(self, data: dict[str, Any], **_: Any) -> None:
+        lacking = [name for name in HAEMOGLOBIN if name not in data]
+        if lacking and len(lacking) < len(HAEMOGLOBIN):
+            raise ValidationError({lacking[0]: ["is missing, beside others of its kind"]})
 
     @validates_schema
     def _rigid(self, data: dict[str, Any], **_: Any) -> None:

@@ -9,13 +9,14 @@ from facestage.report.color import to_srgb8
 from facestage.report.person_page import write_person_report
 from facestage.report.preview import write_preview
 from facestage.report.report_data import ReportData
-from facestage.report.sequence_film import ShownFrame
+from facestage.report.sequence_film import ShownFrame, blood_picture
 from facestage.report.sequence_page import write_sequence_report
 from facestage.report.writer import write_report
 
 __all__ = [
     "ReportData",
     "ShownFrame",
+    "blood_picture",
     "to_srgb8",
     "write_person_report",
     "write_preview",

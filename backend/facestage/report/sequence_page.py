@@ -17,7 +17,7 @@ from facestage.contract.sequence import Sequence as Track
 from facestage.report.figure import DARK, LIGHT, Canvas
 from facestage.report.page import STATUS_WORDS, data_uri
 from facestage.report.page_style import CSS
-from facestage.report.sequence_film import ShownFrame, film_of, pace_of
+from facestage.report.sequence_film import BLOOD_FULL, ShownFrame, film_of, pace_of
 
 WIDTH, HEIGHT, LEFT, RIGHT, GAP = 1080.0, 170.0, 70.0, 150.0, 78.0
 CURVES = 10  # the expressions that move most
@@ -49,13 +49,13 @@ def write_sequence_report(folder: Path, track: Track, frames: Sequence[ShownFram
 
 def _draw_thumbnails(path: Path, thumbnails: Sequence[ShownFrame]) -> None:
     rows = -(-len(thumbnails) // COLUMNS)
-    cell = 2 * THUMBNAIL + 34
+    cell = len(thumbnails[0].pictures) * THUMBNAIL + 34
     canvas = Canvas(20 + COLUMNS * (THUMBNAIL + 8), 16 + rows * cell, DARK)
     for place, shown in enumerate(thumbnails):
         left = 14 + (place % COLUMNS) * (THUMBNAIL + 8)
         top = 28 + (place // COLUMNS) * cell
         canvas.text(left, top - 6, f"frame {shown.number}", 10, weight="bold")
-        for row, picture in enumerate((shown.photo, shown.fit)):
+        for row, picture in enumerate(shown.pictures):
             canvas.picture(left, top + row * THUMBNAIL, THUMBNAIL, THUMBNAIL, picture)
     canvas.save(path)
 
@@ -82,6 +82,13 @@ def _draw_curves(path: Path, track: Track) -> None:
     if spread is not None:
         mean = spread[:, moving].mean(axis=1)
         panels.append(("Standard deviation of these weights, mean", {"deviation": mean}))
+    if track.haemoglobin is not None:
+        panels.append(
+            (
+                "Haemoglobin beyond the keyframes', standard deviations of a population",
+                _blood(track),
+            )
+        )
     canvas = Canvas(WIDTH, 40 + len(panels) * (HEIGHT + GAP), LIGHT)
     for row, (heading, curves) in enumerate(panels):
         top = 34 + row * (HEIGHT + GAP)
@@ -137,12 +144,20 @@ def _pose_curves(track: Track) -> tuple[dict[str, np.ndarray], dict[str, np.ndar
     )
 
 
+def _blood(track: Track) -> dict[str, np.ndarray]:
+    """Where the face has most and least of it, but for one vertex in a hundred."""
+    assert track.haemoglobin is not None and track.haemoglobin_harmonics is not None
+    face = track.haemoglobin_harmonics[:, track.haemoglobin_harmonics.any(axis=0)]
+    least, most = np.array([np.percentile(row @ face, (1, 99)) for row in track.haemoglobin]).T
+    return {"most of the face": most, "least of the face": least}
+
+
 def _page(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> str:
     title = f"{len(track.frames)} frames of {Path(track.film).name}"
     words = STATUS_WORDS.get(track.status, track.status)
     figures = "".join(
         f"<tr><td>{escape(name)}</td><td>{value:.4g}</td></tr>"
-        for name, value in (track.errors | track.timings).items()
+        for name, value in (track.errors | track.skin | track.timings).items()
     )
     doubtful = [frame for frame in track.frames if frame.status != SEEN]
     rows = "".join(
@@ -185,6 +200,11 @@ def _film(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> str:
     """The film beside its fit."""
     content = base64.b64encode((folder / SEQUENCE_FILM).read_bytes()).decode("ascii")
     words = f"Frames {frames[0].number} to {frames[-1].number}, photo and the fit of its skin"
+    if frames[0].blood is not None:
+        words += (
+            ", and its haemoglobin beside the keyframes': red is more, blue is less, full color "
+            f"{BLOOD_FULL:g} standard deviations of a population"
+        )
     pace = pace_of(frames)
     if pace > FAST:
         words += f", {pace:.0f} times as fast"

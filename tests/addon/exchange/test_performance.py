@@ -85,6 +85,101 @@ def test_light_that_changes_is_keyed(ready, sequence: Sequence) -> None:
     refused(again, f"is of {lights - 1} lights", directory=str(folder))
 
 
+def with_haemoglobin(sequence: Sequence, head, harmonics: int = 4) -> Sequence:
+    rng = np.random.default_rng(2)
+    return replace(
+        sequence,
+        haemoglobin=rng.normal(size=(FRAMES, harmonics)),
+        haemoglobin_harmonics=rng.normal(size=(harmonics, len(head.vertices))),
+        haemoglobin_color=np.array([-0.04, -0.09, -0.06]),
+    )
+
+
+def haemoglobin_tree(rig):
+    trees = (slot.material.node_tree for slot in rig.material_slots)
+    return next(tree for tree in trees if "Haemoglobin" in tree.nodes)
+
+
+def haemoglobin_of(rig) -> np.ndarray:
+    """(n,) what the material makes of it now, on the rig's vertices."""
+    shown = np.zeros(len(rig.data.vertices))
+    for number in range(2):
+        functions = np.empty(3 * len(shown), np.float32)
+        name = f"facestage_haemoglobin_{number}"
+        rig.data.attributes[name].data.foreach_get("vector", functions)
+        weights = haemoglobin_tree(rig).nodes[f"Haemoglobin Weights {number}"].inputs[1]
+        shown += functions.reshape(-1, 3) @ np.array(weights.default_value)
+    return shown
+
+
+def test_haemoglobin_is_keyed_and_gone_with_a_film_that_has_none(
+    ready, sequence: Sequence, head
+) -> None:
+    import bpy
+
+    from facestage_blender.rig.keyframes import curves_of
+
+    folder = Path(str(sequence.folder))
+    changing = with_haemoglobin(sequence, head)
+    assert changing.haemoglobin is not None and changing.haemoglobin_harmonics is not None
+    changing.write_into(folder)
+    ready.frame_set(101)
+    for _ in range(2):  # the second time in its own place
+        assert bpy.ops.facestage.import_performance(directory=str(folder)) == {"FINISHED"}
+    rig = ready.facestage.rig
+    tree = haemoglobin_tree(rig)
+    assert len(list(curves_of(tree))) == 4
+    for place in (0, 5, FRAMES - 1):
+        ready.frame_set(101 + place)
+        wanted = changing.haemoglobin[place] @ changing.haemoglobin_harmonics
+        np.testing.assert_allclose(haemoglobin_of(rig), wanted, atol=1e-5)
+
+    sequence.write_into(folder)
+    assert bpy.ops.facestage.import_performance(directory=str(folder)) == {"FINISHED"}
+    assert "Haemoglobin" not in tree.nodes and not list(curves_of(tree))
+    assert not [one for one in rig.data.attributes if one.name.startswith("facestage_haemo")]
+    albedo = tree.nodes["Facestage Skin"].inputs["Albedo"]
+    assert albedo.links[0].from_node.type == "TEX_IMAGE"
+
+
+def test_importing_haemoglobin_is_one_undo_step(ready, sequence: Sequence, head) -> None:
+    import bpy
+
+    from facestage_blender.rig.keyframes import curves_of
+
+    folder = Path(str(sequence.folder))
+    with_haemoglobin(sequence, head).write_into(folder)
+
+    def shown() -> tuple[list[bool], int, list[str]]:
+        rig = bpy.context.scene.facestage.rig
+        trees = [slot.material.node_tree for slot in rig.material_slots]
+        curves = sum(len(list(curves_of(tree))) for tree in trees)
+        names = [one.name for one in rig.data.attributes if one.name.startswith("facestage_haemo")]
+        return ["Haemoglobin" in tree.nodes for tree in trees], curves, names
+
+    before = shown()
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.facestage.import_performance(directory=str(folder))
+    bpy.ops.ed.undo_push(message="Import Performance")  # as Blender does after a user's operator
+    after = shown()
+    assert after != before and after[1] == 4
+    bpy.ops.ed.undo()
+    assert shown() == before
+    bpy.ops.ed.redo()
+    assert shown() == after
+
+
+def test_haemoglobin_of_another_mesh_is_refused(ready, sequence: Sequence, head) -> None:
+    import bpy
+
+    folder = Path(str(sequence.folder))
+    other = with_haemoglobin(sequence, head)
+    assert other.haemoglobin_harmonics is not None
+    replace(other, haemoglobin_harmonics=other.haemoglobin_harmonics[:, 1:]).write_into(folder)
+    refused(bpy.ops.facestage.import_performance, "the rig has", directory=str(folder))
+    assert ready.facestage.rig.data.shape_keys.animation_data is None
+
+
 def test_between_frames_the_head_turns_the_short_way(ready, sequence: Sequence) -> None:
     import bpy
 
@@ -133,7 +228,16 @@ def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequen
     poses = np.tile(sequence.model_to_camera[0], (count, 1, 1))
     poses[:, 0, 3] += 0.02 * np.sin(np.linspace(0, 5, count))
     frames = tuple(replace(sequence.frames[0], number=5 + k, time=k / RATE) for k in range(count))
-    long = replace(sequence, frames=frames, expression=0.5 + smooth, model_to_camera=poses)
+    blood = 0.8 * np.sin(np.linspace(0, 5, count))
+    long = replace(
+        sequence,
+        frames=frames,
+        expression=0.5 + smooth,
+        model_to_camera=poses,
+        haemoglobin=blood[:, None],
+        haemoglobin_harmonics=np.ones((1, len(head.vertices))),
+        haemoglobin_color=np.array([-0.04, -0.09, -0.06]),
+    )
     long.write_into(Path(str(sequence.folder)))
     ready.frame_set(1)
     bpy.ops.facestage.import_performance(directory=str(sequence.folder), simplify=near)
@@ -147,6 +251,11 @@ def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequen
         assert np.abs(played - column).max() <= near + 1e-5
         keys += len(curve.keyframe_points)
     assert keys < 0.4 * count * len(long.expression_names)
+    (pulse,) = (
+        curve for slot in rig.material_slots for curve in curves_of(slot.material.node_tree)
+    )
+    played = np.array([pulse.evaluate(time) for time in times])
+    assert np.abs(played - blood).max() <= near + 1e-5 and len(pulse.keyframe_points) < count / 2
     place = next(
         curve for curve in curves_of(rig) if (curve.data_path, curve.array_index) == ("location", 0)
     )
@@ -179,6 +288,9 @@ def test_without_a_window_the_command_line_animates(
     from facestage_blender.headless import batch
 
     out, folder = tmp_path / "out", str(sequence.folder)
+    changing = with_haemoglobin(sequence, head)
+    assert changing.haemoglobin is not None
+    changing.write_into(Path(folder))
     assert batch.main(["--performance", folder, "--out", str(out), "--add", "handles"]) == 0
     assert f"Scene: {out / 'scene.blend'}" in capfd.readouterr().out
     bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
@@ -190,6 +302,11 @@ def test_without_a_window_the_command_line_animates(
         identity = keyframe(sequence).identity
         wanted = head.shape(identity, sequence.expression[place]) @ pose[:3, :3].T + pose[:3, 3]
         assert np.abs(in_camera(scene) - wanted).max() < 2e-5
+        np.testing.assert_allclose(
+            haemoglobin_of(scene.facestage.rig),
+            changing.haemoglobin[place] @ changing.haemoglobin_harmonics,
+            atol=1e-5,
+        )
 
 
 @pytest.mark.parametrize(

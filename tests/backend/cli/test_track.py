@@ -7,7 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facestage.cli import main
 from facestage.contract.corrections import Correction, write_corrections
+from facestage.contract.errors import InputError
+from facestage.fit.sequence import run
+from facestage.fit.sequence.request import Request
 from facestage.images.image_io import write_png
 from reference.command_line import listing, refuse
 
@@ -19,6 +23,7 @@ from reference.command_line import listing, refuse
         (["EMPTY"], "holds 0 pictures"),
         (["FRAMES", "--rate", "0"], "frame rate is 0"),
         (["FRAMES", "--freeze", "pose"], "a sequence can hold identity"),
+        (["FRAMES", "--dynamic-skin", "--landmarks-only"], "leave one of them away"),
         (["FRAMES", "--budget", "soon"], "budget is 'soon'"),
         (["FRAMES", "--camera", "nothing.json"], "nothing.json"),
         (["FRAMES", "--model", "nothing"], "nothing"),
@@ -47,3 +52,19 @@ def test_bad_input_is_refused(
     )
     assert words in sentence
     assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_changing_skin_is_looked_for_where_it_is_asked_for(
+    asked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    seen: list[Request] = []
+
+    def stop(request: Request, *_: object) -> None:
+        seen.append(request)
+        raise InputError("enough")
+
+    monkeypatch.setattr(run, "track_film", stop)
+    options = ["--dynamic-skin"] if asked else []
+    assert main(["track", str(tmp_path), "--out", str(tmp_path / "out"), *options]) == 2
+    assert [request.dynamic_skin for request in seen] == [asked]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image, ImageSequence
 
 from facestage.contract.camera import Camera
 from facestage.contract.sequence import Sequence, SequenceFrame
-from facestage.report import ShownFrame, write_sequence_report
+from facestage.report import ShownFrame, blood_picture, write_sequence_report
 from facestage.report.figure import LIGHT, Canvas
 from facestage.report.sequence_film import film_of, pace_of
 from facestage.report.sequence_page import _mark_frames, _round_step
@@ -104,3 +105,38 @@ def test_numbers_of_frames_stand_at_their_seconds():
     assert sorted(marked) == list(range(15, 59, 5))
     assert all(place == pytest.approx((number - 11) / 24) for number, place in marked.items())
     assert [line.get_xdata()[0] for line in axes.lines[1:]] == [3 / 24]
+
+
+def test_haemoglobin_that_changes_is_shown_and_drawn(tmp_path: Path):
+    grey = np.full((SIDE, SIDE, 3), 0.3)
+    change = np.repeat(np.linspace(-2.0, 2.0, SIDE)[None], SIDE, axis=0)
+    picture = blood_picture(grey, change)
+    assert picture[0, 0, 2] > 0.7 > 0.1 > picture[0, 0, 0]
+    assert picture[0, -1, 0] > 0.6 > 0.1 > picture[0, -1, 2]
+    np.testing.assert_allclose(blood_picture(grey, 0.0 * change), grey)
+    frames = [
+        ShownFrame(one.number, one.time, one.photo, one.fit, (255 * picture).astype(np.uint8))
+        for one in shown(6)
+    ]
+    with Image.open(io.BytesIO(film_of(frames))) as film:
+        assert film.size == (3 * SIDE, SIDE)
+    plain, blood = tmp_path / "plain", tmp_path / "blood"
+    for folder in (plain, blood):
+        folder.mkdir()
+    track = track_of(6)
+    write_sequence_report(plain, track, shown(6))
+    changing = replace(
+        track,
+        haemoglobin=np.linspace(-1, 1, 12).reshape(6, 2),
+        haemoglobin_harmonics=np.ones((2, 5)),
+        haemoglobin_color=np.full(3, -0.05),
+        deviations={"haemoglobin": np.full((6, 2), 0.1)},
+        skin={"haemoglobin": 0.7},
+    )
+    write_sequence_report(blood, changing, frames)
+    assert "red is more" not in (plain / "report.html").read_text("utf-8")
+    page = (blood / "report.html").read_text("utf-8")
+    assert "red is more, blue is less" in page and "<td>haemoglobin</td><td>0.7</td>" in page
+    for name in ("curves.png", "sequence.png"):  # another panel, another row
+        with Image.open(plain / name) as before, Image.open(blood / name) as after:
+            assert after.height > before.height + 150

@@ -170,7 +170,14 @@ def sequence_folders() -> list[Case]:
         {"total": 2.0},
         corrected=(Correction(2, {"jawOpen": 0.5}, np.eye(4)),),
     )
-    return [written(sequence.write_into)]
+    changing = replace(
+        sequence,
+        haemoglobin=numbers(3, len(frames), 2),
+        haemoglobin_harmonics=numbers(4, 2, 4),
+        haemoglobin_color=numbers(5, 3),
+        skin={"haemoglobin": 0.7},
+    )
+    return [written(sequence.write_into), written(changing.write_into)]
 
 
 def corrections_files() -> list[Case]:

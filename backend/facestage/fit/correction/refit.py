@@ -339,7 +339,8 @@ class _Refit:
         first = self.span.window.start
         wanted = some_of(self.span.first - first, self.span.end - 1 - first)
         shown = (frame for frame in self._shown() if frame.index in wanted)
-        write_sequence_report(folder, track, list(shown_frames(shown, self.tracker, self.tracked)))
+        pictures = shown_frames(shown, self.tracker, self.tracked, track)
+        write_sequence_report(folder, track, list(pictures))
 
 
 def faces_of(

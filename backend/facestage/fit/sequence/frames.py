@@ -105,9 +105,9 @@ class Cut:
     landmarks: Landmarks  # pixels of the small picture
 
     @classmethod
-    def of(cls, photograph: Photograph, landmarks: Landmarks) -> Cut:
-        """Around the ``landmarks`` of a whole frame."""
-        window = _window(photograph.size, landmarks)
+    def of(cls, photograph: Photograph, landmarks: Landmarks, face_px: float = FACE_PX) -> Cut:
+        """Around the ``landmarks`` of a whole frame, with so many pixels along the face."""
+        window = _window(photograph.size, landmarks, face_px)
         return cls(window, window.photograph(photograph), window.landmarks(landmarks))
 
 
@@ -172,10 +172,10 @@ class FrameView:
         return Seen(Said(hessian[np.ix_(active, active)], gradient[active], rms), light)
 
 
-def _window(size: tuple[int, int], landmarks: Landmarks) -> Window:
+def _window(size: tuple[int, int], landmarks: Landmarks, face_px: float) -> Window:
     points = landmarks.points[np.isfinite(landmarks.points).all(axis=1)]
     side = face_size_px(landmarks)
     low, high = points.min(axis=0) - MARGIN * side, points.max(axis=0) + MARGIN * side
     left, top = np.clip(np.floor(low), 0, np.array(size) - 1).astype(int).tolist()
     right, bottom = np.clip(np.ceil(high), [left + 1, top + 1], size).astype(int).tolist()
-    return Window(size, (left, top, right, bottom), min(1.0, FACE_PX / side))
+    return Window(size, (left, top, right, bottom), min(1.0, face_px / side))

@@ -37,10 +37,11 @@ from facestage.fit.sequence.live_link import live_link_csv
 from facestage.fit.sequence.motion import GROUP_NAMES
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sightings import Sightings
+from facestage.fit.sequence.skin.changes import SkinChanges
 from facestage.fit.sequence.tracking import DOUBT, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.landmarks.tracker import Sight
-from facestage.report import ShownFrame, to_srgb8, write_sequence_report
+from facestage.report import ShownFrame, blood_picture, to_srgb8, write_sequence_report
 
 FILM_MOST = 96  # frames of the report's film
 PICTURE_SIDE = 160  # pixels of each of its pictures
@@ -63,6 +64,7 @@ class Found:
     errors_by_landmarks: dict[str, float]  # before pictures were looked at; none after a resume
     timings: dict[str, float]
     in_time: bool
+    skin: SkinChanges | None = None  # where it was asked for
 
 
 def write_sequence(
@@ -70,6 +72,10 @@ def write_sequence(
 ) -> Sequence:
     """Write every file of the sequence into an existing folder."""
     tracked, sightings = found.tracked, found.sightings
+    blood = None
+    if found.skin is not None and found.skin.haemoglobin.is_clear:
+        blood = found.skin.haemoglobin
+    deviations = {"pose": tracked.deviation[:, :POSE], "expression": tracked.deviation[:, POSE:]}
     frames = tuple(_frames(found))
     status, advice = _verdict(found, frames)
     track = Sequence(
@@ -86,13 +92,17 @@ def write_sequence(
         identity=np.asarray(found.keyframe.identity),
         expression=tracked.course.expression,
         model_to_camera=tracked.course.model_to_camera,
-        deviations={"pose": tracked.deviation[:, :POSE], "expression": tracked.deviation[:, POSE:]},
+        deviations=deviations if blood is None else deviations | {"haemoglobin": blood.deviation},
         motion=_motion(tracked),
         errors=found.errors,
         timings=found.timings,
         versions=_versions(),
         folder=folder,
         light_radiance=_light_radiance(tracker, tracked),
+        haemoglobin=None if blood is None else blood.coefficients,
+        haemoglobin_harmonics=None if blood is None else blood.harmonics.astype(np.float32),
+        haemoglobin_color=None if blood is None else blood.color,
+        skin={} if found.skin is None else found.skin.figures,
     )
     track.write_into(folder)
     shutil.copytree(partial / KEYFRAMES, folder / KEYFRAMES_FOLDER)
@@ -107,7 +117,7 @@ def write_sequence(
         write_vertices(folder / VERTICES, tracker.actor, tracked.course)
     wanted = some_of(0, len(sightings) - 1)
     shown = (frame for frame in found.film.frames() if frame.index in wanted)
-    write_sequence_report(folder, track, list(shown_frames(shown, tracker, tracked)))
+    write_sequence_report(folder, track, list(shown_frames(shown, tracker, tracked, track)))
     return track
 
 
@@ -163,6 +173,8 @@ def _verdict(found: Found, frames: tuple[SequenceFrame, ...]) -> tuple[str, str]
         parts.append(f"there are {shots} shots, between which nothing is smoothed")
     if found.tracked.lights is not None:
         parts.append("their light changes, and was followed")
+    if found.skin is not None:
+        parts.append(found.skin.words)
     if not found.in_time:
         return BUDGET_SPENT, "The time ended first: " + ", ".join(parts) + "."
     if found.person.status == STOPPED:
@@ -215,9 +227,10 @@ def some_of(first: int, last: int) -> set[int]:
 
 
 def shown_frames(
-    frames: Iterable[Frame], tracker: Tracker, tracked: Tracked
+    frames: Iterable[Frame], tracker: Tracker, tracked: Tracked, track: Sequence
 ) -> Iterator[ShownFrame]:
     """``frames`` beside their fits, cut to where the head is; all of one person are as large."""
+    places = {frame.number: place for place, frame in enumerate(track.frames)}
     for frame in frames:
         view = tracker.view(frame)
         if view is None:
@@ -231,7 +244,15 @@ def shown_frames(
         (centre,) = camera.project(state.translation[None])
         step = HEAD_SIDE * camera.focal_px / -float(state.translation[2]) / PICTURE_SIDE
         first = centre[::-1] - 0.5 + (0.5 - PICTURE_SIDE / 2) * step
-        pictures = (to_srgb8(_cut(linear, step, first)) for linear in (photo, fit))
+        linear = [photo, fit]
+        if track.haemoglobin is not None and track.haemoglobin_harmonics is not None:
+            own = track.haemoglobin[places[frame.number]] @ track.haemoglobin_harmonics
+            surface = evaluation.image.surface
+            corners = own[tracker.actor.geometry.used][surface.corners]
+            blood = np.zeros(photo.shape[:2])
+            blood[view.term.index(surface)] = (corners * surface.weights).sum(axis=1)
+            linear.append(blood_picture(photo, blood))
+        pictures = (to_srgb8(_cut(each, step, first)) for each in linear)
         yield ShownFrame(frame.number, frame.time, *pictures)
 
 

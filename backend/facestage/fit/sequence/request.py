@@ -36,8 +36,14 @@ class Request:
     face: int | None = None
     seed: int = 0
     device: str = "auto"
+    dynamic_skin: bool = False  # looked for when all else is known, so no part of the fingerprint
 
     def __post_init__(self) -> None:
+        if self.dynamic_skin and self.landmarks_only:
+            raise InputError(
+                "--dynamic-skin looks at the pictures of all frames, which --landmarks-only leaves "
+                "out; leave one of them away."
+            )
         for name in self.freeze:
             if name in NEVER_FROZEN or name not in PARAMETERS:
                 free = ", ".join(one for one in PARAMETERS if one not in NEVER_FROZEN)

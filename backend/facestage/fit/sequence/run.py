@@ -41,12 +41,15 @@ from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.checkpoint import PassCheckpoint
 from facestage.fit.sequence.common_light import with_common_light
 from facestage.fit.sequence.crew import Crew
+from facestage.fit.sequence.frames import Cut
 from facestage.fit.sequence.keyframes import choose_keyframes
 from facestage.fit.sequence.looking import Looker
 from facestage.fit.sequence.output import Found, write_sequence
 from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sequence_truth import SequenceTruth
 from facestage.fit.sequence.sightings import Sightings, look_through
+from facestage.fit.sequence.skin.changes import Look, SkinChanges, skin_changes
+from facestage.fit.sequence.skin.leftover import SKIN_PX
 from facestage.fit.sequence.tracking import LANDMARK_PASSES, Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr, write_png
@@ -56,7 +59,7 @@ from facestage.report import write_preview
 
 T = TypeVar("T")
 # Where on the scale from 0 to 1 each part of the work ends.
-LOOKED_THROUGH, FITTED, FOLLOWED, SEEN = 0.1, 0.55, 0.6, 0.97
+LOOKED_THROUGH, FITTED, FOLLOWED, SEEN, LOOKED_AT_SKIN = 0.1, 0.55, 0.6, 0.9, 0.97
 # Of a budget in seconds, what the keyframes may take.
 KEYFRAME_SHARE = 0.6
 SAVED_EVERY = 10.0  # seconds
@@ -180,9 +183,12 @@ class SequenceRun:
             by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
             checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
         tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline))
+        skin = None
+        if request.dynamic_skin and time.monotonic() <= deadline:
+            skin = self._timed("skin", lambda: self._skin(tracked, sightings, chosen))
         in_time = time.monotonic() <= deadline
         errors = {} if truth is None else truth.errors(own, tracked.course)
-        self.tell(PROGRESS, "pictures", SEEN, "Writing the sequence")
+        self.tell(PROGRESS, "pictures", LOOKED_AT_SKIN, "Writing the sequence")
         return Found(
             self.film,
             sightings,
@@ -195,6 +201,7 @@ class SequenceRun:
             by_landmarks,
             self.timings | {"total": time.monotonic() - self._began},
             in_time,
+            skin,
         )
 
     def _timed(self, name: str, work: Callable[[], T]) -> T:
@@ -379,3 +386,24 @@ class SequenceRun:
             if time.monotonic() > deadline:
                 break
         return tracked
+
+    def _skin(
+        self, tracked: Tracked, sightings: Sightings, keyframes: Sequence[int]
+    ) -> SkinChanges:
+        """What all frames have left over on the skin."""
+        actor, landmarks = self.tracker.actor, self.tracker.landmarks
+
+        def looks() -> Iterator[Look]:
+            for frame in self.film.frames():
+                if frame.index >= len(landmarks):
+                    return
+                share = (frame.index + 1) / len(landmarks)
+                words = f"Skin: frame {frame.index + 1} of {len(landmarks)}"
+                self.tell(PROGRESS, "skin", SEEN + (LOOKED_AT_SKIN - SEEN) * share, words)
+                own = landmarks[frame.index]
+                if own is not None:
+                    cut = Cut.of(frame.photograph, own, SKIN_PX)
+                    yield Look(frame.index, cut, tracked.state(actor, frame.index))
+
+        times, shots = np.array(sightings.times), sightings.shots
+        return skin_changes(actor, looks(), times, shots, keyframes)

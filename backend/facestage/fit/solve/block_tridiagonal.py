@@ -8,7 +8,7 @@ large as a block is multiplied with one on the way forwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.linalg.lapack import dpotri
@@ -77,19 +77,36 @@ class BlockTridiagonal:
         (i n + u, j n + u) of each diagonal block t (T, k, k, n), and of the blocks (t + 1, t)
         (T - 1, k, k, n). 0 of what has no part in it.
         """
-        count, beside = len(self._kept), np.zeros_like(self._ties)
-        own = np.zeros((count, *self._ties.shape[1:]))
+        beside, own = np.zeros_like(self._ties), np.zeros((len(self._kept), *self._ties.shape[1:]))
+        for t, found, between in self._backwards():
+            kept = self._kept[t]
+            if between is not None:
+                beside[t] = _with_itself(between, self._kept[t + 1], kept, beside[t].shape)
+            own[t] = _with_itself(found, kept, kept, own[t].shape)
+        return own, beside
+
+    def diagonal_blocks(self) -> np.ndarray:
+        """(T, m, m), those of A's inverse, whole. 0 of what has no part in it."""
+        size = self._ties.shape[1] * self._ties.shape[3]
+        result = np.zeros((len(self._kept), size, size))
+        for t, found, _ in self._backwards():
+            kept = self._kept[t]
+            result[t][kept[:, None], kept] = found
+        return result
+
+    def _backwards(self) -> Iterator[tuple[int, np.ndarray, np.ndarray | None]]:
+        """Of A's inverse, the last block first: t, the block (t, t), and the block (t + 1, t) where
+        the two are tied, both of the unknowns that have a part in it.
+        """
         after = np.zeros((0, 0))
-        for t in range(count - 1, -1, -1):
-            kept, found = self._kept[t], self._inverses[t]
+        for t in range(len(self._kept) - 1, -1, -1):
+            found, between = self._inverses[t], None
             linked = self._linked[t] if t < len(self._linked) else None
             if linked is not None:
                 between = -(after @ linked)
                 found = found - linked.T @ between
-                beside[t] = _with_itself(between, self._kept[t + 1], kept, beside[t].shape)
-            own[t] = _with_itself(found, kept, kept, own[t].shape)
+            yield t, found, between
             after = found
-        return own, beside
 
 
 def _whole(ties: np.ndarray) -> np.ndarray:

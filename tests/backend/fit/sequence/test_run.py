@@ -16,6 +16,7 @@ from facestage.contract.sequence import KEYFRAMES, VERTICES, Sequence
 from facestage.fit.sequence import crew
 from facestage.fit.sequence import run as run_module
 from facestage.fit.sequence.run import track_film
+from facestage.fit.sequence.skin import haemoglobin
 from facestage.render.variant import start_renderer
 from reference.small_film import FRAMES, SmallFilm, small_film
 from reference.small_fit import QUICK, StopError
@@ -43,7 +44,7 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
 ):
     found(4)
     truth = film.write_truth(tmp_path / "truth.npz")
-    request = film.request(truth=truth, with_vertices=True)
+    request = film.request(truth=truth, with_vertices=True, dynamic_skin=True)
     events: list[Event] = []
     track = track_film(request, tmp_path / "out", emit=events.append, fineness=QUICK)
 
@@ -67,6 +68,9 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     assert vertices.shape == (FRAMES, len(film.scene.model.vertices), 3)
     assert vertices.dtype == np.float32 and (vertices[..., 2] < 0).all()
     assert (tmp_path / "out" / "albedo.exr").is_file()
+    # Its skin is the same in all frames.
+    assert track.haemoglobin is None and "was left out" in track.advice
+    assert loaded.skin == track.skin and set(track.skin) == {"haemoglobin", "haemoglobin_noise"}
     assert "Frames that need a look" in (tmp_path / "out" / "report.html").read_text("utf-8")
     with Image.open(tmp_path / "out" / "film.webp") as shown:
         assert len(list(ImageSequence.Iterator(shown))) == FRAMES - 1  # none was lost but one
@@ -86,11 +90,25 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     with pytest.raises(StopError):
         track_film(request, tmp_path / "again", emit=stop, fineness=QUICK)
     assert not (tmp_path / "again").exists()
+    # What was left out of the one is written of the other.
+    monkeypatch.setattr(haemoglobin, "CLEAR", 0.0)
+    monkeypatch.setattr(haemoglobin, "FLOOR", 0.0)
     resumed: list[Event] = []
     again = track_film(request, tmp_path / "again", True, resumed.append, fineness=QUICK)
     assert not any("pass 1" in event.message for event in resumed)
     np.testing.assert_array_equal(again.expression, track.expression)
     np.testing.assert_array_equal(again.model_to_camera, track.model_to_camera)
+    assert again.skin == track.skin
+    written = Sequence.load(tmp_path / "again")
+    assert written.haemoglobin is not None and written.haemoglobin_harmonics is not None
+    mixtures, vertices = written.haemoglobin_harmonics.shape
+    assert vertices == len(film.scene.model.vertices)
+    assert written.deviations["haemoglobin"].shape == (FRAMES, mixtures)
+    assert (np.abs(written.haemoglobin) < 5 * written.deviations["haemoglobin"] + 0.1).all()
+    assert "haemoglobin comes and goes" in again.advice
+    assert "red is more" in (tmp_path / "again" / "report.html").read_text("utf-8")
+    with Image.open(tmp_path / "again" / "film.webp") as shown:
+        assert shown.width == 3 * shown.height
     assert not (tmp_path / "again.partial").exists()
 
 

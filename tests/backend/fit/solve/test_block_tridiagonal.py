@@ -63,6 +63,8 @@ def test_solution_and_covariance_are_those_of_dense_algebra(blocks: int, held: i
     each = np.arange(blocks)
     found = own * units[:, :, None] * units[:, None]
     np.testing.assert_allclose(found, alone(wanted[each, :, each]), atol=1e-8)
+    found = system.diagonal_blocks() * scale.reshape(blocks, -1, 1) * scale.reshape(blocks, 1, -1)
+    np.testing.assert_allclose(found, wanted[each, :, each], atol=1e-8)
     found = beside * units[1:, :, None] * units[:-1, None]
     np.testing.assert_allclose(found, alone(wanted[each[1:], :, each[:-1]]), atol=1e-8)
 
