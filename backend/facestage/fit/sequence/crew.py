@@ -70,8 +70,9 @@ class Crew:
         self._threads = ThreadPoolExecutor(count)
         try:
             for _ in range(count):
-                self.members.append(Member(looker))
-                self._idle.put(self.members[-1])
+                self.members.append(Member())
+                # A process takes a while until it listens.
+                self._threads.submit(self._begun, self.members[-1])
         except BaseException:
             self.end()
             raise
@@ -104,6 +105,13 @@ class Crew:
                 yield self._answered(*waiting.popleft())
         while waiting:
             yield self._answered(*waiting.popleft())
+
+    def _begun(self, member: Member) -> None:
+        try:
+            member.begin(self._looker)
+        except Exception:  # noqa: BLE001 - whoever asks it hears that it is gone
+            member.end()
+        self._idle.put(member)
 
     def _asked(self, question: Question) -> Answer:
         member = self._idle.get()
@@ -138,7 +146,7 @@ class Crew:
 class Member:
     """A process of the crew, as seen from here."""
 
-    def __init__(self, looker: Looker) -> None:
+    def __init__(self) -> None:
         self.seconds = 0.0  # of processor time
         self._line, end = SPAWN.Pipe()
         self.process = SPAWN.Process(target=answer_all, args=(end,), daemon=True)
@@ -148,14 +156,14 @@ class Member:
         finally:
             # Open here as well, it would never be heard that the process is gone.
             end.close()
-        self._looker: Looker | None = looker
+
+    def begin(self, looker: Looker) -> None:
+        """Say who it is. Raises OSError where it is gone."""
+        self._line.send(looker)
 
     def ask(self, question: Question) -> Answer:
         """Its answer. Raises what it raised, and EndedError where it is gone."""
         try:
-            if self._looker is not None:
-                self._line.send(self._looker)
-                self._looker = None
             self._line.send(question)
             answer, self.seconds = self._line.recv()
         except (OSError, EOFError) as error:

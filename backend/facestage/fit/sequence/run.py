@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -178,11 +179,13 @@ class SequenceRun:
         self.tracker = tracker
         own, by_landmarks = tracker.actor.geometry.model, dict[str, float]()
         checkpoint = PassCheckpoint.load(self.partial) if resume else None
-        if checkpoint is None:
-            tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
-            by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
-            checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
-        tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline))
+        # Processes begin while this one is at the landmarks.
+        with self._crew(checkpoint, len(sightings)) as crew:
+            if checkpoint is None:
+                tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
+                by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
+                checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
+            tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline, crew))
         skin = None
         if request.dynamic_skin and time.monotonic() <= deadline:
             skin = self._timed("skin", lambda: self._skin(tracked, sightings, chosen))
@@ -341,15 +344,20 @@ class SequenceRun:
 
         return self.tracker.by_landmarks(chosen, states, tell)
 
-    def _passes(self, checkpoint: PassCheckpoint, deadline: float) -> Tracked:
-        """Look at the pictures of all frames, and smooth; again and again."""
-        looks = self.request.passes - checkpoint.number
-        looks = looks * len(checkpoint.tracked.course) - checkpoint.done
+    def _crew(
+        self, checkpoint: PassCheckpoint | None, frames: int
+    ) -> AbstractContextManager[Crew | None]:
+        """Who looks at what is left of the pictures; None: this process alone."""
+        looks = self.request.passes * frames
+        if checkpoint is not None:
+            looks -= checkpoint.number * frames + checkpoint.done
         crew = Crew.of(self.tracker.looker, looks) if traces_here() else None
-        if crew is None:
-            return self._looked(checkpoint, deadline, self.tracker.looker)
-        with crew:
-            tracked = self._looked(checkpoint, deadline, crew)
+        return crew or nullcontext()
+
+    def _passes(self, checkpoint: PassCheckpoint, deadline: float, crew: Crew | None) -> Tracked:
+        """Look at the pictures of all frames, and smooth; again and again."""
+        tracked = self._looked(checkpoint, deadline, crew or self.tracker.looker)
+        if crew is not None:
             self._elsewhere += crew.seconds
         return tracked
 

@@ -130,8 +130,9 @@ def test_processes_end_when_the_one_that_leads_is_killed():
         # What a shell starts in the background has this ignored, and hands that on.
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from facestage.fit.sequence.crew import Member\n"
-        "members = [Member(0) for _ in range(2)]\n"
+        "members = [Member() for _ in range(2)]\n"
         "for member in members:\n"
+        "    member.begin(None)\n"
         "    try:\n"
         "        member.ask(None)\n"
         "    except AttributeError:\n"
