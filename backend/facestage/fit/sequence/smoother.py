@@ -18,7 +18,8 @@ from facestage.fit.sequence.motion import Motion, Triples
 from facestage.fit.solve.block_tridiagonal import BlockTridiagonal
 
 PAIR = 2
-ACTIVE_SET_ROUNDS = 6
+# Rounds that mend the active set, after those of learning: these mend it too.
+ACTIVE_SET_ROUNDS, AFTER_LEARNING = 6, 3
 # Expectation maximisation between two looks at the frames.
 LEARNING_ROUNDS = 8
 DAMPING = 1e-3
@@ -62,7 +63,7 @@ def smooth(
         after = differences + motion.triples.applied(step)
         variance = _variances(motion.triples, *problem.covariance(), problem.free)
         motion = motion.learned(after, variance)
-    for _ in range(ACTIVE_SET_ROUNDS):
+    for _ in range(AFTER_LEARNING if rounds else ACTIVE_SET_ROUNDS):
         before = problem.free
         step = problem.improved(motion, differences)
         if (problem.free == before).all():
