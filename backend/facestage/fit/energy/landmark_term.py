@@ -16,6 +16,7 @@ from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.contour_lines import ContourLines, contour_lines
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.some_normals import NormalsAt
 from facestage.fit.face.state import State
 from facestage.fit.face.surface_points import SurfacePoints
 from facestage.models.anatomy.landmark_schemes import Scheme, scheme_of
@@ -44,7 +45,8 @@ class _Candidates:
     corners: Int[np.ndarray, "candidates 3"]  # rendered-vertex indices
     weights: Float[np.ndarray, "candidates 3"]  # barycentric
     lines: ContourLines | None
-    around: Int[np.ndarray, " triangles"]  # the triangles at their corners
+    normals: NormalsAt  # of their corners
+    corner: Int[np.ndarray, "candidates 3"]  # the corners among these
 
 
 @lru_cache(maxsize=4)
@@ -57,9 +59,10 @@ def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
         lines = contour_lines(geometry, corners[contour], weights[contour])
         corners = np.concatenate([corners, lines.corners.reshape(-1, 3)])
         weights = np.concatenate([weights, lines.weights.reshape(-1, 3)])
-    around = np.flatnonzero(np.isin(geometry.triangles, corners).any(axis=1))
+    some, corner = np.unique(corners, return_inverse=True)
     points = SurfacePoints(geometry, corners, weights)
-    return _Candidates(points, corners, weights, lines, around)
+    normals = NormalsAt.of(geometry, some)
+    return _Candidates(points, corners, weights, lines, normals, corner.reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +170,7 @@ class LandmarkTerm(Term):
         """
         corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
         shape = self.geometry.at(state)
-        normals = self.geometry.vertex_normals(shape, self._candidates.around)[0][corners]
+        normals = self._candidates.normals.at(shape)[self._candidates.corner[chosen]]
         normals = np.einsum("mi,mix->mx", weights, normals) @ state.rotation.T
         points = (
             np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
