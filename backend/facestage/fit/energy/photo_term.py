@@ -38,8 +38,10 @@ from facestage.render.light_terms import Asked, LightTerms
 # Cosines between view and surface where a pixel starts to count and counts in full: at grazing view
 # a pixel mixes surfaces, and where the silhouette runs is not in the derivative.
 VIEW_COSINE_ZERO, VIEW_COSINE_FULL = 0.15, 0.45
-# On a chessboard, the neighbours of a pixel that is looked at touch it at its corners.
-CORNERS = np.array([[1, 0, 1], [0, 1, 0], [1, 0, 1]], bool)
+# Of a quarter of the pixels, the neighbours of one are two pixels away.
+QUARTERS = 4
+TWO_AWAY = np.zeros((5, 5), bool)
+TWO_AWAY[::2, 2] = TWO_AWAY[2, ::2] = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +63,9 @@ class PhotoTerm(Term):
     # lights whose shadows the derivatives know to move; None: no light's do.
     casting: Bool[np.ndarray, " lights"] | None = None
     weight: float = 1.0
-    # 0 or 1: half of the pixels alone, one color of a chessboard, each counting twice; None: all
-    board: int | None = None
+    # 0 to 3: a quarter of the pixels alone, one of each square of four, counting four times;
+    # None: all
+    quarter: int | None = None
 
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
@@ -104,8 +107,8 @@ class PhotoTerm(Term):
             high = np.clip(np.ceil(projected.max(0)) + 1, 0, high).astype(int)
         y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
         inside = self.photo.usable[low[1] : high[1], low[0] : high[0]]
-        if self.board is not None:
-            inside = inside & ((x + y) % 2 == self.board)
+        if self.quarter is not None:
+            inside = inside & (x % 2 + 2 * (y % 2) == self.quarter)
         return np.stack([x[inside], y[inside]], axis=1) + 0.5
 
     def evaluate(
@@ -181,7 +184,7 @@ class PhotoTerm(Term):
         # Pixels beside another part (eye, mouth, background) mix both in the photo.
         seen[y, x] = True
         return weight * binary_erosion(
-            seen, None if self.board is None else CORNERS, border_value=1
+            seen, None if self.quarter is None else TWO_AWAY, border_value=1
         )
 
     def _light_terms(
@@ -279,7 +282,7 @@ class PhotoTerm(Term):
         """The inverse variances, robust and correlation-corrected, per channel."""
         scale = noise.scale(self.photo.color, evaluation.residual, evaluation.highlight)
         robust = noise.robust(evaluation.residual / scale)
-        weight = self.weight * noise.information() * (1 if self.board is None else 2)
+        weight = self.weight * noise.information() * (1 if self.quarter is None else QUARTERS)
         return weight * evaluation.base_weight * (robust / scale**2)[..., 0]
 
     def normal_equations(

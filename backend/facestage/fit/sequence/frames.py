@@ -125,10 +125,10 @@ class FrameView:
         cut: Cut,
         skin: np.ndarray | None = None,
         light_held: bool = False,
-        board: int | None = None,
+        quarter: int | None = None,
     ) -> FrameView:
-        """``skin``: :attr:`skin` of the same frame, where it was found before. ``board``: which
-        half of the pixels is looked at (:attr:`PhotoTerm.board`).
+        """``skin``: :attr:`skin` of the same frame, where it was found before. ``quarter``:
+        of the pixels, that is looked at alone (:attr:`PhotoTerm.quarter`).
         """
         small = cut.photograph
         if skin is None:
@@ -139,7 +139,7 @@ class FrameView:
         )
         blocks = frozenset(BLOCKS if light_held else (*BLOCKS, LIGHTS))
         stage = actor.stage_in_camera
-        term = PhotoTerm(actor.forward, photo, stage, SAMPLES, blocks, board=board)
+        term = PhotoTerm(actor.forward, photo, stage, SAMPLES, blocks, quarter=quarter)
         return cls(cut.window, term)
 
     @property

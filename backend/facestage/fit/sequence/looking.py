@@ -21,7 +21,7 @@ class Question:
     cut: Cut | None  # None: no face
     state: State | None = None
     skin: UInt8[np.ndarray, "height width"] | None = None  # where it was found before
-    board: int | None = None  # see PhotoTerm.board
+    quarter: int | None = None  # see PhotoTerm.quarter
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Looker:
         if question.cut is None or question.state is None:
             return Answer(question.index)
         view = FrameView.of(
-            self.actor, question.cut, question.skin, self.light_held, question.board
+            self.actor, question.cut, question.skin, self.light_held, question.quarter
         )
         seen = view.seen(question.state)
         return Answer(question.index, seen, view.skin if question.skin is None else None)

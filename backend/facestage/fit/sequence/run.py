@@ -372,8 +372,8 @@ class SequenceRun:
             pictures = tracker.no_pictures() if before is None else before.pictures
             left = self.film.frames(0 if before is None else before.done)
             shown = self._previewed(left, tracked)
-            halves = None if tracked.wants_all_pixels(number, passes) else number
-            for answer in looker.answers(tracker.questions(tracked, shown, halves)):
+            look = None if tracked.wants_all_pixels(number, passes) else number
+            for answer in looker.answers(tracker.questions(tracked, shown, look)):
                 tracker.heard(pictures, answer)
                 done = answer.index + 1
                 share = (number + done / frames) / passes

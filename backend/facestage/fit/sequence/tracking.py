@@ -37,6 +37,8 @@ BESIDE_PICTURE = 0.1
 # Errors of neighbouring frames are alike, and the smoother takes them for independent: its weights
 # are so many times as far off as it says, but no further than by their own frame alone.
 ALIKE = 2.0
+# In which order quarters of the pixels are looked at: the next one is across.
+QUARTERS = (0, 3, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +135,11 @@ class Tracker:
         return Looker(self.actor, self._light_held)
 
     def questions(
-        self, tracked: Tracked, frames: Iterable[Frame], halves: int | None = None
+        self, tracked: Tracked, frames: Iterable[Frame], look: int | None = None
     ) -> Iterator[Question]:
-        """What the pictures of ``frames`` say where ``tracked`` has the face. ``halves``: half of
-        the pixels is looked at, of the next frame the other, and the next time as well; None: all.
+        """What the pictures of ``frames`` say where ``tracked`` has the face. ``look``: the number
+        of one at a quarter of the pixels, of each frame another one than the time before and in the
+        frame before; None: at all.
         """
         for frame in frames:
             if frame.index >= len(self.landmarks):
@@ -150,7 +153,7 @@ class Tracker:
                 Cut.of(frame.photograph, landmarks),
                 tracked.state(self.actor, frame.index),
                 self._skins.get(frame.index),
-                None if halves is None else (frame.index + halves) % 2,
+                None if look is None else QUARTERS[(frame.index + look) % len(QUARTERS)],
             )
 
     def heard(self, pictures: Pictures, answer: Answer) -> None:

@@ -43,8 +43,9 @@ def asked(scene: Scene) -> Asked:
         color = scene.render(state, samples=2)[0].astype(np.float32)
         photo = Photograph(color, np.ones(color.shape[:2], bool), np.zeros(color.shape, bool))
         cut = Cut.of(photo, scene.landmarks(state, 0.2, index))
-        board = None if index % 2 else 0
-        questions.insert(index, Question(index + (index > 2), cut, scene.state, board=board))
+        quarter = None if index % 2 else 0
+        question = Question(index + (index > 2), cut, scene.state, quarter=quarter)
+        questions.insert(index, question)
     return Looker(actor, light_held=False), questions
 
 

@@ -112,24 +112,25 @@ def test_held_light_is_no_unknown(film: Callable[..., Film], scene: Scene):
     assert seen is not None and seen.light.hessian.shape == (1, 0, 0)
 
 
-def test_half_of_the_pixels_says_as_much_as_all(film: Callable[..., Film], scene: Scene):
+def test_a_quarter_of_the_pixels_says_as_much_as_all(film: Callable[..., Film], scene: Scene):
     tracker, tracked, frames = film(np.tile(scene.state.lights, (FRAMES, 1)))
     pixels, said = [], []
-    for halves in (None, 0, 1):
-        (question,) = tracker.questions(tracked, frames[2:3], halves)
+    for look in (None, 0, 1, 2, 3):
+        (question,) = tracker.questions(tracked, frames[2:3], look)
         assert question.cut is not None and question.state is not None
-        view = FrameView.of(tracker.actor, question.cut, board=question.board)
+        view = FrameView.of(tracker.actor, question.cut, quarter=question.quarter)
         counted = view.evaluated(question.state).base_weight > 0
         pixels.append(set(map(tuple, np.argwhere(counted).tolist())))
         seen = tracker.looker.answer(question).seen
         assert seen is not None
         said.append(np.diag(seen.said.hessian))
     whole, *parts = pixels
-    assert not parts[0] & parts[1]
-    assert len(whole & (parts[0] | parts[1])) > 0.85 * len(whole)
-    for half in said[1:]:
-        np.testing.assert_allclose(half[said[0] > 0] / said[0][said[0] > 0], 1.0, atol=0.5)
-        assert abs(np.log(half / said[0]).mean()) < 0.2
+    together = set().union(*parts)
+    assert sum(map(len, parts)) == len(together)
+    assert len(whole & together) > 0.8 * len(whole)
+    for quarter in said[1:]:
+        np.testing.assert_allclose(quarter[said[0] > 0] / said[0][said[0] > 0], 1.0, atol=0.6)
+        assert abs(np.log(quarter / said[0]).mean()) < 0.5
 
 
 def test_the_last_look_and_light_that_moves_want_all_pixels(
