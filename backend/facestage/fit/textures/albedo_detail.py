@@ -34,6 +34,9 @@ HUE_NONE, HUE_WHOLE = 0.15, 0.7
 # share of them that is painted, because the fitted shape lacks the crease.
 CREASE_NONE, CREASE_SURE, CREASE_PAINTED = 0.15, 0.3, 0.5
 FEATURE_HUE = 0.3  # departure from which on all of the hue is believed: lips, brows
+# By how much the hue of a face's bare skin varies at most (root mean square): where the photo shows
+# more, its colors were made stronger, or its light is not known.
+HUE_VARIES = 0.09
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo
 # basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
@@ -231,11 +234,14 @@ def _with_skins_hue(
     hue = target - brightness
     usual = np.median(hue[confidence >= np.median(confidence[confidence > 0])], axis=0)
     shade = sure * plain * np.clip(-brightness[:, 0], 0, shown.crease)
+    skin = confidence * plain * own
+    spread = np.sqrt((skin[:, None] * (hue - usual) ** 2).sum() / max(skin.sum(), 1e-9))
+    believed = min(1.0, HUE_VARIES / max(float(spread), 1e-9))
     return (
         brightness
         + ((1 - CREASE_PAINTED) * shade)[:, None]
         + usual
-        + (hue - usual) * np.maximum(own, 1 - plain)[:, None]
+        + believed * (hue - usual) * np.maximum(own, 1 - plain)[:, None]
     )
 
 

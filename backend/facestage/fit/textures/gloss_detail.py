@@ -10,9 +10,21 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Int
-from facestage.fit.textures.albedo_detail import DOUBTS, PIGMENT_SIGMA
+from facestage.fit.textures.albedo_detail import (
+    ALBEDO_MIN,
+    DOUBTS,
+    PIGMENT_SIGMA,
+    SHRINKAGE,
+    SMOOTHNESS,
+)
 from facestage.fit.textures.shown import Shown
-from facestage.fit.textures.texel_field import conjugate_gradients, neighbour_laplacian, texel_rows
+from facestage.fit.textures.texel_field import (
+    Field,
+    conjugate_gradients,
+    neighbour_laplacian,
+    solve_field,
+    texel_rows,
+)
 
 # How far a face's skin departs from the fitted map and value, and over which share of the texture.
 SPECULAR_SIGMA, ROUGHNESS_SIGMA = 0.25, 0.05
@@ -100,6 +112,20 @@ def gloss_step(
         np.clip(spread(known[0]), 0, 1),
         np.clip(spread(known[1]), 0, 1),
     )
+
+
+def gloss_beyond(
+    texels: Bool[np.ndarray, "size size"], shown: Shown
+) -> Float[np.ndarray, "size size"]:
+    """0..1, what of the gloss on ``texels`` must go, because it alone is brighter than the photo:
+    hair is no skin, and brows that are dark in the photo would be grey.
+    """
+    gloss, weight = shown.specular, shown.weight
+    beyond = (gloss - shown.photo + ALBEDO_MIN * shown.diffuse) / np.maximum(gloss, 1e-9)
+    density = max(float(texels.sum()) / max(len(weight), 1), 1.0)
+    share = np.where(gloss > 0, np.clip(beyond, 0, 1), 0).max(axis=1, keepdims=True)
+    field = Field(texels, shown.uvs, weight, share, SMOOTHNESS, SHRINKAGE / density)
+    return np.clip(solve_field(field)[0][..., 0], 0, 1)
 
 
 def _residual(shown: Shown) -> tuple[Float[np.ndarray, "pixels 3"], Float[np.ndarray, "pixels 3"]]:

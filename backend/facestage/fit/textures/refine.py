@@ -21,7 +21,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
-from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
+from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.part_color import Look, part_colors
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
@@ -170,7 +170,15 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
         by_specular = np.zeros_like(by_specular)
     if "roughness" in freeze:
         by_roughness = np.zeros_like(by_roughness)
-    return gloss_step(halved(small.skin), shown, by_specular, by_roughness)
+    texels = halved(small.skin)
+    found = gloss_step(texels, shown, by_specular, by_roughness)
+    if "specular" in freeze:
+        return found
+    # What there is of it with what was found, and what has to go of that.
+    change = sample_bilinear(found.specular, shown.uvs)
+    beyond = gloss_beyond(texels, shown.with_gloss(change, np.zeros_like(change)))
+    whole = resampled(fitted.state.specular, len(texels)) + found.specular
+    return replace(found, specular=found.specular - beyond * np.maximum(whole, 0))
 
 
 def _gloss_textures(

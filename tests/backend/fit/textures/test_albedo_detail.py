@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facestage.fit.forward.shading import sample_bilinear
-from facestage.fit.textures.albedo_detail import Doubts, albedo_detail, pigment_share
+from facestage.fit.textures.albedo_detail import HUE_VARIES, Doubts, albedo_detail, pigment_share
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.symmetry import mirrored_texels
 from reference.painted_face import PaintedFace, moved_by_a_pixel, painted_face
@@ -123,6 +123,26 @@ def test_misplaced_shadows_and_highlights_are_not_painted(face: PaintedFace):
     )
     assert strong.sum() > 20 and edge.sum() > 50
     assert found[0] < 0.6 * naive[0] and found[1] < min(naive[1], 0.3) and abs(found[2]) < 0.2
+
+
+def test_skin_is_of_no_more_hues_than_skin_has(face: PaintedFace):
+    """In a photo whose colors were made stronger, or whose light is of another color in each
+    place.
+    """
+    place = face.atlas.bake(face.forward.geometry.mean.astype(np.float32))
+    wave = np.sin(place[..., 0] / 0.012) * np.cos(place[..., 1] / 0.012)
+    pattern = wave[..., None] * np.array([1.0, -0.2, -0.8])
+    shares, spreads = {}, {}
+    for strength in (0.06, 0.5):
+        photo, _ = face.photo(strength * pattern)
+        found = albedo_detail(face.atlas, face.shown(photo), None)
+        hue = (found.log_albedo - found.log_albedo.mean(axis=2, keepdims=True))[found.seen]
+        true = strength * pattern[found.seen]
+        shares[strength] = float((hue * true).sum() / (true**2).sum())
+        spreads[strength] = float(np.sqrt((hue**2).sum(axis=1).mean()))
+    print(f"shares of the hue that are painted {shares}, which varies by {spreads}")
+    assert shares[0.06] > 0.2 and shares[0.5] < 0.5 * shares[0.06]
+    assert spreads[0.5] < 1.1 * HUE_VARIES
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 1e4])

@@ -8,9 +8,9 @@ import pytest
 from facestage.contract import brdf
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.textures.atlas import Atlas
-from facestage.fit.textures.gloss_detail import GlossStep, gloss_step
+from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
 from facestage.fit.textures.shown import Shown
-from reference.painted_face import ROUGHNESS, PaintedFace, painted_face
+from reference.painted_face import C_SPEC, ROUGHNESS, PaintedFace, painted_face
 
 TEXELS = 64
 HIGHLIGHT = (0.016, 0.075, 0.008)  # on the forehead, below the key light
@@ -101,3 +101,16 @@ def test_changed_gloss_is_the_picture_that_is_traced_again(face: PaintedFace):
     np.testing.assert_allclose(
         changed.diffuse * changed.albedo + changed.specular, changed.image.color, rtol=1e-6
     )
+
+
+def test_gloss_that_outshines_the_photo_goes(face: PaintedFace):
+    """Of a black brow, which is of hair and not of skin; and of nothing else."""
+    patch = face.uv_blob(TEXELS, HIGHLIGHT, 0.02)
+    dark = face.uv_blob(face.atlas.size, HIGHLIGHT, 0.02)
+    black, plain = face.photo(-4.0 * dark[..., None] * np.ones(3), -C_SPEC * patch)
+    texels = Atlas.build(face.forward.geometry, TEXELS).skin
+    found = gloss_beyond(texels, face.shown(black))
+    inside, outside = found[patch > 0.99].mean(), found[patch == 0]
+    print(f"{inside:.2f} of the gloss goes in the patch, at most {outside.max():.2f} outside")
+    assert inside > 0.7 and np.abs(outside).mean() < 0.01
+    assert gloss_beyond(texels, face.shown(plain.color)).max() < 0.01
