@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from facestage.contract.result import Result
 from facestage.contract.result_files import LANDMARKS, is_result_file
 from facestage.contract.texture_maps import ALBEDO
 from facestage.fit.correction.keyed import Keyed, Keys
+from facestage.fit.correction.rewriting import course_of, put_together, write_again
 from facestage.fit.correction.span import FrameRange, Span, span_of
 from facestage.fit.given.detection import known_to
 from facestage.fit.runs.place import claimed
@@ -32,10 +32,10 @@ from facestage.fit.sequence.course import POSE, Course
 from facestage.fit.sequence.crew import Crew
 from facestage.fit.sequence.landmark_bias import LandmarkBias
 from facestage.fit.sequence.motion import Motion, Triples, groups_of
-from facestage.fit.sequence.output import shown_frames, some_of, write_live_link, write_vertices
+from facestage.fit.sequence.output import shown_frames, some_of
 from facestage.fit.sequence.sequence_truth import SequenceTruth
 from facestage.fit.sequence.smoother import Evidence
-from facestage.fit.sequence.tracking import Tracked, Tracker, honest
+from facestage.fit.sequence.tracking import Tracked, Tracker
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import read_exr
 from facestage.landmarks.finder import FaceFinder
@@ -43,14 +43,11 @@ from facestage.landmarks.model_file import open_model
 from facestage.landmarks.tracker import FaceTracker
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer, traces_here
-from facestage.report import write_sequence_report
 
 LOOKS = 2
 # Expectation maximisation over a course that is known.
 ROUNDS = 20
 PREPARED, FOUND, SEEN = 0.1, 0.2, 0.95  # where on the scale from 0 to 1 each part ends
-AGAIN = " Fitted again around "  # what a sequence's advice says from then on
-BY_HAND = "Corrected by hand."
 
 
 @dataclass(frozen=True)
@@ -129,8 +126,19 @@ class _Refit:
         )
         self.tracked = self._tracked(actor)
         keyed = self._looked()
-        found = self._put_together(keyed)
-        errors = {} if truth is None else truth.errors(actor.geometry.model, _course(found))
+        timings = {
+            "refit": time.monotonic() - self._began,
+            "refit_cpu": time.process_time() - self._cpu,
+        }
+        found = put_together(
+            replace(track, film=str(self.film.path.absolute())),
+            span,
+            keyed,
+            self.tracked,
+            self._said,
+            timings,
+        )
+        errors = {} if truth is None else truth.errors(actor.geometry.model, course_of(found))
         return replace(found, errors=errors)
 
     @property
@@ -209,7 +217,7 @@ class _Refit:
     def _tracked(self, actor: Actor) -> Tracked:
         """The window as it was found."""
         track, window = self.track, self.span.window
-        course = _course(track)
+        course = course_of(track)
         groups = groups_of(track.expression_names)
         whole = Motion.start(Triples.of(self._times, self._shots), groups)
         differences = whole.triples.differences(course)
@@ -274,73 +282,14 @@ class _Refit:
         words = f"Pictures, pass {number + 1} of {LOOKS}: frame {done} of {len(free)}"
         self.tell(PROGRESS, "pictures", FOUND + (SEEN - FOUND) * share, words)
 
-    def _put_together(self, keyed: Keyed) -> contract.Sequence:
-        """The whole sequence with the range as it is now."""
-        track, span = self.track, self.span
-        indices, free = span.indices[span.free], span.free
-        expression, poses = track.expression.copy(), track.model_to_camera.copy()
-        expression[indices] = keyed.course.expression[free]
-        poses[indices] = keyed.course.model_to_camera[free]
-        frames = list(track.frames)
-        corrected = {each.frame for each in span.corrections}
-        for index, inside in zip(indices, np.flatnonzero(free), strict=True):
-            changes: dict[str, object] = {}
-            if frames[index].number in corrected:
-                changes |= {"status": contract.SEEN, "advice": BY_HAND}
-            for name in ("photo_rms", "landmark_rms"):
-                value = float(getattr(self.tracked, name)[inside])
-                changes[name] = value if np.isfinite(value) else None
-            frames[index] = replace(frames[index], **changes)  # type: ignore[arg-type]
-        told = track.advice.split(AGAIN)[0]
-        count = len(span.corrections)
-        told += f"{AGAIN}{count} frame{'s' * (count > 1)} corrected by hand."
-        return replace(
-            track,
-            film=str(self.film.path.absolute()),
-            advice=told,
-            expression=expression,
-            model_to_camera=poses,
-            deviations=self._deviations(keyed),
-            frames=tuple(frames),
-            corrected=span.corrections,
-            timings=track.timings
-            | {
-                "refit": time.monotonic() - self._began,
-                "refit_cpu": time.process_time() - self._cpu,
-            },
-        )
-
-    def _deviations(self, keyed: Keyed) -> dict[str, np.ndarray]:
-        """Nowhere more than they were: keys are known besides."""
-        span, result = self.span, dict(self.track.deviations)
-        assert keyed.deviation is not None
-        found = honest(keyed.deviation, self._said.hessian)
-        for name, columns in (("pose", slice(0, POSE)), ("expression", slice(POSE, None))):
-            if name in result:
-                values = result[name].copy()
-                own = span.indices[span.free]
-                values[own] = np.minimum(values[own], found[span.free, columns])
-                result[name] = values
-        return result
-
     def write(self, folder: Path, track: contract.Sequence) -> None:
         """Write every file of the sequence into an existing folder."""
         self.tell(PROGRESS, "pictures", SEEN, "Writing the sequence")
-        before = Path(str(self.track.folder))
-        for path in before.rglob("*"):
-            own = path.relative_to(before)
-            if path.is_file() and is_result_file(own):
-                (folder / own).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(path, folder / own)
-        track.write_into(folder)
-        write_live_link(folder, track)
-        if (folder / contract.VERTICES).is_file():
-            write_vertices(folder / contract.VERTICES, self.tracker.actor, _course(track))
         first = self.span.window.start
         wanted = some_of(self.span.first - first, self.span.end - 1 - first)
         shown = (frame for frame in self._shown() if frame.index in wanted)
-        pictures = shown_frames(shown, self.tracker, self.tracked, track)
-        write_sequence_report(folder, track, list(pictures))
+        pictures = list(shown_frames(shown, self.tracker, self.tracked, track))
+        write_again(folder, track, self.tracker.actor, pictures)
 
 
 def faces_of(
@@ -354,11 +303,6 @@ def faces_of(
     for frame in frames:
         face = tracker.look(frame.photograph).face
         yield frame, None if face is None else face.landmarks
-
-
-def _course(track: contract.Sequence) -> Course:
-    poses = track.model_to_camera
-    return Course(poses[:, :3, :3], poses[:, :3, 3], track.expression)
 
 
 def _keys(span: Span, track: contract.Sequence, course: Course) -> Keys:

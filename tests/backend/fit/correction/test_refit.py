@@ -17,7 +17,8 @@ from facestage.contract.events import PROGRESS, Event
 from facestage.contract.quality import DRAFT
 from facestage.contract.sequence import VERTICES, Sequence
 from facestage.fit.correction import refit as refit_module
-from facestage.fit.correction.refit import BY_HAND, RefitRequest, refit
+from facestage.fit.correction.refit import RefitRequest, refit
+from facestage.fit.correction.rewriting import BY_HAND
 from facestage.fit.correction.span import FrameRange
 from facestage.fit.sequence import run as run_module
 from facestage.fit.sequence.run import track_film
