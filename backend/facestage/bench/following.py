@@ -27,7 +27,7 @@ from facestage.images.film import Film
 
 SEQUENCES_CSV = "sequences.csv"
 TRUTH, CAMERA = "truth.npz", "camera.json"
-SECONDS, CORRELATION = "seconds_a_frame", "correlation_"
+SECONDS, CORRELATION, SLOPE = "seconds_a_frame", "correlation_", "slope_"
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def weight_correlations(
     said: Float[np.ndarray, "frames 52"], truth: SequenceTruth
 ) -> dict[str, float]:
     """Of each of MediaPipe's weights that the ``truth`` has and that moves, over frames with a
-    face.
+    face; and slopes, by how much they move where the truth moves by one.
     """
     seen = np.isfinite(said).all(axis=1)
     result: dict[str, float] = {}
@@ -123,13 +123,14 @@ def weight_correlations(
             true, found = truth.expression[seen, truth.names.index(name)], said[seen, number]
             if true.std() > 0 and found.std() > 0:
                 result[f"{CORRELATION}{name}"] = float(np.corrcoef(found, true)[0, 1])
+                result[f"{SLOPE}{name}"] = float(np.polyfit(true, found, 1)[0])
     return result
 
 
 def _shown(rows: Sequence[Followed]) -> list[str]:
     """The measures that are printed, of those that any row has."""
     wanted = ["similarity_mm", "frame_similarity_mm", "jitter_ratio", "lag_frames"]
-    wanted += [f"{CORRELATION}{name}" for name in WEIGHTS] + [SECONDS]
+    wanted += [f"{kind}{name}" for kind in (CORRELATION, SLOPE) for name in WEIGHTS] + [SECONDS]
     return [name for name in wanted if any(name in row.measures for row in rows)]
 
 

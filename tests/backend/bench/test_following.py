@@ -77,7 +77,8 @@ def test_its_weights_are_compared_where_there_is_a_face():
     truth.expression = np.array([[0.0, 0, 1], [0.5, 0, 2], [0.9, 0, 0], [1.0, 0, 0]])
     said = np.zeros((4, 52))
     said[:, peer.WEIGHTS["jawOpen"]] = 0.1, 0.35, np.nan, 0.6
-    assert weight_correlations(said, truth) == {"correlation_jawOpen": pytest.approx(1.0)}
+    found = {"correlation_jawOpen": pytest.approx(1.0), "slope_jawOpen": pytest.approx(0.5)}
+    assert weight_correlations(said, truth) == found
 
 
 @pytest.mark.slow
