@@ -55,6 +55,7 @@ OWN_FILES = {
     "facestage.fit.sequence.crew": "the null device",
     "facestage.fit.sequence.output": "its own folder",
     "facestage.fit.sequence.sightings": "its own checkpoint; damaged, it is refused as a whole",
+    "facestage.fit.pieces.shared": "its own checkpoint; damaged, it is refused as a whole",
     "facestage.report.sequence_page": "pictures that it has drawn",
     "facestage.fit.result.memory": "the system's own account of memory",
     "facestage.contract.files.durable": "folders, to have them written",

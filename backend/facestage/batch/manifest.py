@@ -1,4 +1,4 @@
-"""Which photos a batch is about: a table (.csv), or photos, folders and patterns."""
+"""Which photos and films a batch is about: a table (.csv), or files, folders and patterns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from facestage.contract.batch import ROWS_MAX
@@ -14,9 +14,10 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.paths import is_folder
 from facestage.contract.files.reading import MIB, read_bytes
 from facestage.contract.job import PHOTO_SUFFIXES
+from facestage.contract.sequence import VIDEO_SUFFIXES
 from facestage.contract.wording import quoted
 
-PHOTO, NAME = "photo", "name"
+PHOTO, FILM, NAME = "photo", "film", "name"
 SEPARATOR = ";"  # of several photos of one person, and of their cameras, ...
 MANIFEST_MAX = 64 * MIB
 NAME_LENGTH_MAX = 100
@@ -25,17 +26,18 @@ _PATTERN = re.compile(r"[*?\[]")
 
 @dataclass(frozen=True)
 class ManifestRow:
-    """A row: its line in the file, its photos, and what it says beside them, by column."""
+    """A row: its line in the file, its photos or film, and what it says beside them, by column."""
 
     line: int
     name: str
-    photos: tuple[str, ...]
+    photos: tuple[str, ...]  # of a film: its video or folder
     values: dict[str, tuple[str, ...]]  # only of cells that are not empty
+    film: bool = False
 
 
 def read_manifest(path: Path, columns: Collection[str]) -> list[ManifestRow]:
-    """The rows of a table whose first line names its columns: PHOTO, perhaps NAME, and any of
-    ``columns``. Raises InputError.
+    """The rows of a table whose first line names its columns: PHOTO or FILM or both, perhaps NAME,
+    and any of ``columns``. Raises InputError.
     """
     try:
         text = read_bytes(path, "manifest", MANIFEST_MAX).decode("utf-8-sig")
@@ -59,11 +61,20 @@ def read_manifest(path: Path, columns: Collection[str]) -> list[ManifestRow]:
 
 
 def find_photos(given: Sequence[Path]) -> list[ManifestRow]:
-    """A row for each photo that is named, lies in a folder that is named, or fits a pattern, in
-    that order. Raises InputError where there are none.
+    """A row for each photo or video that is named or fits a pattern, and each photo that lies in a
+    folder that is named, in that order. Raises InputError where there are none.
     """
-    found = [str(photo) for path in given for photo in _photos_of(path)]
-    return _named([ManifestRow(place, "", (photo,), {}) for place, photo in enumerate(found, 1)])
+    found = [photo for path in given for photo in _photos_of(path)]
+    return _named(
+        [
+            ManifestRow(place, "", (str(photo),), {}, _is_video(photo))
+            for place, photo in enumerate(found, 1)
+        ]
+    )
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 def _photos_of(path: Path) -> list[Path]:
@@ -85,7 +96,7 @@ def _photos_of(path: Path) -> list[Path]:
 
 
 def _check_head(path: Path, head: list[str], columns: Collection[str]) -> None:
-    known = [PHOTO, NAME, *sorted(columns)]
+    known = [PHOTO, FILM, NAME, *sorted(columns)]
     for name in head:
         if name not in known:
             raise InputError(
@@ -94,8 +105,8 @@ def _check_head(path: Path, head: list[str], columns: Collection[str]) -> None:
             )
         if head.count(name) > 1:
             raise InputError(f"The manifest '{path}' has the column '{name}' twice.")
-    if PHOTO not in head:
-        raise InputError(f"The manifest '{path}' has no column '{PHOTO}'.")
+    if not {PHOTO, FILM} & set(head):
+        raise InputError(f"The manifest '{path}' has no column '{PHOTO}', and none '{FILM}'.")
 
 
 def _row(path: Path, line: int, head: list[str], cells: list[str]) -> ManifestRow:
@@ -105,16 +116,29 @@ def _row(path: Path, line: int, head: list[str], cells: list[str]) -> ManifestRo
             "put a cell that holds a comma into quotes."
         )
     found = {name: cell for name, cell in zip(head, cells, strict=False) if cell}
-    photos = _parts(found.pop(PHOTO, ""))
-    if not all(photos):
-        raise InputError(f"Line {line} of the manifest '{path}' names no photo.")
+    photos, films = _parts(found.pop(PHOTO, "")), _parts(found.pop(FILM, ""))
+    film = all(films)
+    if film == all(photos):
+        several = "both a photo and a film" if film else "no photo and no film"
+        raise InputError(f"Line {line} of the manifest '{path}' names {several}.")
+    if len(films) > 1:
+        raise InputError(
+            f"Line {line} of the manifest '{path}' names {len(films)} films; give each a line."
+        )
+    videos = [one for one in photos if _is_video(Path(one))]
+    if videos:
+        raise InputError(
+            f"Line {line} of the manifest '{path}' names the video {quoted(videos[0])} as a photo; "
+            f"name it in the column '{FILM}'."
+        )
     name = found.pop(NAME, "")
     if name and (name != _as_name(name)):
         raise InputError(
             f"Line {line} of the manifest '{path}' has the name {quoted(name)}; expected letters, "
             f"digits, '.', '_' and '-', at most {NAME_LENGTH_MAX}, and a letter or digit first."
         )
-    return ManifestRow(line, name, photos, {key: _parts(cell) for key, cell in found.items()})
+    values = {key: _parts(cell) for key, cell in found.items()}
+    return ManifestRow(line, name, films if film else photos, values, film)
 
 
 def _parts(cell: str) -> tuple[str, ...]:
@@ -147,4 +171,4 @@ def _distinct(rows: list[ManifestRow], taken: set[str]) -> Iterator[ManifestRow]
                 count += 1
                 name = f"{stem}-{count}"
             taken.add(name.casefold())
-        yield ManifestRow(row.line, name, row.photos, row.values)
+        yield replace(row, name=name)

@@ -5,24 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock, Timeout
 
 from facestage.batch.cluster import Connection, Pool, connected
+from facestage.batch.course import Course, course_of, worked
 from facestage.batch.summary import write_summary
-from facestage.batch.task import ReadJobs, Task, fit_row
+from facestage.batch.task import Readers, Task
 from facestage.contract.batch import FITS, JOURNAL, BatchRow, read_journal
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
 from facestage.contract.files.atomic import atomic_file
-from facestage.contract.files.machine import machine_trouble
 from facestage.contract.files.partial import MARKER, forget_checkpoint, partial_folder
 from facestage.contract.person import FILE as PERSON
 from facestage.contract.result import FILE as RESULT
-from facestage.contract.wording import one_line
+from facestage.contract.sequence import FILE as SEQUENCE
 from facestage.report.batch_page import write_batch_report
 
 LOCK = ".facestage-batch-lock"
@@ -31,7 +29,7 @@ STAGE = "batch"
 
 def run_batch(
     tasks: Sequence[Task],
-    read: ReadJobs,
+    read: Readers,
     out: Path,
     pool: Pool,
     resume: bool = False,
@@ -39,9 +37,9 @@ def run_batch(
 ) -> list[BatchRow]:
     """Fit ``tasks`` into ``out``, and return what came of each, in their order.
 
-    ``read`` makes the jobs of a task's options, where it is fitted. ``resume``: what an earlier
-    batch in ``out`` has done is left, and what it has begun is gone on with. What is wrong with a
-    row is said in the row; InputError is raised for what is wrong with all.
+    ``resume``: what an earlier batch in ``out`` has done is left, and what it has begun is gone on
+    with. What is wrong with a row is said in the row; InputError is raised for what is wrong with
+    all.
     """
     out, started = Path(out).resolve(), time.monotonic()
     with _claimed(out):
@@ -53,7 +51,15 @@ def run_batch(
                 with connected(pool, len(ahead)) as connection:
                     teller = _Teller(emit, len(tasks), len(rows), started)
                     teller.connected(connection)
-                    for row in _fitted(connection, ahead, read, out, pool.retries):
+                    courses = (
+                        course_of(task, read, out / FITS / task.name, connection.threads)
+                        for task in ahead
+                    )
+                    for course in worked(connection, courses, pool.retries):
+                        row = course.row
+                        if row is None:
+                            teller.went_on(course)
+                            continue
                         rows[row.name] = row
                         _note(row, out)
                         teller.ended(row)
@@ -114,7 +120,7 @@ def _done(tasks: Sequence[Task], out: Path) -> dict[str, BatchRow]:
     found = {}
     for task in tasks:
         row, folder = journal.get(task.name), out / FITS / task.name
-        there = (folder / RESULT).is_file() or (folder / PERSON).is_file()
+        there = any((folder / file).is_file() for file in (RESULT, PERSON, SEQUENCE))
         if row is not None and not row.failed and there and row.asked == task.asked:
             found[task.name] = row
     return found
@@ -128,65 +134,6 @@ def _afresh(tasks: Sequence[Task], out: Path) -> dict[str, BatchRow]:
         if (partial / MARKER).is_file():
             forget_checkpoint(partial)
     return {}
-
-
-def _fitted(
-    connection: Connection, tasks: Sequence[Task], read: ReadJobs, out: Path, retries: int
-) -> Iterator[BatchRow]:
-    """What came of each task, as they end.
-
-    No more are handed out than are fitted at once: a worker that dies counts against all that it
-    holds, those that wait included.
-    """
-    from distributed import as_completed
-
-    client, ahead = connection.client, iter(tasks)
-    underway: dict[Any, Task] = {}
-    ended = as_completed()
-
-    def hand_out() -> None:
-        # Workers come and go.
-        room = max(sum(client.nthreads().values()), 1) - len(underway)
-        for task in islice(ahead, max(room, 0)):
-            folder, threads = out / FITS / task.name, connection.threads
-            future = client.submit(
-                fit_row, task, read, folder, threads, pure=False, retries=retries
-            )
-            underway[future] = task
-            ended.add(future)
-
-    hand_out()
-    for future in ended:
-        task = underway.pop(future)
-        hand_out()
-        yield _row(task, future)
-
-
-def _row(task: Task, future: Any) -> BatchRow:
-    """What came of a task, whether its worker gave an answer or not."""
-    if future.status == "finished":
-        row: BatchRow = future.result()
-        return row
-    error = future.exception() if future.status == "error" else None
-    return task.failed(one_line(_reason(error)))
-
-
-def _reason(error: BaseException | None) -> str:
-    """A sentence for a fit that raised ``error``, or None where it was lost."""
-    from distributed.scheduler import KilledWorker
-
-    if isinstance(error, KilledWorker):
-        times = "once" if error.allowed_failures == 0 else f"{error.allowed_failures + 1} times"
-        return (
-            f"The process that fitted it died, {times} in all: it may need more memory; give "
-            "--memory, fewer --workers, or a smaller photo."
-        )
-    if error is None:
-        return "The scheduler gave it up; run the batch again with --resume."
-    return machine_trouble(error) or (
-        f"The fit ended with a fault of its own ({type(error).__name__}: {error}); please report "
-        "it, with the photo if you can."
-    )
 
 
 def _note(row: BatchRow, out: Path) -> None:
@@ -216,6 +163,10 @@ class _Teller:
         if self._failed:
             words += f", {self._failed} failed"
         self._tell(f"{words}; {row.name}: {row.sentence}")
+
+    def went_on(self, course: Course) -> None:
+        """A step of a film is done."""
+        self._tell(f"{self._done} of {self._total}; {course.task.name}: {course.words}")
 
     def _tell(self, message: str) -> None:
         seconds = time.monotonic() - self._started

@@ -10,7 +10,7 @@ from facestage.contract.batch import FITS, SUMMARY, BatchRow
 from facestage.contract.files.atomic import atomic_file
 from facestage.report.batch_page import picture_of
 
-# Of a result's errors.
+# Of a result's errors, and of a sequence's.
 ERRORS = (
     "psnr_skin",
     "photo_rms",
@@ -19,6 +19,9 @@ ERRORS = (
     "landmark_stage_similarity_mm",
     "rigid_mm",
     "covered_mm",
+    "frame_similarity_mm",
+    "jitter_ratio",
+    "lag_frames",
 )
 
 

@@ -1,4 +1,4 @@
-"""``facestage batch``: fits of many photos, on many processes and machines."""
+"""``facestage batch``: fits of many photos and films, on many processes and machines."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from facestage.cli import streams
+from facestage.cli.film_options import add_film_options
 from facestage.cli.photo_options import add_photo_options
 from facestage.contract.errors import EXIT_DONE, EXIT_SOME_FAILED, InputError
 
@@ -17,29 +18,43 @@ if TYPE_CHECKING:
     from facestage.batch.task import Task
 
 MANIFEST = ".csv"
+# Of the options of photos, those that are no film's.
+PHOTOS_ALONE = (
+    "landmarks",
+    "lights",
+    "environment",
+    "surround",
+    "white_balance",
+    "texture_size",
+    "light_color",
+    "face_region",
+    "plan",
+)
+CHUNK, CHUNK_MIN, CHUNK_MAX = 240, 24, 100_000  # frames
 
 
 def add_command(commands: Any) -> None:
     """Add ``batch`` to the commands."""
     batch = commands.add_parser(
         "batch",
-        help="fit many photos, on many processes or machines",
-        description="Fit many photos, each on its own, on processes of this machine or on a "
-        "cluster of Dask. A photo that cannot be fitted, or a process that dies, never stops the "
-        "rest. Exit code 5 says that some rows have no result.",
+        help="fit many photos and films, on many processes or machines",
+        description="Fit many photos, each on its own, and follow films, on processes of this "
+        "machine or on a cluster of Dask. A photo that cannot be fitted, or a process that dies, "
+        "never stops the rest. Exit code 5 says that some rows have no result.",
         epilog="Example: facestage batch photos.csv --out fitted, or facestage batch folder "
-        "'more/*.jpg' --out fitted --budget draft --workers 2. The manifest's first line names its "
-        "columns: photo (several of one person with ; between them), and any of name and the "
-        "options below, with _ for -; an empty cell means the command line's. Its paths are "
-        "relative to it. The folder gets fits/NAME for each row, summary.csv, report.html and "
-        "batch.jsonl; docs/batch.md describes them. Ctrl+C keeps what is done, --resume goes on.",
+        "'more/*.jpg' take.mp4 --out fitted --budget draft --workers 2. The manifest's first line "
+        "names its columns: photo (several of one person with ; between them) or film (a video, or "
+        "a folder of frames), and any of name and the options below, with _ for -; an empty cell "
+        "means the command line's. Its paths are relative to it. The folder gets fits/NAME for "
+        "each row, summary.csv, report.html and batch.jsonl; docs/batch.md describes them. Ctrl+C "
+        "keeps what is done, --resume goes on.",
     )
     batch.add_argument(
         "photos",
         nargs="+",
         type=Path,
-        metavar="MANIFEST.csv|PHOTO|FOLDER",
-        help="one manifest; or photos, folders and patterns ('photos/*.jpg')",
+        metavar="MANIFEST.csv|PHOTO|VIDEO|FOLDER",
+        help="one manifest; or photos, folders of photos, videos and patterns ('photos/*.jpg')",
     )
     batch.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
     batch.add_argument(
@@ -69,6 +84,16 @@ def add_command(commands: Any) -> None:
         help="how often a row is tried again when its process dies (default 2)",
     )
     add_photo_options(batch)
+    films = batch.add_argument_group("of films")
+    add_film_options(films)
+    films.add_argument(
+        "--chunk",
+        type=int,
+        default=CHUNK,
+        metavar="FRAMES",
+        help="a film of more frames is followed in pieces of so many at most, each by a process of "
+        f"its own, and joined (default {CHUNK})",
+    )
     batch.add_argument(
         "--resume", action="store_true", help="leave what an earlier batch into --out has done"
     )
@@ -82,6 +107,8 @@ def run(options: argparse.Namespace) -> int:
     """Fit all rows, telling of the progress on standard output."""
     from facestage.batch.cluster import Pool
     from facestage.batch.run import counted, run_batch
+    from facestage.batch.task import Readers
+    from facestage.cli.film_options import read_request
     from facestage.cli.jobs import read_jobs
     from facestage.cli.terminal import ProgressLine, listener
     from facestage.contract.batch import SUMMARY
@@ -90,7 +117,8 @@ def run(options: argparse.Namespace) -> int:
     pool = Pool(options.scheduler, options.workers, options.memory, options.retries)
     tasks = read_tasks(options)
     with listener(options.json) as emit:
-        rows = run_batch(tasks, read_jobs, options.out, pool, options.resume, emit)
+        readers = Readers(read_jobs, read_request)
+        rows = run_batch(tasks, readers, options.out, pool, options.resume, emit)
     failed = [row for row in rows if row.failed]
     for row in failed:
         photos = ", ".join(Path(photo).name for photo in row.photos)
@@ -107,43 +135,67 @@ def cancelled(options: argparse.Namespace) -> str:
 
     done = sum(not row.failed for row in read_journal(options.out).values())
     if not done:
-        return "cancelled before the first photo was fitted; run it again, or with --resume."
+        return "cancelled before the first row was fitted; run it again, or with --resume."
     return f"cancelled; fitted so far: {done}. --resume goes on with the rest."
 
 
 class RowParser(argparse.ArgumentParser):
-    """Parses what a row says of its photos. Raises InputError."""
+    """Parses what a row says of its photos, or of its film. Raises InputError."""
 
-    def __init__(self) -> None:
+    def __init__(self, film: bool) -> None:
         super().__init__(add_help=False, allow_abbrev=False)
+        self.film = film
         add_photo_options(self)
-        self.options = {action.dest: action for action in self._actions if action.option_strings}
+        if film:
+            add_film_options(self)
+        self.options = {
+            action.dest: action
+            for action in self._actions
+            if action.option_strings and not (film and action.dest in PHOTOS_ALONE)
+        }
+
+    @property
+    def columns(self) -> list[str]:
+        """What a cell may say."""
+        return [name for name, action in self.options.items() if action.nargs != 0]
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError instead of ending the program."""
         raise InputError(message)
+
+    def shared(self, options: argparse.Namespace) -> argparse.Namespace:
+        """What the command line says of every row, its paths from here."""
+        shared = self.parse_args([])
+        for name in self.options:
+            setattr(shared, name, _absolute(name, getattr(options, name), Path.cwd()))
+        return shared
 
 
 def read_tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each row that a ``batch`` command line asks for. Raises InputError."""
     from facestage.batch.manifest import find_photos, read_manifest
 
-    parser, given = RowParser(), options.photos
-    shared = parser.parse_args([])
-    for name in parser.options:
-        setattr(shared, name, _absolute(name, getattr(options, name), Path.cwd()))
+    if not CHUNK_MIN <= options.chunk <= CHUNK_MAX:
+        raise InputError(f"--chunk is {options.chunk}; expected {CHUNK_MIN} to {CHUNK_MAX}.")
+    given = options.photos
     manifests = [path for path in given if path.suffix.lower() == MANIFEST]
     if not manifests:
-        return _tasks(find_photos(given), parser, shared, Path.cwd())
+        rows = find_photos(given)
+        try:
+            return _tasks(rows, options, Path.cwd())
+        except RowError as error:
+            name = rows[error.line - 1].photos[0]
+            raise InputError(f"For '{name}' {error}; leave all but one out.") from error
     if len(given) > 1:
         raise InputError(
             f"The manifest '{manifests[0]}' was given beside other files; give one manifest, or "
-            "photos and folders."
+            "photos, videos and folders."
         )
     (manifest,) = manifests
-    rows = read_manifest(manifest, parser.options)
+    columns = {name for film in (False, True) for name in RowParser(film).columns}
+    rows = read_manifest(manifest, columns)
     try:
-        return _tasks(rows, parser, shared, manifest.absolute().parent)
+        return _tasks(rows, options, manifest.absolute().parent)
     except RowError as error:
         raise InputError(
             f"Line {error.line} of the manifest '{manifest}' cannot be used: {error}; correct it."
@@ -158,31 +210,72 @@ class RowError(Exception):
         self.line = line
 
 
-def _tasks(
-    rows: Sequence[ManifestRow], parser: RowParser, shared: argparse.Namespace, folder: Path
-) -> list[Task]:
+def _tasks(rows: Sequence[ManifestRow], options: argparse.Namespace, folder: Path) -> list[Task]:
     from facestage.batch.task import Task
 
+    parsers = RowParser(film=False), RowParser(film=True)
+    shared = [parser.shared(options) for parser in parsers]
+    _check_used(parsers, options, {row.film for row in rows})
     tasks = []
     for number, row in enumerate(rows, 1):
-        own = copy(shared)
-        if row.values.keys() & {"camera", "focal_px"}:
-            own.camera = own.focal_px = None  # one stands for the other
-        arguments = []
-        for name, values in row.values.items():
-            setattr(own, name, parser.get_default(name))
-            flag = parser.options[name].option_strings[0]
-            arguments += [f"{flag}={value}" for value in values]
-        try:
-            own = parser.parse_args(arguments, own)
-        except InputError as error:
-            raise RowError(row.line, str(error).rstrip(".")) from error
-        for name in row.values:
-            setattr(own, name, _absolute(name, getattr(own, name), folder))
-        own.image = [folder / photo for photo in row.photos]
-        own.job = []
-        tasks.append(Task(number, row.name, tuple(own.image), own))
+        own = _row_options(row, parsers[row.film], copy(shared[row.film]), folder)
+        paths = tuple(folder / photo for photo in row.photos)
+        if row.film:
+            own.film, own.chunk = paths[0], options.chunk
+            for name in ("camera", "focal_px", "truth"):
+                setattr(own, name, _only(row.line, name, getattr(own, name)))
+        else:
+            own.image, own.job = list(paths), []
+        tasks.append(Task(number, row.name, paths, own, row.film))
     return tasks
+
+
+def _row_options(
+    row: ManifestRow, parser: RowParser, own: argparse.Namespace, folder: Path
+) -> argparse.Namespace:
+    """``own``, where the row says nothing else."""
+    if row.values.keys() & {"camera", "focal_px"}:
+        own.camera = own.focal_px = None  # one stands for the other
+    arguments = []
+    for name, values in row.values.items():
+        if name not in parser.columns:
+            kind, other = ("film", "photo") if row.film else ("photo", "film")
+            raise RowError(row.line, f"'{name}' is of a {other}, and the row is a {kind}")
+        setattr(own, name, parser.get_default(name))
+        flag = parser.options[name].option_strings[0]
+        arguments += [f"{flag}={value}" for value in values]
+    try:
+        own = parser.parse_args(arguments, own)
+    except InputError as error:
+        raise RowError(row.line, str(error).rstrip(".")) from error
+    for name in row.values:
+        setattr(own, name, _absolute(name, getattr(own, name), folder))
+    return own
+
+
+def _check_used(
+    parsers: Sequence[RowParser], options: argparse.Namespace, kinds: set[bool]
+) -> None:
+    """Raises InputError for an option of the command line that no row would hear."""
+    if len(kinds) > 1:
+        return
+    (film,) = kinds
+    for name, action in parsers[not film].options.items():
+        if name not in parsers[film].options and getattr(options, name) != action.default:
+            kind, other = ("film", "photo") if film else ("photo", "film")
+            raise InputError(
+                f"{action.option_strings[0]} is of {other}s, and there are {kind}s alone; leave it "
+                "out."
+            )
+
+
+def _only(line: int, name: str, values: Any) -> Any:
+    """The one value of a film's option."""
+    if not isinstance(values, list):
+        return values
+    if len(values) > 1:
+        raise RowError(line, f"there are {len(values)} values of '{name}', of one film")
+    return values[0]
 
 
 def _absolute(name: str, value: Any, folder: Path) -> Any:

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from facestage.cli.common import MODELS, add_finding
+from facestage.cli.film_options import add_film_options, read_request
 from facestage.contract.errors import EXIT_DONE, InputError
-from facestage.contract.quality import GOOD, parse_budget
+from facestage.contract.quality import GOOD
 
 if TYPE_CHECKING:
     from facestage.contract.events import Event
@@ -52,9 +53,7 @@ def add_command(commands: Any) -> None:
         help="a video, or a folder of pictures in the order of their numbers",
     )
     track.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
-    track.add_argument(
-        "--rate", type=float, metavar="FPS", help="frames a second of a folder (default 24)"
-    )
+    add_film_options(track)
     track.add_argument("--model", default="default", metavar="MODEL", help=f"face model: {MODELS}")
     add_finding(track)
     camera = track.add_mutually_exclusive_group()
@@ -69,17 +68,6 @@ def add_command(commands: Any) -> None:
         type=float,
         metavar="F",
         help="focal length in pixels; fitted to the keyframes when neither is given",
-    )
-    track.add_argument(
-        "--landmarks-only",
-        action="store_true",
-        help="follow landmarks alone once the keyframes are fitted: many times as fast, less exact",
-    )
-    track.add_argument(
-        "--dynamic-skin",
-        action="store_true",
-        help="also find how much more or less blood the skin shows in each frame: a blush, a pale "
-        "forehead; left out where it is not seen to change (0.3 s a frame)",
     )
     track.add_argument(
         "--freeze",
@@ -106,11 +94,6 @@ def add_command(commands: Any) -> None:
         metavar="FILE",
         help="what is known (.npz): vertices (frames, n, 3) in the camera's frame, perhaps "
         "expression (frames, e) and names; adds errors to the result, changes nothing",
-    )
-    track.add_argument(
-        "--vertices",
-        action="store_true",
-        help="also write vertices.npy: (frames, n, 3) float32, metres, camera frame, model order",
     )
     track.add_argument(
         "--resume",
@@ -153,30 +136,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _track(options: argparse.Namespace, emit: Callable[[Event], None]) -> None:
-    from facestage.contract.camera import Camera
-    from facestage.fit.sequence.request import Request
     from facestage.fit.sequence.run import track_film
 
     if options.frames is not None:
         raise InputError("--frames says what --corrected may change; give that too.")
-    seconds, quality = parse_budget(options.budget)
-    request = Request(
-        film=options.film,
-        rate=options.rate,
-        model=options.model,
-        camera=Camera.read(options.camera) if options.camera else None,
-        focal_px=options.focal_px,
-        freeze=tuple(options.freeze),
-        budget_seconds=seconds,
-        quality=quality,
-        landmarks_only=options.landmarks_only,
-        dynamic_skin=options.dynamic_skin,
-        truth=options.truth,
-        with_vertices=options.vertices,
-        face=options.face,
-        seed=options.seed,
-        device=options.device,
-    )
+    request = read_request(options)
     track_film(request, options.out, options.resume, emit, options.landmark_model)
 
 

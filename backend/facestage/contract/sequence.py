@@ -38,6 +38,8 @@ FILE, ARRAYS, VERTICES = "sequence.json", "sequence.npz", "vertices.npy"
 LIVE_LINK = "live_link.csv"  # where the model's expressions are ARKit's
 KEYFRAMES = "keyframes"  # the folder of the person that the keyframes show, see person.py
 FRAMES_MAX = 200_000
+# Of files that are taken for films where photos might stand, too.
+VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".wmv")
 # The frame shows the face | it is doubtful, see its advice | no face was found: it follows others
 SEEN, UNSURE, LOST = "seen", "unsure", "lost"
 FRAME_STATUSES = (SEEN, UNSURE, LOST)

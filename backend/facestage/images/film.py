@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ class Film:
     def __init__(self, path: Path, rate: float | None = None) -> None:
         """``rate``: frames a second of a folder. Raises InputError for what is no film."""
         self.path = path
+        self._start, self._stop = 0, FRAMES_MAX
         if rate is not None and not RATE_MIN <= rate <= RATE_MAX:
             raise InputError(
                 f"The frame rate is {rate:g}; expected {RATE_MIN:g} to {RATE_MAX:g} a second."
@@ -63,25 +65,38 @@ class Film:
     @property
     def count(self) -> int | None:
         """How many frames there are; None where only reading tells."""
-        return len(self._pictures) or None
+        if self._pictures:
+            return len(self._pictures[self._start : self._stop])
+        return self._stop - self._start if self._stop < FRAMES_MAX else None
+
+    def part(self, start: int, stop: int) -> Film:
+        """The frames from index ``start`` to before ``stop``, all of which there are, as a film of
+        their own: indices are from its first on, numbers and times as they were.
+        """
+        part = copy(self)
+        part._start, part._stop = start, stop
+        return part
 
     def picture(self, index: int) -> Path | None:
         """The file of a folder's frame; None for a video's."""
-        return self._pictures[index] if self._pictures else None
+        return self._pictures[self._start + index] if self._pictures else None
 
     def frames(self, first: int = 0) -> Iterator[Frame]:
         """The frames from index ``first`` on. Raises InputError for one that cannot be read, or has
         another size.
         """
         size: tuple[int, int] | None = None
+        first += self._start
         for frame in self._folder(first) if self._pictures else self._video(first):
+            if frame.index >= self._stop:
+                return
             size = size or frame.photograph.size
             if frame.photograph.size != size:
                 raise InputError(
                     f"Frame '{frame.name}' of '{self.path}' has {_by(frame.photograph.size)} "
                     f"pixels and those before {_by(size)}; give frames of one size."
                 )
-            yield frame
+            yield replace(frame, index=frame.index - self._start)
 
     def _folder(self, first: int) -> Iterator[Frame]:
         for index in range(first, len(self._pictures)):

@@ -16,7 +16,7 @@ from facestage.contract.batch import FAILED, FITS, BatchRow
 from facestage.contract.files.atomic import atomic_file
 from facestage.contract.files.paths import is_file
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
-from facestage.contract.result_files import PERSON_PICTURE, PERSON_REPORT, REPORT
+from facestage.contract.result_files import PERSON_PICTURE, PERSON_REPORT, REPORT, SEQUENCE_FILM
 from facestage.report.page import STATUS_WORDS
 from facestage.report.page_style import CSS
 from facestage.report.tables import NOTHING
@@ -45,7 +45,7 @@ def write_batch_report(out: Path, rows: Sequence[BatchRow], total: int, seconds:
 
 def picture_of(out: Path, row: BatchRow) -> Path | None:
     """The picture that shows the fit of a row, if there is one."""
-    for name in (FIT, PERSON_PICTURE):
+    for name in (FIT, PERSON_PICTURE, SEQUENCE_FILM):
         path = out / FITS / row.name / name
         if is_file(path):
             return path

@@ -41,9 +41,16 @@ def test_rows_have_photos_names_and_the_cells_that_are_not_empty(tmp_path: Path)
     [
         ("", "is empty"),
         ("photo\n", "has no rows"),
-        ("photo,lens\na.png,1\n", "has a column 'lens'; expected photo, name, camera, focal_px"),
+        (
+            "photo,lens\na.png,1\n",
+            "has a column 'lens'; expected photo, film, name, camera, focal_px",
+        ),
         ("photo;camera\na.png;b\n", "has a column 'photo;camera'"),
-        ("camera\na.json\n", "has no column 'photo'"),
+        ("camera\na.json\n", "has no column 'photo', and none 'film'"),
+        ("photo,film\na.png,b.mp4\n", "Line 2 of .* names both a photo and a film"),
+        ("photo,film,name\n,,x\n", "Line 2 of .* names no photo and no film"),
+        ("film\na.mp4;b.mp4\n", "Line 2 of .* names 2 films"),
+        ("photo\na.MP4\n", "Line 2 of .* names the video 'a.MP4' as a photo"),
         ("photo,photo\na,b\n", "the column 'photo' twice"),
         ("photo,camera\na.png,b.json\n,c.json\n", "Line 3 of .* names no photo"),
         ("photo\na.png;;b.png\n", "Line 2 of .* names no photo"),
@@ -77,3 +84,18 @@ def test_photos_folders_and_patterns(tmp_path: Path):
         find_photos([tmp_path / "*.png"])
     with pytest.raises(InputError, match="holds no photos"):
         find_photos([tmp_path])
+
+
+def test_films_are_videos_and_what_the_column_says(tmp_path: Path):
+    rows = read_manifest(manifest(tmp_path, "photo,film\na.png,\n,take\n,take.mov\n"), COLUMNS)
+    assert [(row.photos, row.film) for row in rows] == [
+        (("a.png",), False),
+        (("take",), True),
+        (("take.mov",), True),
+    ]
+    assert [row.name for row in rows] == ["a", "take", "take-2"]
+    # A folder that is named holds photos; its videos are named themselves, or fit a pattern.
+    for name in ("a.png", "b.mp4"):
+        (tmp_path / name).touch()
+    assert [row.film for row in find_photos([tmp_path])] == [False]
+    assert [row.film for row in find_photos([tmp_path / "?.*"])] == [False, True]

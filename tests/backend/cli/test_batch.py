@@ -12,6 +12,7 @@ import psutil
 import pytest
 
 from facestage.cli.batch import read_tasks
+from facestage.cli.film_options import read_request
 from facestage.cli.jobs import read_jobs
 from facestage.cli.parser import build_parser
 from facestage.contract.batch import FITS, JOURNAL, read_journal
@@ -190,9 +191,56 @@ def test_a_cell_takes_the_place_of_the_command_line(case: Case, photos: Path):
     assert first.asked == read_tasks(options)[0].asked
 
 
+def test_a_film_is_asked_for_as_track_asks(case: Case, photos: Path):
+    write(
+        photos,
+        "photo,film,camera,rate,texture_size\n"
+        "a.png,,,,512\n"
+        f",takes/one,{case.camera},25,\n"
+        ",two.mov,,,\n",
+    )
+    more = ["--focal-px", "200", "--freeze", "albedo", "--vertices", "--chunk", "99"]
+    more += ["--lights", "7"]
+    options = build_parser().parse_args(["batch", str(photos), "--out", "o", *more])
+    photo, first, second = read_tasks(options)
+    assert [photo.film, first.film, second.film] == [False, True, True]
+    (job,) = read_jobs(photo.options)
+    assert job.stage is not None and len(job.stage) == 7 and job.texture_size == 512
+    assert not {"chunk", "rate", "vertices"} & vars(photo.options).keys()
+    request = read_request(first.options)
+    assert request.film == photos.parent / "takes" / "one" and request.rate == 25
+    assert request.camera is not None and request.focal_px is None
+    request = read_request(second.options)
+    assert request.focal_px == 200 and request.camera is None and request.rate is None
+    assert request.with_vertices and request.freeze == ("albedo",) and request.quality == "good"
+    assert second.options.chunk == 99
+
+
+def test_an_option_that_no_row_hears_is_refused(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "out"
+    for file, option, words in (
+        (case.photo, ["--rate", "25"], "--rate is of films, and there are photos alone"),
+        (tmp_path / "take.mp4", ["--lights", "9"], "--lights is of photos, and there are films"),
+        (case.photo, ["--chunk", "3"], "--chunk is 3; expected 24 to"),
+        (
+            tmp_path / "take.mp4",
+            ["--focal-px", "200", "--focal-px", "300"],
+            "there are 2 values of 'focal_px', of one film; leave all but one out",
+        ),
+    ):
+        assert words in refuse(capsys, "batch", file, "--out", out, *option)
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("film,lights\na.mp4,5\n", "'lights' is of a photo, and the row is a film"),
+        ("photo,rate\na.png,5\n", "'rate' is of a film, and the row is a photo"),
+        ("film,camera\na.mp4,a.json;b.json\n", "there are 2 values of 'camera', of one film"),
+        ("film,vertices\na.mp4,yes\n", "has a column 'vertices'"),
         ("photo,focal_px\na.png,\na.png,long\n", "Line 3 of the manifest"),
         ("photo,out\na.png,x\n", "has a column 'out'"),
         ("photo,surround\na.png,maybe\n", "invalid choice: 'maybe'"),

@@ -91,3 +91,19 @@ def test_a_file_that_is_no_video_and_a_rate_of_one_are_refused(tmp_path: Path):
         Film(text, 24.0)
     with pytest.raises(InputError, match="frame rate is 0"):
         Film(text, 0.0)
+
+
+def test_a_part_of_a_film_counts_from_its_first_frame(tmp_path: Path):
+    (tmp_path / "frames").mkdir()
+    folder = Film(folder_of(tmp_path / "frames", [f"{number}.png" for number in range(5, 11)]))
+    for film in (folder, Film(video_of(tmp_path / "take.avi", 6))):
+        part, whole = film.part(2, 5), list(film.frames())
+        assert part.count == 3 and part.rate == film.rate
+        frames = list(part.frames())
+        assert [frame.index for frame in frames] == [0, 1, 2]
+        for frame, other in zip(frames, whole[2:5], strict=True):
+            assert (frame.number, frame.time, frame.name) == (other.number, other.time, other.name)
+            np.testing.assert_array_equal(frame.photograph.color, other.photograph.color)
+            assert part.picture(frame.index) == film.picture(other.index)
+        assert [frame.number for frame in part.frames(1)] == [other.number for other in whole[3:5]]
+    assert len(list(folder.frames())) == 6

@@ -21,6 +21,8 @@ CHECKPOINT, PERSON_CHECKPOINT, PREVIEW = "checkpoint.npz", "person-checkpoint.np
 # keyframes, with the pictures that they were read from where the film is a video.
 SEQUENCE_LANDMARKS, SEQUENCE_CHECKPOINT = "sequence-landmarks.npz", "sequence-checkpoint.npz"
 KEYFRAMES, KEYFRAME_PICTURES = "keyframes", "keyframe-pictures"
+# Of a film that is followed in pieces: a folder with what they share and one for each.
+PIECES = "pieces"
 
 
 def partial_folder(out: Path) -> Path:
@@ -63,7 +65,7 @@ def forget_checkpoint(partial: Path) -> None:
     for name in (CHECKPOINT, PERSON_CHECKPOINT, SEQUENCE_LANDMARKS, SEQUENCE_CHECKPOINT, PREVIEW):
         with suppress(OSError):
             (partial / name).unlink()
-    for name in (KEYFRAMES, partial_folder(Path(KEYFRAMES)).name, KEYFRAME_PICTURES):
+    for name in (KEYFRAMES, partial_folder(Path(KEYFRAMES)).name, KEYFRAME_PICTURES, PIECES):
         shutil.rmtree(partial / name, ignore_errors=True)
 
 

@@ -37,6 +37,7 @@ class Request:
     seed: int = 0
     device: str = "auto"
     dynamic_skin: bool = False  # looked for when all else is known, so no part of the fingerprint
+    content: str = ""  # a digest of the film's files, where another content is another film
 
     def __post_init__(self) -> None:
         if self.dynamic_skin and self.landmarks_only:
@@ -56,8 +57,11 @@ class Request:
 
     @property
     def fingerprint(self) -> str:
-        """Changes when anything that the answer depends on changes, but for what the files hold."""
+        """Changes when anything that the answer depends on changes, but for what files hold that
+        ``content`` does not speak of.
+        """
         camera = None if self.camera is None else self.camera.to_json()
         said = [str(self.film.resolve()), self.rate, self.model, camera, self.focal_px, self.freeze]
         said += [self.quality, self.landmarks_only, self.face, self.seed]
+        said += [self.content] if self.content else []
         return hashlib.sha256(json.dumps(said).encode()).hexdigest()

@@ -16,7 +16,6 @@ from facestage.contract import sequence as contract
 from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.events import DONE, PROGRESS, STARTED, Event
-from facestage.contract.face_model import FaceModel
 from facestage.contract.files.atomic import atomic_folder
 from facestage.contract.files.color import linear_to_srgb
 from facestage.contract.files.partial import (
@@ -32,18 +31,16 @@ from facestage.contract.person import FILE as PERSON
 from facestage.contract.person import Person
 from facestage.contract.result import Result
 from facestage.contract.result_files import is_result_file
-from facestage.contract.texture_maps import ALBEDO
 from facestage.fit.face.state import State
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.result.person import fit_person
 from facestage.fit.result.run import kept_unless_refused
 from facestage.fit.runs.place import claimed
-from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.checkpoint import PassCheckpoint
 from facestage.fit.sequence.common_light import with_common_light
 from facestage.fit.sequence.crew import Crew
 from facestage.fit.sequence.frames import Cut
-from facestage.fit.sequence.keyframes import choose_keyframes
+from facestage.fit.sequence.keyframes import Prepared, choose_keyframes
 from facestage.fit.sequence.looking import Looker
 from facestage.fit.sequence.output import Found, write_sequence
 from facestage.fit.sequence.request import Request
@@ -53,7 +50,7 @@ from facestage.fit.sequence.skin.changes import Look, SkinChanges, skin_changes
 from facestage.fit.sequence.skin.leftover import SKIN_PX
 from facestage.fit.sequence.tracking import LANDMARK_PASSES, Tracked, Tracker
 from facestage.images.film import Film, Frame
-from facestage.images.image_io import read_exr, write_png
+from facestage.images.image_io import write_png
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer, traces_here
 from facestage.report import write_preview
@@ -84,16 +81,26 @@ def track_film(
         run = SequenceRun(request, film, partial, emit, landmark_model, fineness)
         with kept_unless_refused(partial, resume):
             found = run.run(resume)
-        with atomic_folder(out, is_result_file) as folder:
-            track = write_sequence(folder, request, found, run.tracker, partial)
-        if found.in_time:
-            forget_checkpoint(partial)
+        track = put_in_place(out, request, found, run.tracker, partial)
     run.tell(DONE, "done", 1.0, track.advice)
+    return track
+
+
+def put_in_place(
+    out: Path, request: Request, found: Found, tracker: Tracker, partial: Path
+) -> contract.Sequence:
+    """Write the folder ``out`` of a sequence, whole; its ``partial`` folder has done its part."""
+    with atomic_folder(out, is_result_file) as folder:
+        track = write_sequence(folder, request, found, tracker, partial)
+    if found.in_time:
+        forget_checkpoint(partial)
     return replace(track, folder=out)
 
 
 class SequenceRun:
-    """The steps from a film to its course; ``partial`` keeps what a run needs to go on."""
+    """The steps from a film to its course; ``partial`` keeps what a run needs to go on.
+    ``apart``: in one process, and nobody sees previews.
+    """
 
     tracker: Tracker
 
@@ -105,8 +112,10 @@ class SequenceRun:
         emit: Callable[[Event], None],
         landmark_model: Path | None,
         fineness: Fineness,
+        *,
+        apart: bool = False,
     ) -> None:
-        self.request, self.film, self.partial = request, film, partial
+        self.request, self.film, self.partial, self._apart = request, film, partial, apart
         self._emit, self._landmark_model, self._fineness = emit, landmark_model, fineness
         self._began = time.monotonic()
         self._drawn = -np.inf  # when the last preview was, by the clock
@@ -138,7 +147,7 @@ class SequenceRun:
         # By a scene of its own: what was traced before shows in the last digits of what follows.
         actor = copy(self.tracker.actor)
         for frame in frames:
-            due = time.monotonic() - self._drawn > PREVIEW_EVERY
+            due = not self._apart and time.monotonic() - self._drawn > PREVIEW_EVERY
             view = self.tracker.view(frame, actor) if due else None
             if view is not None:
                 photo = view.term.photo.color
@@ -150,14 +159,15 @@ class SequenceRun:
 
     def run(self, resume: bool) -> Found:
         """All of it, or what an earlier run left to be done."""
+        return self.follow(self.prepare(resume), resume)
+
+    def prepare(self, resume: bool) -> Prepared:
+        """The face in all frames, and the person of the keyframes."""
         request = self.request
         self.tell(STARTED, "", 0.0, f"Reading {self.film.path.name}")
         model = load_model(request.model)
         origin = f"Face model: {model.name}; licence: {model.license}; {model.source}"
         self.tell(PROGRESS, "model", 0.0, origin)
-        deadline = np.inf
-        if request.budget_seconds is not None:
-            deadline = self._began + request.budget_seconds
         sightings = self._timed("landmarks", lambda: self._sightings(resume))
         truth = None
         if request.truth is not None:
@@ -169,36 +179,43 @@ class SequenceRun:
                 f"The frames of '{self.film.path}' all show the same; fit one of them as a photo: "
                 "facestage fit."
             )
-        frames = self._frames(chosen)
         camera = self._camera(sightings)
         start_renderer(request.device)
         shown = [one for one in (landmarks[index] for index in chosen) if one is not None]
+        frames = self._frames(chosen)
         person = self._timed("keyframes", lambda: self._person(frames, shown, camera, resume))
         results = [Result.load(self.partial / KEYFRAMES / photo.folder) for photo in person.photos]
-        tracker, states = self._prepared(model, sightings, landmarks, chosen, frames, results)
-        self.tracker = tracker
-        own, by_landmarks = tracker.actor.geometry.model, dict[str, float]()
+        return Prepared(model, sightings, landmarks, chosen, frames, person, results, truth)
+
+    def follow(self, prepared: Prepared, resume: bool) -> Found:
+        """All frames of a film that is ``prepared``."""
+        deadline = np.inf
+        if self.request.budget_seconds is not None:
+            deadline = self._began + self.request.budget_seconds
+        self.tracker, states = self.person_in_light(prepared)
+        own, by_landmarks = self.tracker.actor.geometry.model, dict[str, float]()
+        truth = prepared.truth
         checkpoint = PassCheckpoint.load(self.partial) if resume else None
         # Processes begin while this one is at the landmarks.
-        with self._crew(checkpoint, len(sightings)) as crew:
+        with self._crew(checkpoint, len(prepared.sightings)) as crew:
             if checkpoint is None:
-                tracked = self._timed("smoothing", lambda: self._by_landmarks(chosen, states))
+                tracked = self.by_landmarks(prepared.shown, states)
                 by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
-                checkpoint = PassCheckpoint(0, 0, tracked, tracker.no_pictures())
-            tracked = self._timed("pictures", lambda: self._passes(checkpoint, deadline, crew))
+                checkpoint = PassCheckpoint(0, 0, tracked, self.tracker.no_pictures())
+            tracked = self.by_pictures(checkpoint, deadline, crew)
         skin = None
-        if request.dynamic_skin and time.monotonic() <= deadline:
-            skin = self._timed("skin", lambda: self._skin(tracked, sightings, chosen))
+        if self.request.dynamic_skin and time.monotonic() <= deadline:
+            skin = self.skin(tracked, prepared)
         in_time = time.monotonic() <= deadline
         errors = {} if truth is None else truth.errors(own, tracked.course)
         self.tell(PROGRESS, "pictures", LOOKED_AT_SKIN, "Writing the sequence")
         return Found(
             self.film,
-            sightings,
-            chosen,
-            person,
-            results[0],
-            model,
+            prepared.sightings,
+            prepared.keyframes,
+            prepared.person,
+            prepared.results[0],
+            prepared.model,
             tracked,
             errors,
             by_landmarks,
@@ -312,37 +329,25 @@ class SequenceRun:
         write_png(path, pixels.astype(np.uint8))
         return path
 
-    def _prepared(
-        self,
-        model: FaceModel,
-        sightings: Sightings,
-        landmarks: Sequence[Landmarks | None],
-        chosen: Sequence[int],
-        frames: Sequence[Frame],
-        results: Sequence[Result],
-    ) -> tuple[Tracker, list[State]]:
+    def person_in_light(self, prepared: Prepared) -> tuple[Tracker, list[State]]:
         """The person under one light, and where the keyframes have the face."""
-        folder = results[0].folder
-        assert folder is not None
-        actor = Actor.of(model, results[0], read_exr(folder / ALBEDO.file))
-        states = [
-            actor.at(one.model_to_camera[:3, :3], one.model_to_camera[:3, 3], one.expression)
-            for one in results
-        ]
-        shown = [one for one in (landmarks[index] for index in chosen) if one is not None]
+        actor, states = prepared.person_found()
         if self.request.passes and "lights" not in self.request.freeze:
             self.tell(PROGRESS, "light", FITTED, "One light for all frames")
-            pictures = [frame.photograph for frame in frames]
-            actor = with_common_light(actor, pictures, shown, states)
-        times, shots = np.array(sightings.times), sightings.shots
-        return Tracker(actor, landmarks, times, shots, self.request.freeze), states
+            pictures = [frame.photograph for frame in prepared.frames]
+            actor = with_common_light(actor, pictures, prepared.shown, states)
+        return prepared.tracker(actor, self.request.freeze), states
 
-    def _by_landmarks(self, chosen: Sequence[int], states: Sequence[State]) -> Tracked:
+    def by_landmarks(self, shown: Sequence[Landmarks], states: Sequence[State]) -> Tracked:
+        """All frames by their landmarks, after keyframes that have ``shown`` theirs where their
+        ``states`` are.
+        """
+
         def tell(number: int) -> None:
             fraction = FITTED + (FOLLOWED - FITTED) * number / LANDMARK_PASSES
             self.tell(PROGRESS, "smoothing", fraction, f"Smoothing the landmarks: round {number}")
 
-        return self.tracker.by_landmarks(chosen, states, tell)
+        return self._timed("smoothing", lambda: self.tracker.by_landmarks(shown, states, tell))
 
     def _crew(
         self, checkpoint: PassCheckpoint | None, frames: int
@@ -351,18 +356,33 @@ class SequenceRun:
         looks = self.request.passes * frames
         if checkpoint is not None:
             looks -= checkpoint.number * frames + checkpoint.done
-        crew = Crew.of(self.tracker.looker, looks) if traces_here() else None
+        alone = self._apart or not traces_here()
+        crew = None if alone else Crew.of(self.tracker.looker, looks)
         return crew or nullcontext()
 
-    def _passes(self, checkpoint: PassCheckpoint, deadline: float, crew: Crew | None) -> Tracked:
-        """Look at the pictures of all frames, and smooth; again and again."""
-        tracked = self._looked(checkpoint, deadline, crew or self.tracker.looker)
-        if crew is not None:
-            self._elsewhere += crew.seconds
-        return tracked
+    def by_pictures(
+        self,
+        checkpoint: PassCheckpoint,
+        deadline: float = np.inf,
+        crew: Crew | None = None,
+        *,
+        unsmoothed: bool = False,
+    ) -> Tracked:
+        """Look at the pictures of all frames, and smooth; again and again. ``unsmoothed``: what the
+        last look has found stays in the checkpoint for who smooths it with more.
+        """
+
+        def work() -> Tracked:
+            looker = crew or self.tracker.looker
+            tracked = self._looked(checkpoint, deadline, looker, unsmoothed)
+            if crew is not None:
+                self._elsewhere += crew.seconds
+            return tracked
+
+        return self._timed("pictures", work)
 
     def _looked(
-        self, checkpoint: PassCheckpoint, deadline: float, looker: Looker | Crew
+        self, checkpoint: PassCheckpoint, deadline: float, looker: Looker | Crew, unsmoothed: bool
     ) -> Tracked:
         tracked, tracker = checkpoint.tracked, self.tracker
         frames, passes = len(tracked.course), self.request.passes
@@ -389,17 +409,18 @@ class SequenceRun:
                 if time.monotonic() - saved > SAVED_EVERY:
                     saved = time.monotonic()
                     PassCheckpoint(number, done, tracked, pictures).save(self.partial)
+            if unsmoothed and number == passes - 1:
+                PassCheckpoint(number, frames, tracked, pictures).save(self.partial)
+                break
             tracked = tracker.with_bias(tracker.smoothed(tracked, pictures))
             PassCheckpoint(number + 1, 0, tracked, tracker.no_pictures()).save(self.partial)
             if time.monotonic() > deadline:
                 break
         return tracked
 
-    def _skin(
-        self, tracked: Tracked, sightings: Sightings, keyframes: Sequence[int]
-    ) -> SkinChanges:
+    def skin(self, tracked: Tracked, prepared: Prepared) -> SkinChanges:
         """What all frames have left over on the skin."""
-        actor, landmarks = self.tracker.actor, self.tracker.landmarks
+        actor, landmarks = self.tracker.actor, prepared.landmarks
 
         def looks() -> Iterator[Look]:
             for frame in self.film.frames():
@@ -413,5 +434,7 @@ class SequenceRun:
                     cut = Cut.of(frame.photograph, own, SKIN_PX)
                     yield Look(frame.index, cut, tracked.state(actor, frame.index))
 
-        times, shots = np.array(sightings.times), sightings.shots
-        return skin_changes(actor, looks(), times, shots, keyframes)
+        times, shots = np.array(prepared.sightings.times), prepared.sightings.shots
+        return self._timed(
+            "skin", lambda: skin_changes(actor, looks(), times, shots, prepared.keyframes)
+        )

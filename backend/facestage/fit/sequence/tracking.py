@@ -102,13 +102,12 @@ class Tracker:
         self._sigma = np.where(box, EXPRESSION_SIGMA, 1.0)
 
     def by_landmarks(
-        self, keyframes: Sequence[int], states: Sequence[State], tell: Callable[[int], None]
+        self, shown: Sequence[Landmarks], states: Sequence[State], tell: Callable[[int], None]
     ) -> Tracked:
-        """All frames by their landmarks; ``states`` of the ``keyframes`` say what these are off by
-        on this person. ``tell`` is told of each pass.
+        """All frames by their landmarks; what keyframes have ``shown`` where their ``states`` are
+        says what these are off by on this person. ``tell`` is told of each pass.
         """
-        shown = [self.landmarks[index] for index in keyframes]
-        bias = LandmarkBias.of(self.actor, [one for one in shown if one is not None], states)
+        bias = LandmarkBias.of(self.actor, shown, states)
         empty = np.full(len(self.landmarks), np.nan)
         course = self._start()
         motion = Motion.start(self._triples, self._groups)

@@ -1,0 +1,98 @@
+"""A small film in pieces, beside one process; a piece that is cut off goes on."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facestage.contract.files.partial import PIECES, partial_folder
+from facestage.contract.sequence import Sequence
+from facestage.fit.pieces import run as pieces_run
+from facestage.fit.pieces.cutting import Piece, cut
+from facestage.fit.pieces.run import begin_film, follow_piece, join_film
+from facestage.fit.sequence import run as run_module
+from facestage.fit.sequence.checkpoint import PassCheckpoint
+from facestage.fit.sequence.looking import Answer
+from facestage.fit.sequence.tracking import Tracker
+from facestage.render.variant import start_renderer
+from reference.small_film import FRAMES, small_film
+from reference.small_fit import QUICK, StopError
+
+MOST, ALL = 7, 100  # frames of a piece
+
+
+def evenly(count: int, most: int, overlap: int = 3) -> list[Piece]:
+    return cut(count, most, overlap)
+
+
+@pytest.mark.slow
+def test_a_film_in_pieces_is_what_one_process_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    start_renderer("cpu")
+    film = small_film(tmp_path)
+    monkeypatch.setattr(run_module, "look_through", film.looker((4,)))
+    monkeypatch.setattr(pieces_run, "cut", evenly)
+    request = film.request(truth=film.write_truth(tmp_path / "truth.npz"))
+    out = tmp_path / "out"
+    assert begin_film(request, out, MOST, fineness=QUICK) == 2
+    for name in ("whole", "single"):
+        shutil.copytree(partial_folder(out), partial_folder(tmp_path / name))
+    whole = begin_film(request, tmp_path / "whole", ALL, True, fineness=QUICK)
+    assert isinstance(whole, Sequence)
+
+    # The steps of a film of one piece, but for rounding.
+    follow_piece(request, tmp_path / "single", ALL, 0)
+    single = join_film(request, tmp_path / "single", ALL, {})
+    np.testing.assert_allclose(single.expression, whole.expression, atol=1e-10)
+    np.testing.assert_allclose(single.model_to_camera, whole.model_to_camera, atol=1e-10)
+    for name, deviation in whole.deviations.items():
+        np.testing.assert_allclose(single.deviations[name], deviation, atol=1e-10)
+
+    # Two pieces, the later one first; the other is cut off on its second look.
+    follow_piece(request, out, MOST, 1)
+    monkeypatch.setattr(run_module, "SAVED_EVERY", 0.0)
+    heard, looks = Tracker.heard, []
+
+    def hear(tracker: Tracker, pictures: Any, answer: Answer) -> None:
+        looks.append(answer.index)
+        heard(tracker, pictures, answer)
+        if len(looks) == 14:
+            raise StopError
+
+    monkeypatch.setattr(Tracker, "heard", hear)
+    with pytest.raises(StopError):
+        follow_piece(request, out, MOST, 0)
+    first = evenly(FRAMES, MOST)[0]
+    folder = partial_folder(out) / PIECES / first.name
+    left = PassCheckpoint.load(folder)
+    assert left is not None and (left.number, left.done) == (1, 14 - first.stop - 1)
+    follow_piece(request, out, MOST, 0)
+    assert looks[14] == left.done, "what was looked at is looked at again"
+    done = PassCheckpoint.load(folder)
+    assert done is not None and (done.number, done.done) == (request.passes - 1, first.stop)
+    count = len(looks)
+    follow_piece(request, out, MOST, 0)
+    assert len(looks) == count, "a piece that is done is followed again"
+
+    shutil.copytree(partial_folder(out), partial_folder(tmp_path / "windows"))
+    joined = join_film(request, out, MOST, {"begun": 1.5})
+    # Frames of this film differ much: what its pieces learn of its motion does, too.
+    assert np.abs(joined.expression - whole.expression).max() < 0.05
+    assert np.abs(joined.model_to_camera - whole.model_to_camera).max() < 0.003
+    assert joined.errors["similarity_mm"] < 1.1 * whole.errors["similarity_mm"]
+    assert joined.timings["begun"] == 1.5
+    assert len(joined.frames) == FRAMES and joined.frames[4].status == "lost"
+    assert not partial_folder(out).exists()
+    assert np.load(out / "sequence.npz")["expression"].shape == joined.expression.shape
+
+    # Smoothed in windows, as a film is that is too long for memory.
+    monkeypatch.setattr(pieces_run, "WINDOW", 7)
+    monkeypatch.setattr(pieces_run, "WINDOW_OVERLAP", 4)
+    windows = join_film(request, tmp_path / "windows", MOST, {})
+    difference = np.abs(windows.expression - joined.expression).max()
+    assert 0 < difference < 0.05
