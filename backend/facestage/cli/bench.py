@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
-from facestage.cli.common import MODELS
+from facestage.cli.common import MODELS, use_one_algebra_thread
 from facestage.contract.errors import InputError
 
 
@@ -121,8 +120,7 @@ def run(options: argparse.Namespace) -> int:
             "bench --sequence follows films alone; leave out --case, --plan, --parts and --alone."
         )
     if options.sequence:
-        # As in facestage track: small matrices, and processes that look at frames.
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        use_one_algebra_thread()
         from facestage.bench.following import run_sequence_bench
 
         return run_sequence_bench(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facestage.cli.common import MODELS, add_finding
+from facestage.cli.common import MODELS, add_finding, use_one_algebra_thread
 from facestage.cli.film_options import add_film_options, read_request
 from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.quality import GOOD
@@ -122,9 +121,7 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Track, telling of the progress on standard output."""
-    # Its matrices are small: more threads would wait for each other, and fight with the processes
-    # that look at frames. Heard when numpy is imported.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    use_one_algebra_thread()
     from facestage.cli.terminal import ProgressLine, listener, track_summary
 
     work = _refit if options.corrected is not None else _track
