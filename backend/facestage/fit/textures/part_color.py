@@ -29,6 +29,8 @@ LIT_MIN = 0.2
 # The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
 # a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
+# Share of what surrounds the eyes that may be hidden, as it is by dark glasses.
+HIDDEN_MAX = 0.3
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def part_colors(
         if len(albedo) >= PIXELS_MIN:
             change[part.vertices] = _log_change(part, albedo, own)
     white = [albedo for part, (albedo, _) in zip(parts, shown, strict=True) if part.name == "white"]
-    if not white or not _eyes_open(white[0], look):
+    if not white or not _eyes_open(white[0], look) or _behind_glasses(forward, state, look):
         for part in parts:
             if part.name != "teeth":
                 change[part.vertices] = 0.0
@@ -181,6 +183,12 @@ def _log_change(
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)
     return result
+
+
+def _behind_glasses(forward: ForwardModel, state: State, look: Look) -> bool:
+    """Whether much of what surrounds the eyes is hidden: what shows there is no eye's color."""
+    around = look.usable[forward.box(state, forward.geometry.triangle_part == EYES)]
+    return around.size > 0 and float(around.mean()) < 1 - HIDDEN_MAX
 
 
 def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:

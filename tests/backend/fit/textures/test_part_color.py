@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facestage.contract.face_model import EYES
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR
 from facestage.fit.textures.eye_picture import eye_picture
@@ -139,3 +140,21 @@ def test_closed_and_masked_eyes_are_not_painted(face: PaintedFace, smiling: Stat
     assert not by_name(face, part_colors(face.forward, smiling, face.stage, look), "iris").any()
     masked = replace(look, usable=np.zeros((SIDE, SIDE), bool))
     assert not part_colors(face.forward, smiling, face.stage, masked).any()
+
+
+def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: State):
+    """Where much around the eyes is hidden, what shows between is not theirs."""
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
+    look = picture(face, smiling, change)
+    rows, columns = face.forward.box(smiling, geometry.triangle_part == EYES)
+    usable = look.usable.copy()
+    usable[rows, columns] &= look.skin[rows, columns] < 0.5
+    hidden = replace(look, usable=usable)
+    blue, none = (
+        by_name(face, part_colors(face.forward, smiling, face.stage, each), "iris")
+        for each in (look, hidden)
+    )
+    assert blue.any() and not none.any()
