@@ -1,5 +1,9 @@
 """How fast ``facestage track`` follows a film, part by part, and in how much memory.
 
+Frames a second are those of the parts that take longer the more frames there are: not of the
+keyframes' fit, nor of reading the model and writing the folder. By landmarks alone, give
+``--landmarks-only``: otherwise processes that will look at pictures begin meanwhile.
+
 Options that it does not know are handed on to ``facestage track``. Leave the machine alone
 meanwhile, or read the processor time. ``--frames`` makes a longer film of a folder: its frames
 forth and back, over and over.
