@@ -43,7 +43,9 @@ class LandmarkBias:
     def of(
         cls, actor: Actor, landmarks: Sequence[Landmarks], states: Sequence[State]
     ) -> LandmarkBias:
-        """From frames whose faces are where their ``states`` say."""
+        """From frames whose faces are where their ``states`` say; there may be none."""
+        if not landmarks:
+            return cls.none(0)
         found = np.array(
             [_residuals(actor, one, state) for one, state in zip(landmarks, states, strict=True)]
         )

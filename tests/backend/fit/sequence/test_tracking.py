@@ -194,3 +194,17 @@ def test_a_checkpoint_comes_back_with_its_light_and_an_older_one_begins_the_look
     older = {name: value for name, value in arrays.items() if not name.startswith("light")}
     write_arrays(tmp_path / SEQUENCE_CHECKPOINT, older)
     assert PassCheckpoint.load(tmp_path) is None
+
+
+def test_frames_without_a_face_rest(scene: Scene, course: Course):
+    """As where a hand covers it in all frames that are fitted again."""
+    actor = Actor(scene.geometry, scene.forward, scene.stage, np.eye(4), scene.state)
+    shots = np.ones(FRAMES, int)
+    tracker = Tracker(actor, [None] * FRAMES, np.arange(FRAMES) / 24.0, shots)
+    groups = groups_of(scene.model.expression_names)
+    motion = Motion.start(Triples.of(np.arange(FRAMES) / 24.0, shots), groups)
+    empty, size = np.full(FRAMES, np.nan), np.zeros((FRAMES, POSE + course.expression.shape[1]))
+    tracked = Tracked(course, motion, LandmarkBias.none(0), size, empty, empty)
+    found = tracker.with_bias(tracker.smoothed(tracker.with_bias(tracked), None))
+    assert np.isfinite(found.course.translation).all()
+    np.testing.assert_allclose(found.course.translation, course.translation, atol=1e-3)
