@@ -18,6 +18,7 @@ from facestage.contract.job import PHOTO_SUFFIXES
 from facestage.images.color_profile import DEFAULT
 from facestage.images.image_io import Photograph, read_photograph
 from facestage.images.opencv import opencv
+from facestage.images.quiet import quiet_standard_error
 
 DEFAULT_RATE = 24.0  # of a folder, frames a second
 RATE_MIN, RATE_MAX = 0.1, 1000.0
@@ -168,7 +169,8 @@ def _numbers(pictures: list[Path]) -> list[int]:
 
 def _opened(path: Path) -> Any:
     cv2 = opencv()
-    video = cv2.VideoCapture(str(path))
+    with quiet_standard_error():
+        video = cv2.VideoCapture(str(path))
     if not video.isOpened():
         video.release()
         raise InputError(

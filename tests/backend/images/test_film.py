@@ -82,7 +82,9 @@ def test_what_is_no_film_is_refused(make, words: str, tmp_path: Path):
         Film(make(tmp_path))
 
 
-def test_a_file_that_is_no_video_and_a_rate_of_one_are_refused(tmp_path: Path):
+def test_a_file_that_is_no_video_and_a_rate_of_one_are_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
     text = tmp_path / "take.mp4"
     text.write_bytes(b"no video at all")
     with pytest.raises(InputError, match="not a video"):
@@ -91,6 +93,7 @@ def test_a_file_that_is_no_video_and_a_rate_of_one_are_refused(tmp_path: Path):
         Film(text, 24.0)
     with pytest.raises(InputError, match="frame rate is 0"):
         Film(text, 0.0)
+    assert capfd.readouterr().err == ""  # of the decoder, which says so, too
 
 
 def test_a_part_of_a_film_counts_from_its_first_frame(tmp_path: Path):
