@@ -164,8 +164,6 @@ def animate(
     settings.model, settings.output = sequence.model, str(out)
     stage = default_stage(settings.light_count, settings.light_radius, settings.light_side)
     build_rig(scene, model, sequence.model, build_stage(scene, stage))
-    scene.frame_start = 1
-    scene.frame_set(1)
     scene.frame_end = apply_performance(scene, sequence, simplify)
     if add:
         add_to_face(scene, add)

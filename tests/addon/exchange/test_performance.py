@@ -10,7 +10,7 @@ import pytest
 
 from addon.exchange.films import FRAMES, RATE, WIDTH
 from addon.ui.refusal import refused
-from facestage.contract.sequence import KEYFRAMES, Sequence
+from facestage.contract.sequence import Sequence
 
 
 def keyframe(sequence: Sequence):
@@ -62,13 +62,10 @@ def test_every_frame_is_where_the_film_has_it(
 def test_light_that_changes_is_keyed(ready, sequence: Sequence) -> None:
     import bpy
 
-    from facestage.contract.person import Person
-    from facestage.contract.result import Result
     from facestage_blender.scene.stage import read_stage, require_stage
 
     folder = Path(str(sequence.folder))
-    person = folder / KEYFRAMES
-    lights = len(Result.load(person / Person.load(person).photos[0].folder).stage)
+    lights = len(keyframe(sequence).stage)
     radiance = np.random.default_rng(1).uniform(0.1, 2, (FRAMES, lights, 3))
     radiance[:, 0] = 0.0
     replace(sequence, light_radiance=radiance).write_into(folder)
@@ -222,6 +219,7 @@ def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequen
 
     from facestage_blender.rig.face_rig import key_name
     from facestage_blender.rig.keyframes import curves_of
+    from facestage_blender.scene.stage import require_stage, stage_lights
 
     count, near = 60, 0.02
     smooth = np.sin(np.linspace(0, 7, count))[:, None] * np.linspace(0.1, 0.5, head_size(head))
@@ -229,11 +227,14 @@ def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequen
     poses[:, 0, 3] += 0.02 * np.sin(np.linspace(0, 5, count))
     frames = tuple(replace(sequence.frames[0], number=5 + k, time=k / RATE) for k in range(count))
     blood = 0.8 * np.sin(np.linspace(0, 5, count))
+    power = 2.0 + np.sin(np.linspace(0, 5, count))
+    radiance = power[:, None, None] * np.ones((len(keyframe(sequence).stage), 3))
     long = replace(
         sequence,
         frames=frames,
         expression=0.5 + smooth,
         model_to_camera=poses,
+        light_radiance=radiance,
         haemoglobin=blood[:, None],
         haemoglobin_harmonics=np.ones((1, len(head.vertices))),
         haemoglobin_color=np.array([-0.04, -0.09, -0.06]),
@@ -256,6 +257,11 @@ def test_simplified_curves_have_fewer_keys_and_stay_near(ready, sequence: Sequen
     )
     played = np.array([pulse.evaluate(time) for time in times])
     assert np.abs(played - blood).max() <= near + 1e-5 and len(pulse.keyframe_points) < count / 2
+    light = stage_lights(require_stage(ready))[0].data
+    (energy,) = (curve for curve in curves_of(light) if curve.data_path == "energy")
+    played = np.array([energy.evaluate(time) for time in times])
+    shares = played / played.max() - power / power.max()
+    assert np.abs(shares).max() <= near + 1e-3 and len(energy.keyframe_points) < count / 2
     place = next(
         curve for curve in curves_of(rig) if (curve.data_path, curve.array_index) == ("location", 0)
     )
@@ -307,6 +313,23 @@ def test_without_a_window_the_command_line_animates(
             changing.haemoglobin[place] @ changing.haemoglobin_harmonics,
             atol=1e-5,
         )
+
+
+def test_the_command_line_simplifies_curves(sequence: Sequence, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.headless import batch
+    from facestage_blender.rig.keyframes import curves_of
+
+    counts: list[set[int]] = []
+    for more in ([], ["--simplify", "1"]):
+        out = tmp_path / f"out{len(counts)}"
+        line = ["--performance", str(sequence.folder), "--out", str(out), *more]
+        assert batch.main(line) == 0
+        bpy.ops.wm.open_mainfile(filepath=str(out / "scene.blend"))
+        shapes = bpy.context.scene.facestage.rig.data.shape_keys
+        counts.append({len(curve.keyframe_points) for curve in curves_of(shapes)})
+    assert counts == [{FRAMES}, {2}]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from facestage.contract.sequence import Sequence, SequenceFrame
 from facestage.report import ShownFrame, blood_picture, write_sequence_report
 from facestage.report.figure import LIGHT, Canvas
 from facestage.report.sequence_film import film_of, pace_of
-from facestage.report.sequence_page import _mark_frames, _round_step
+from facestage.report.sequence_page import COLUMNS, THUMBNAIL, _mark_frames, _round_step
 
 SIDE = 32
 
@@ -66,7 +66,7 @@ def test_the_film_shows_photo_beside_fit_for_as_long(apart: float, milliseconds:
         assert len(list(ImageSequence.Iterator(film))) == 5 and film.size == (2 * SIDE, SIDE)
         film.seek(4)
         pixels = np.asarray(film.convert("RGB")).astype(int)
-        assert film.info["duration"] == milliseconds
+        assert film.info["duration"] == milliseconds and film.info["loop"] == 0  # for ever
     assert abs(pixels[4, 4] - frames[4].photo[0, 0]).max() < 25
     assert abs(pixels[4, SIDE + 12] - frames[4].fit[0, 0]).max() < 25
     assert pace_of(frames) == pytest.approx(pace)
@@ -82,6 +82,23 @@ def test_the_report_plays_the_film_and_names_its_pace(tmp_path: Path):
     with Image.open(tmp_path / "film.webp") as film:
         assert len(list(ImageSequence.Iterator(film))) == 6
     assert (tmp_path / "sequence.png").is_file()
+
+
+def test_the_thumbnails_are_spread_over_the_film(tmp_path: Path):
+    frames = shown(25)
+    write_sequence_report(tmp_path, track_of(25), frames)
+    with Image.open(tmp_path / "sequence.png") as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    grow = pixels.shape[1] / (20 + COLUMNS * (THUMBNAIL + 8))
+    # Their photos get redder from place to place, the fits below them greener.
+    places = [(column, row) for row in range(2) for column in range(COLUMNS)]
+    colors = []
+    for column, row in places:
+        left, top = 14 + (column + 0.5) * (THUMBNAIL + 8), 28 + row * (2 * THUMBNAIL + 34)
+        middle = [int(grow * (top + (half + 0.5) * THUMBNAIL)) for half in range(2)]
+        colors.append([pixels[middle[half], int(grow * left), half] for half in range(2)])
+    wanted = [frames[round(24 * place / 11)].photo[0, 0, 0] for place in range(len(places))]
+    np.testing.assert_allclose(colors, np.array([wanted, wanted]).T, atol=3)
 
 
 def test_without_a_frame_to_show_there_is_no_film(tmp_path: Path):

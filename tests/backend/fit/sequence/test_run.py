@@ -73,7 +73,15 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     assert loaded.skin == track.skin and set(track.skin) == {"haemoglobin", "haemoglobin_noise"}
     assert "Frames that need a look" in (tmp_path / "out" / "report.html").read_text("utf-8")
     with Image.open(tmp_path / "out" / "film.webp") as shown:
-        assert len(list(ImageSequence.Iterator(shown))) == FRAMES - 1  # none was lost but one
+        pictures = [np.asarray(one.convert("RGB")) for one in ImageSequence.Iterator(shown)]
+    assert len(pictures) == FRAMES - 1  # none was lost but one
+    for picture in pictures:  # the head in the middle, and the fit where the photo has it
+        photo, fit = np.split(picture.astype(float), 2, axis=1)
+        assert 0.1 < np.abs(photo - fit).mean() < 4
+        for axis in (0, 1):
+            bright = photo.mean(axis=2).sum(axis=axis)
+            middle = np.average(np.arange(len(bright)), weights=bright)
+            assert abs(middle - len(bright) / 2) < 0.1 * len(bright)
 
     def stop(event: Event) -> None:
         if event.kind == PROGRESS and "pass 2 of 3: frame 6" in event.message:
