@@ -15,7 +15,7 @@ random walk, as light is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,12 +45,9 @@ AFTER_MAX = 0.95
 # Errors as wide as the face are not in what is left over: on a film of constant skin, coefficients
 # are so many times as far off as patches that err by themselves would make them.
 WIDE = 2.5
-# A color that nothing says to change does so somewhere, by so many of its deviations, in rendered
-# films; where it does by more, deviations are larger by as much.
-OTHERS = 1.55
 # Found is what exceeds its own deviation so many times somewhere, and is to be seen at all, in
-# deviations of the population: six films of constant skin show 0.8 to 2.3 times by errors of their
-# fits, three with a blush 2.9 to 3.6 (docs/sequences.md).
+# deviations of the population: six films of constant skin show 0.8 to 2.4 times by errors of their
+# fits, four with a blush 2.9 to 4.1 (docs/sequences.md).
 CLEAR, FLOOR = 2.65, 0.1
 
 
@@ -97,7 +94,6 @@ def haemoglobin(
     table = _Table.of(frames, patches.count)
     solver = _Solver(table, patches.means(functions), color, sigma, walk)
     coefficients, covariance = solver.solved()
-    covariance *= max(1.0, *(one.clearness() for one in solver.others())) ** 2
     change, noise = solver.clearest(coefficients, covariance)
     coefficients -= coefficients[list(keyframes)].mean(axis=0)
     needed = np.linalg.svd(coefficients, full_matrices=False)[2][:WRITTEN]
@@ -173,23 +169,6 @@ class _Solver:
         where = int((change / noise).argmax())
         return float(change[where]), float(noise[where])
 
-    def others(self) -> list[_Solver]:
-        """The same of the two colors that nothing says to change: all but the one looked for, as
-        well seen past the noise. What is found of them is wrong light and wrong shape.
-        """
-        seen, beyond = self.table.weight > 0, self.table.residual
-        half = np.linalg.cholesky(_covariance(beyond - _mean(beyond, self.table.weight), seen))
-        own, grey = np.linalg.solve(half, np.stack([self.color, np.ones(3)], axis=1)).T
-        aside = np.cross(own, grey)
-        others = aside, np.cross(aside, own)
-        scale = np.linalg.norm(own)
-        return [replace(self, color=half @ (scale / np.linalg.norm(x) * x)) for x in others]
-
-    def clearness(self) -> float:
-        """How clear it is somewhere, by what colors are in films of constant skin."""
-        change, noise = self.clearest(*self.solved())
-        return change / max(noise * OTHERS, 1e-9)
-
     def _alike(
         self, left: Float[np.ndarray, "frames patches"], seen: Bool[np.ndarray, "frames patches"]
     ) -> float:
@@ -237,13 +216,7 @@ def _filter(
     color: Float[np.ndarray, " 3"],
 ) -> Float[np.ndarray, " 3"]:
     """Which mixture of the channels shows 1 where ``color`` is added, and least of the rest."""
-    look = np.linalg.solve(_covariance(values, seen), color)
-    return look / (look @ color)
-
-
-def _covariance(
-    values: Float[np.ndarray, "frames patches 3"], seen: Bool[np.ndarray, "frames patches"]
-) -> Float[np.ndarray, "3 3"]:
-    """Of the channels."""
     found = values[seen]
-    return found.T @ found / max(len(found), 1) + CHANNEL_MIN**2 * np.eye(3)
+    covariance = found.T @ found / max(len(found), 1) + CHANNEL_MIN**2 * np.eye(3)
+    look = np.linalg.solve(covariance, color)
+    return look / (look @ color)

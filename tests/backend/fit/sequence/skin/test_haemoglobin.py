@@ -99,25 +99,6 @@ def test_deviations_say_how_far_off_it_is(scene: Scene, patches: Patches, film: 
     assert not found.is_clear and found.change < 0.2
 
 
-def test_where_other_colors_change_haemoglobin_is_believed_less(
-    scene: Scene, patches: Patches, film: Film
-) -> None:
-    frames, _ = film(scene.geometry, 0.0 * BLUSH)
-    field = patches.means(smooth_field(scene.geometry)[None])
-    lamp = np.sin(TIMES * 2)[:, None, None] * field * np.array([0.1, 0.02, -0.1])
-    wrong = [
-        replace(one, residual=one.residual + more)
-        for one, more in zip(frames, lamp, strict=True)
-        if one is not None
-    ]
-    before, after = (
-        haemoglobin(scene.geometry, patches, each, TIMES, SHOTS, range(FRAMES))
-        for each in (frames, wrong)
-    )
-    assert after.noise > 1.25 * before.noise and not after.is_clear
-    assert np.median(after.deviation) > 1.25 * np.median(before.deviation)
-
-
 def test_frames_without_a_face_follow_their_neighbours_and_say_so(
     scene: Scene, patches: Patches, film: Film
 ) -> None:
