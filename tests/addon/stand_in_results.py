@@ -137,7 +137,8 @@ def made_up(job: Job, model: FaceModel, seed: int) -> Result:
     camera_to_stage[:3, 3] = (-0.02, 0.01, 1.1)
     if job.camera_to_stage is not None:
         camera_to_stage = job.camera_to_stage
-    identity, expression = rng.normal(size=6), rng.uniform(0, 1, 4)
+    identity = rng.normal(size=len(model.identity_names))
+    expression = rng.uniform(0, 1, len(model.expression_names))
     stage = job.stage or fibonacci_stage()
     vertices = model.shape(identity, expression) @ turn.T + model_to_camera[:3, 3]
     return Result(
@@ -149,7 +150,7 @@ def made_up(job: Job, model: FaceModel, seed: int) -> Result:
         model_to_camera=model_to_camera,
         identity=identity,
         expression=expression,
-        albedo=rng.normal(size=3),
+        albedo=rng.normal(size=len(model.albedo_basis)),
         specular=np.full((8, 8), 0.7),
         roughness=0.37,
         stage=stage.with_radiance(rng.uniform(0, 9, (len(stage), 3))),
