@@ -67,6 +67,7 @@ def follow_piece(request: Request, out: Path, most: int, number: int) -> None:
     left it.
     """
     partial = partial_folder(Path(out).resolve())
+    start_renderer(request.device)
     shared = Shared.load(request, partial)
     prepared = shared.prepared
     piece = cut(len(prepared.sightings), most)[number]
@@ -75,7 +76,6 @@ def follow_piece(request: Request, out: Path, most: int, number: int) -> None:
         return
     folder = partial / PIECES / piece.name
     folder.mkdir(exist_ok=True)
-    start_renderer(request.device)
     film = Film(request.film, request.rate).part(piece.start, piece.stop)
     run = SequenceRun(request, film, folder, lambda _: None, None, USUAL, apart=True)
     run.tracker = tracker
@@ -96,8 +96,8 @@ def join_film(
     began, out = time.monotonic(), Path(out).resolve()
     film = Film(request.film, request.rate)
     with claimed(out, contract.FILE) as partial:
-        shared = Shared.load(request, partial)
         start_renderer(request.device)
+        shared = Shared.load(request, partial)
         prepared, actor = shared.prepared, shared.actor
         run = SequenceRun(request, film, partial, lambda _: None, None, USUAL, apart=True)
         run.tracker = prepared.tracker(actor, request.freeze)

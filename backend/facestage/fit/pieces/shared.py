@@ -35,7 +35,9 @@ class Shared:
 
     @classmethod
     def load(cls, request: Request, partial: Path) -> Shared:
-        """What :meth:`save` has left in the ``partial`` folder. Raises InputError."""
+        """What :func:`save_shared` has left in the ``partial`` folder. Wants the renderer started.
+        Raises InputError.
+        """
         found = read_arrays(partial / PIECES / SHARED, "checkpoint")
         try:
             keyframes, lights = found["keyframes"].tolist(), found["lights"]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,15 @@ from reference.small_film import FRAMES, small_film
 from reference.small_fit import QUICK, StopError
 
 MOST, ALL = 7, 100  # frames of a piece
+ELSEWHERE = """
+import pickle, sys
+from pathlib import Path
+from facestage.fit.pieces import run
+from facestage.fit.pieces.cutting import cut
+run.cut = lambda count, most: cut(count, most, overlap=3)
+request, out, most, number = pickle.loads(Path(sys.argv[1]).read_bytes())
+run.follow_piece(request, out, most, number)
+"""
 
 
 def evenly(count: int, most: int, overlap: int = 3) -> list[Piece]:
@@ -53,8 +65,11 @@ def test_a_film_in_pieces_is_what_one_process_finds(
     for name, deviation in whole.deviations.items():
         np.testing.assert_allclose(single.deviations[name], deviation, atol=1e-10)
 
-    # Two pieces, the later one first; the other is cut off on its second look.
-    follow_piece(request, out, MOST, 1)
+    # Two pieces, the later one first, by a process that knows nothing of the others; the other is
+    # cut off on its second look.
+    asked = tmp_path / "asked"
+    asked.write_bytes(pickle.dumps((request, out, MOST, 1)))
+    subprocess.run([sys.executable, "-c", ELSEWHERE, asked], check=True)
     monkeypatch.setattr(run_module, "SAVED_EVERY", 0.0)
     heard, looks = Tracker.heard, []
 
