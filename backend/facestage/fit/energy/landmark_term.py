@@ -42,11 +42,10 @@ class _Candidates:
     """
 
     points: SurfacePoints
-    corners: Int[np.ndarray, "candidates 3"]  # rendered-vertex indices
     weights: Float[np.ndarray, "candidates 3"]  # barycentric
     lines: ContourLines | None
-    normals: NormalsAt  # of their corners
-    corner: Int[np.ndarray, "candidates 3"]  # the corners among these
+    normals: NormalsAt  # of their triangles' corners
+    corner: Int[np.ndarray, "candidates 3"]  # each point's three among these
 
 
 @lru_cache(maxsize=4)
@@ -62,7 +61,7 @@ def _candidates(geometry: FaceGeometry, scheme: str) -> _Candidates:
     some, corner = np.unique(corners, return_inverse=True)
     points = SurfacePoints(geometry, corners, weights)
     normals = NormalsAt.of(geometry, some)
-    return _Candidates(points, corners, weights, lines, normals, corner.reshape(-1, 3))
+    return _Candidates(points, weights, lines, normals, corner.reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +129,7 @@ class LandmarkTerm(Term):
                 self.landmarks.visible[contour], self._outermost(lines, state), contour
             )
         on_face = self._candidates.points.part(chosen)
-        cosine = self._cosine(state, chosen)
+        cosine = self._cosine(state, chosen, on_face)
         share = np.clip((FACING - cosine) / (FACING - TURNED_AWAY), 0.0, 1.0)
         # What slid to the outline shows.
         share[chosen != np.arange(len(chosen))] = 0.0
@@ -163,18 +162,15 @@ class LandmarkTerm(Term):
         )
 
     def _cosine(
-        self, state: State, chosen: Int[np.ndarray, " landmarks"]
+        self, state: State, chosen: Int[np.ndarray, " landmarks"], on_face: SurfacePoints
     ) -> Float[np.ndarray, " landmarks"]:
-        """The cosine between the normal of the ``chosen`` candidates and the view: 1 towards the
-        camera.
+        """The cosine between the normal of the ``chosen`` candidates, which are these points
+        ``on_face``, and the view: 1 towards the camera.
         """
-        corners, weights = self._candidates.corners[chosen], self._candidates.weights[chosen]
-        shape = self.geometry.at(state)
-        normals = self._candidates.normals.at(shape)[self._candidates.corner[chosen]]
+        weights = self._candidates.weights[chosen]
+        normals = self._candidates.normals.at(state.shape_weights)[self._candidates.corner[chosen]]
         normals = np.einsum("mi,mix->mx", weights, normals) @ state.rotation.T
-        points = (
-            np.einsum("mi,mix->mx", weights, shape[corners]) @ state.rotation.T + state.translation
-        )
+        points = on_face.positions(state)
         scale = np.linalg.norm(points, axis=1) * np.linalg.norm(normals, axis=1)
         return -np.einsum("mx,mx->m", points, normals) / np.maximum(scale, 1e-20)
 

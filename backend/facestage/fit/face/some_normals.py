@@ -1,4 +1,4 @@
-"""Normals of a few vertices, without those of the rest."""
+"""Normals of a few vertices, without the shape and the normals of the rest."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from facestage.contract.arrays import Float, Int
+from facestage.contract.arrays import Float, Float32, Int
 from facestage.fit.face.geometry import FaceGeometry
 
 
@@ -16,8 +16,9 @@ from facestage.fit.face.geometry import FaceGeometry
 class NormalsAt:
     """The unit normals of n chosen vertices, in any shape of the mesh."""
 
-    vertices: Int[np.ndarray, " corners"]  # those of the triangles around the chosen ones
-    triangles: Int[np.ndarray, "triangles 3"]  # indices into ``vertices``
+    mean: Float[np.ndarray, "corners 3"]  # the vertices of the triangles around the chosen ones
+    basis: Float32[np.ndarray, "coordinates modes"]  # theirs, as :class:`FaceGeometry` has it
+    triangles: Int[np.ndarray, "triangles 3"]  # indices into these vertices
     sums: sp.csr_matrix  # (n, triangles), 1 where a triangle touches a chosen vertex
 
     @classmethod
@@ -28,11 +29,15 @@ class NormalsAt:
         row = np.searchsorted(chosen, around[triangle, corner])
         sums = sp.csr_matrix((np.ones(len(row)), (row, triangle)), shape=(len(chosen), len(around)))
         vertices, triangles = np.unique(around, return_inverse=True)
-        return cls(vertices, triangles.reshape(-1, 3), sums)
+        rows = (3 * vertices[:, None] + np.arange(3)).ravel()
+        return cls(geometry.mean[vertices], geometry.basis[rows], triangles.reshape(-1, 3), sums)
 
-    def at(self, shape: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "n 3"]:
-        """Area-weighted, of the whole mesh at ``shape``."""
-        some = shape[self.vertices]
+    def at(self, weights: Float[np.ndarray, " modes"]) -> Float[np.ndarray, "n 3"]:
+        """Area-weighted, of the whole mesh with ``weights`` of its modes, the first ones if they
+        are fewer; model frame.
+        """
+        weights = weights.astype(np.float32)
+        some = self.mean + (self.basis[:, : len(weights)] @ weights).reshape(-1, 3)
         a, b, c = (some[self.triangles[:, corner]] for corner in range(3))
         total = self.sums @ np.cross(b - a, c - a)
         return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), 1e-20)[:, None])

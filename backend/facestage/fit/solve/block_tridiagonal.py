@@ -9,6 +9,7 @@ large as a block is multiplied with one on the way forwards.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dpotri
@@ -17,6 +18,37 @@ from facestage.fit.solve.cholesky import firm_cholesky
 
 # Relative to a unit diagonal: keeps what nothing holds invertible, its deviation large.
 RIDGE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class _Link:
+    """A block below the diagonal, of rows and columns that have a part in the system: row r holds
+    ``factors[j, r]`` in column ``columns[j, r]``, for each j below k.
+    """
+
+    columns: np.ndarray  # (k, rows) int
+    factors: np.ndarray  # (k, rows)
+
+    @classmethod
+    def of(cls, ties: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> _Link:
+        """From ``ties`` (k, k, n) and the unknowns (indices into k n) of rows and columns."""
+        groups, _, size = ties.shape
+        place = _places(columns, groups * size)
+        group, unknown = np.divmod(rows, size)
+        found = place[np.arange(groups)[:, None] * size + unknown]
+        factors = np.where(found < 0, 0.0, ties[group, :, unknown].T)
+        return cls(np.maximum(found, 0), factors)
+
+    def times(self, right: np.ndarray) -> np.ndarray:
+        """The block times ``right`` (columns, x)."""
+        return sum(
+            factor[:, None] * right[column]
+            for column, factor in zip(self.columns, self.factors, strict=True)
+        )
+
+    def transposed(self, right: np.ndarray, columns: int) -> np.ndarray:
+        """The block, of so many ``columns``, transposed, times ``right`` (rows,)."""
+        return np.bincount(self.columns.ravel(), (self.factors * right).ravel(), columns)
 
 
 class BlockTridiagonal:
@@ -34,7 +66,7 @@ class BlockTridiagonal:
         self._kept: list[np.ndarray] = []  # indices of the unknowns of each block
         self._inverses: list[np.ndarray] = []  # of those alone
         # The blocks below the diagonal, of those alone; None where nothing is tied.
-        self._links: list[np.ndarray | None] = []
+        self._links: list[_Link | None] = []
         # C S^-1, with S what is left of a block, and C the one below it.
         self._linked: list[np.ndarray | None] = []
         for t, block in enumerate(diagonal):
@@ -43,10 +75,11 @@ class BlockTridiagonal:
             self._kept.append(kept)
             scale = 1.0 / np.sqrt(own[kept])
             left = block[kept[:, None], kept]
-            if t and ties[t - 1].any():
-                link = _whole(ties[t - 1])[kept[:, None], self._kept[t - 1]]
-                linked = link @ self._inverses[t - 1]
-                left -= linked @ link.T
+            before = self._kept[t - 1] if t else kept[:0]
+            if len(before) and ties[t - 1].any():
+                link = _Link.of(ties[t - 1], kept, before)
+                linked = link.times(self._inverses[t - 1])
+                left -= link.times(linked.T)
                 self._links.append(link)
                 self._linked.append(linked)
             elif t:
@@ -67,7 +100,7 @@ class BlockTridiagonal:
         for t in range(len(rest) - 1, -1, -1):
             link = self._links[t] if t < len(self._links) else None
             if link is not None:
-                rest[t] -= link.T @ after
+                rest[t] -= link.transposed(after, len(rest[t]))
             after = self._inverses[t] @ rest[t]
             result[t, self._kept[t]] = after
         return result
@@ -109,12 +142,11 @@ class BlockTridiagonal:
             after = found
 
 
-def _whole(ties: np.ndarray) -> np.ndarray:
-    """The block of which they are a part, all else 0."""
-    groups, _, size = ties.shape
-    result, each = np.zeros((groups, size, groups, size)), np.arange(size)
-    result[:, each, :, each] = ties.transpose(2, 0, 1)
-    return result.reshape(groups * size, -1)
+def _places(kept: np.ndarray, size: int) -> np.ndarray:
+    """(size,) int, where each unknown is among the ``kept``; -1: nowhere."""
+    result = np.full(size, -1)
+    result[kept] = np.arange(len(kept))
+    return result
 
 
 def _with_itself(
@@ -122,9 +154,17 @@ def _with_itself(
 ) -> np.ndarray:
     """The entries of a ``block`` of some ``rows`` and ``columns`` between an unknown and itself."""
     groups, _, size = shape
-    whole = np.zeros((groups * size, groups * size))
-    whole[rows[:, None], columns] = block
-    return np.einsum("iuju->iju", whole.reshape(groups, size, groups, size))
+    result = np.zeros(shape)
+    if not block.size:
+        return result
+    row, column = (
+        _places(kept, groups * size).reshape(groups, size)[index]
+        for kept, index in ((rows, np.s_[:, None]), (columns, np.s_[None]))
+    )
+    both = (row >= 0) & (column >= 0)
+    row, column = np.broadcast_arrays(row, column)
+    result[both] = block[row[both], column[both]]
+    return result
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
