@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from facestage.fit.energy.landmark_term import LandmarkTerm
+from facestage.fit.energy.lid_term import LidTerm
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.pin_term import PinTerm
 from facestage.fit.energy.priors import Priors
@@ -13,6 +14,7 @@ from facestage.fit.energy.whites_term import WhitesTerm
 TERMS: tuple[type[Term], ...] = (
     Priors,
     LandmarkTerm,
+    LidTerm,
     PinTerm,
     SilhouetteTerm,
     WhitesTerm,

@@ -52,8 +52,10 @@ class Gaussian:
         return self if factor == 1.0 else Gaussian(self.operator * factor, self.offset * factor)
 
 
-def independent(count: int, mean: float, sigma: float | Float[np.ndarray, " ..."]) -> Gaussian:
-    """Each of ``count`` values has this ``mean``; ``sigma`` of all of them, or of each (count,)."""
+def independent(
+    count: int, mean: float | Float[np.ndarray, " ..."], sigma: float | Float[np.ndarray, " ..."]
+) -> Gaussian:
+    """``mean`` and ``sigma`` of all of ``count`` values, or of each (count,)."""
     inverse = np.broadcast_to(1.0 / np.asarray(sigma), count)
     return Gaussian(_diagonal(inverse), mean * inverse)
 

@@ -66,6 +66,8 @@ class Known:
     light_scale: float = 1.0
     # Lights of the stage's hemisphere, those that are off too; None: as many as ``lights`` has.
     stage_lights: int | None = None
+    # The weights that expressions are likely to have: of what shuts an eye that landmarks see shut.
+    expression_mean: float | Float[np.ndarray, " expressions"] = 0.0
     white: WhiteBalance | None = None  # what something grey in the photo shows of the light
 
     @property
@@ -146,7 +148,8 @@ def _expression_range(known: Known) -> Range:
 
 
 def _expression_prior(known: Known, count: int) -> Gaussian:
-    return independent(count, 0.0, np.where(known.expression_box, EXPRESSION_SIGMA, 1.0))
+    sigma = np.where(known.expression_box, EXPRESSION_SIGMA, 1.0)
+    return independent(count, known.expression_mean, sigma)
 
 
 def _light_prior(known: Known, count: int) -> LightPrior:

@@ -26,6 +26,7 @@ from facestage.fit.face.unknowns import BELOW, LAMPS, SHAPE, SKIN, Known, kept_s
 from facestage.fit.face.white_balance import WhiteBalance
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.lids import shut_weights
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
@@ -216,6 +217,7 @@ class View:
             problem.geometry.model.expression_box,
             self.light_scale,
             int((problem.stage.position[:, 2] >= 0).sum()),
+            shut_weights(problem.geometry.model, problem.landmarks),
             self._white_balance(state),
         )
 

@@ -71,7 +71,8 @@ class Eye:
     iris: tuple[int, ...]
     upper: int
     lower: int
-    corners: tuple[int, int]
+    corners: tuple[int, int]  # of an upright face seen from the front, from left to right
+    lids: tuple[tuple[int, int], ...]  # the upper and the lower lid at one place
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,12 @@ class Scheme:
         return result
 
 
+def _across(eye: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+    """Pairs of the upper and the lower lid, of an opening from its outer corner once around."""
+    half = len(eye) // 2
+    return tuple(zip(eye[:half:-1], eye[1:half], strict=True))
+
+
 @cache
 def _schemes() -> Mapping[str, Scheme]:
     deviation = np.ones(SCHEME_SIZES["ibug68"])
@@ -145,8 +152,8 @@ def _schemes() -> Mapping[str, Scheme]:
         chin=np.array(_JAW[7:14]),
         openings=tuple(map(np.array, _OPENINGS)),
         eyes=(
-            Eye(tuple(range(468, 473)), 159, 145, (33, 133)),
-            Eye(tuple(range(473, 478)), 386, 374, (263, 362)),
+            Eye(tuple(range(468, 473)), 159, 145, (33, 133), _across(_OPENINGS[1])),
+            Eye(tuple(range(473, 478)), 386, 374, (362, 263), _across(_OPENINGS[2])),
         ),
     )
     return MappingProxyType({"ibug68": ibug68, "mediapipe478": mediapipe478})

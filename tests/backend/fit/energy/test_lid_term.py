@@ -1,0 +1,175 @@
+"""Lids: residuals, Jacobian, where the term is silent, and eyes that a landmark stage shuts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from facestage.contract.camera import Camera
+from facestage.contract.job import Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm, landmark_pixels
+from facestage.fit.energy.lid_term import PRESSED, SIGMA_SHARE, LidTerm
+from facestage.fit.energy.priors import Priors
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, Known
+from facestage.fit.given.lids import seen_lids, shut_weights, shutters
+from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.stages.photo_descent import PhotoDescent
+from facestage.models.anatomy.landmark_schemes import scheme_of
+from facestage.models.registry import load_model
+
+SCHEME = "mediapipe478"
+
+
+@dataclass(frozen=True)
+class Face:
+    """The mean face of the built-in head before a camera."""
+
+    geometry: FaceGeometry
+    state: State
+
+    def with_weights(self, **weights: float) -> State:
+        """The face with these expressions."""
+        names = self.geometry.model.expression_names
+        return replace(self.state, expression=np.array([weights.get(n, 0.0) for n in names]))
+
+    def landmarks(self, state: State) -> Landmarks:
+        """All points where they are at ``state``."""
+        blank = Landmarks(SCHEME, np.zeros((478, 2)), np.ones(478, bool))
+        return replace(blank, points=landmark_pixels(self.geometry, blank, state))
+
+
+@pytest.fixture(scope="module")
+def face() -> Face:
+    model = load_model("default")
+    state = State(
+        np.eye(3),
+        np.array([0.0, 0.0, -1.1]),
+        Camera.default(256, 256, 600.0),
+        np.zeros(len(model.identity_names)),
+        np.zeros(len(model.expression_names)),
+        np.zeros(0),
+        np.zeros((1, 2)),
+        np.zeros(len(model.albedo_basis)),
+        0.4,
+        np.full((4, 4), 0.8),
+    )
+    return Face(FaceGeometry(model), state)
+
+
+def found_by(face: Face, landmarks: Landmarks) -> LidTerm:
+    term = LidTerm.seen(face.geometry, landmarks)
+    assert term is not None
+    return term
+
+
+def opening(face: Face, state: State) -> list[float]:
+    """Of both eyes, in shares of their width."""
+    return [float(eye.apart.mean()) for eye in seen_lids(face.landmarks(state)) if eye is not None]
+
+
+def test_residuals_are_zero_at_the_truth_and_count_what_lids_are_further_apart(face: Face):
+    half = face.with_weights(eyeBlinkLeft=0.5, eyeBlinkRight=0.3)
+    term = found_by(face, face.landmarks(half))
+    assert np.abs(term.residuals(half)).max() < 1e-9
+    off = term.residuals(face.state).reshape(2, -1).mean(axis=1) * SIGMA_SHARE
+    expected = np.subtract(opening(face, face.state), opening(face, half))
+    np.testing.assert_allclose(off, expected, rtol=0.02)
+
+
+def test_the_loss_is_quadratic(face: Face):
+    term = found_by(face, face.landmarks(face.with_weights(eyeBlinkLeft=1.0)))
+    residuals = term.residuals(face.state)
+    assert np.ptp(term.robust_weights(residuals)) == 0
+    energy = term.weighed(face.state).energies["lids"]
+    assert term.weighed(face.state).robust["lids"] == pytest.approx(energy)
+
+
+@pytest.mark.parametrize("block", ["pose", "focal", "identity", "expression"])
+def test_jacobian_equals_finite_differences(face: Face, block: str):
+    term = found_by(face, face.landmarks(face.with_weights(eyeBlinkLeft=0.5)))
+    layout, step = Layout(face.state), 1e-5
+    jacobian = term.jacobian(face.state, layout)
+    where = layout.slices[block]
+    for column in range(where.start, where.stop, 7):
+        increment = np.zeros(layout.size)
+        increment[column] = step
+        plus, minus = (
+            term.residuals(layout.apply(face.state, sign * increment)) for sign in (1, -1)
+        )
+        wanted = (plus - minus) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, column], wanted, rtol=1e-5, atol=1e-5)
+
+
+def test_an_eye_that_does_not_show_says_nothing(face: Face):
+    landmarks = face.landmarks(face.state)
+    right, left = scheme_of(SCHEME).eyes
+    hidden = landmarks.visible.copy()
+    hidden[left.lids[3][0]] = False
+    assert len(found_by(face, replace(landmarks, visible=hidden)).apart) == len(right.lids)
+    hidden[right.corners[0]] = False
+    assert LidTerm.seen(face.geometry, replace(landmarks, visible=hidden)) is None
+    sparse = Landmarks("ibug68", np.zeros((68, 2)), np.ones(68, bool))
+    assert LidTerm.seen(face.geometry, sparse) is None
+
+
+def test_a_shut_eye_is_known_and_what_shuts_it(face: Face):
+    model = face.geometry.model
+    names = [None if each is None else each.expression for each in shutters(model, SCHEME)]
+    assert [model.expression_names[each] for each in names if each is not None] == [
+        "eyeBlinkRight",
+        "eyeBlinkLeft",
+    ]
+    wink = face.landmarks(face.with_weights(eyeBlinkLeft=1.0))
+    likely = shut_weights(model, wink)
+    assert dict(zip(model.expression_names, likely, strict=True))["eyeBlinkLeft"] == 1.0
+    assert likely.sum() == 1.0
+    assert not shut_weights(model, face.landmarks(face.state)).any()
+    # Wherever the network sees the borders of lids that touch, they shall.
+    left = shutters(model, SCHEME)[1]
+    assert left is not None
+    np.testing.assert_allclose(
+        found_by(face, wink).apart.reshape(2, -1)[1], (left.left - PRESSED) / SIGMA_SHARE
+    )
+
+
+@pytest.mark.parametrize(("blink", "least", "most"), [(1.0, -0.02, 0.012), (0.6, 0.1, 0.15)])
+def test_a_landmark_stage_brings_lids_together(face: Face, blink: float, least: float, most: float):
+    """Points alone left shut eyes open by a twentieth of their width."""
+    model, random = face.geometry.model, np.random.default_rng(5)
+    true = face.with_weights(eyeBlinkLeft=blink, eyeBlinkRight=blink)
+    true = replace(true, identity=0.6 * random.normal(size=len(true.identity)))
+    landmarks = face.landmarks(true)
+    size = face_size_px(landmarks)
+    # Neighbors err together: the whole face by more than a lid against the other.
+    noise = random.normal(size=2) + 0.2 * random.normal(size=(478, 2))
+    landmarks = replace(landmarks, points=landmarks.points + LANDMARK_SIGMA_SHARE * size * noise)
+    layout = Layout(face.state)
+    known = Known(
+        LightParameters(np.zeros(1, bool), np.ones((1, 3)), False),
+        face.state.camera.focal_px,
+        expression_box=model.expression_box,
+        expression_mean=shut_weights(model, landmarks),
+    )
+    low, high = layout.bounds(known)
+    terms = (
+        Priors(layout, known, Weights()),
+        LandmarkTerm(face.geometry, landmarks, LANDMARK_SIGMA_SHARE * size),
+        found_by(face, landmarks),
+    )
+    state = face.state
+    for blocks in (("pose",), SHAPE):
+        held = ~layout.mask(blocks) | layout.mask(("focal",))
+        stage = PhotoDescent("landmarks", blocks, Energy(layout, terms), 30, held, low, high)
+        for step in stage.run(state, 0, np.inf):
+            state = step.state
+    there, here = opening(face, true), opening(face, state)
+    print(f"true opening {there}, found {here}")
+    assert all(least < each < most for each in here)
