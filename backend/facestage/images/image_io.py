@@ -44,6 +44,7 @@ HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"
 RAW_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw")
 ORIENTATION = 0x0112
 EXR_MAX = 1e9
+HALF_MOST = 65000.0  # of what half floats hold, in what is written
 LINEAR_REC709 = "linear Rec. 709"
 
 # What Pillow logs of a damaged file, Python prints where no log was set up; the error that it
@@ -263,7 +264,8 @@ def write_exr(path: Path, image: np.ndarray) -> None:
             cv2.IMWRITE_EXR_COMPRESSION,
             cv2.IMWRITE_EXR_COMPRESSION_ZIP,
         ]
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(np.clip(data, 0, 65000)), options):
+        most = np.clip(data, -HALF_MOST, HALF_MOST)  # below 0: heights
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(most), options):
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
 
 

@@ -16,6 +16,7 @@ from PIL import Image
 from facestage.contract.errors import InputError
 from facestage.contract.files.color import linear_to_srgb, srgb_to_linear
 from facestage.images.image_io import read_exr, read_photograph, resize, write_exr
+from facestage.images.opencv import opencv
 
 RANDOM = np.random.default_rng(0)
 PIXELS = RANDOM.integers(0, 256, (5, 7, 3)).astype(np.uint8)
@@ -88,6 +89,13 @@ def test_another_format_named_exr_is_refused(tmp_path: Path):
     (tmp_path / "a.png").rename(tmp_path / "a.exr")
     with pytest.raises(InputError, match=r"a\.exr.*OpenEXR"):
         read_photograph(tmp_path / "a.exr")
+
+
+def test_heights_below_zero_are_written(tmp_path: Path):
+    height = np.array([[-0.5, 0.25], [0.0, -1e6]], np.float32)
+    write_exr(tmp_path / "a.exr", height)
+    found = opencv().imread(str(tmp_path / "a.exr"), opencv().IMREAD_UNCHANGED)
+    np.testing.assert_allclose(found, np.maximum(height, -65000), rtol=1e-3)
 
 
 def test_grey_exr(tmp_path: Path):
