@@ -12,7 +12,9 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
+from facestage.contract.result_files import is_result_file
 from facestage.contract.sequence import ARRAYS, FILE, Sequence
+from facestage.contract.wrinkles import Wrinkles
 
 
 def test_round_trip(sequence: Sequence, tmp_path: Path):
@@ -68,6 +70,25 @@ def test_haemoglobin_comes_back_whole_or_is_refused(sequence: Sequence, tmp_path
     write_arrays(tmp_path / ARRAYS, arrays)
     with pytest.raises(InputError, match="haemoglobin_color"):
         Sequence.load(tmp_path)
+
+
+def test_wrinkles_come_back_and_know_their_files(sequence: Sequence, tmp_path: Path):
+    smile = Wrinkles("smile_left", sequence.expression_names[:1])
+    replace(sequence, wrinkles=(smile,)).write_into(tmp_path)
+    assert Sequence.load(tmp_path).wrinkles == (smile,)
+    assert smile.normal_file == "wrinkles_smile_left_normal.exr"
+    for name in (smile.normal_file, smile.height_file):
+        assert is_result_file(Path(name)) and not is_result_file(Path("keyframes/1-a/x") / name)
+    data = json.loads((tmp_path / FILE).read_text("utf-8"))
+    for wrong, words in (
+        ([{"name": "../x", "sliders": ["jawOpen"]}], "small letters"),
+        ([{"name": "a", "sliders": ["nose"]}], "follow 'nose', which is no expression"),
+        ([{"name": "a", "sliders": []}], "sliders has 0 entries"),
+        (2 * data["wrinkles"], "have a name twice"),
+    ):
+        (tmp_path / FILE).write_text(json.dumps(data | {"wrinkles": wrong}), encoding="utf-8")
+        with pytest.raises(InputError, match=words):
+            Sequence.load(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,13 @@ from ..rig.expressions import expression_keys
 from ..rig.face_rig import key_name, require_rig, rig_axes
 from ..rig.keyframes import Thinning, curves_of, remove_curves, write_curve, write_keys
 from ..rig.own_record import OwnMesh
-from ..rig.sliders import carrier
+from ..rig.sliders import carrier, value_path
 from ..scene import frames
 from ..scene.camera import ensure_camera
 from ..scene.stage import facestage_collection, light_power, require_stage, stage_lights
 from ..skin.haemoglobin import give_haemoglobin, take_haemoglobin, weight_path
+from ..skin.wrinkles import DrivenWrinkles, give_wrinkles
+from .result_textures import wrinkle_images
 from .write_back import apply_result
 
 PLACES = PLACE, TURN, SCALE = "location", "rotation_euler", "scale"
@@ -94,7 +96,9 @@ def apply_performance(scene: bpy.types.Scene, sequence: Sequence, simplify: floa
             f"The film's haemoglobin is of {harmonics.shape[1]} vertices, the rig has "
             f"{len(rig.data.vertices)}; track the film again."
         )
+    images = wrinkle_images(sequence)
     apply_result(scene, result)
+    _drive_wrinkles(rig, sequence, images)
     _set_rate(scene, sequence.frame_rate)
     first = scene.frame_current
     times = frame_times(sequence, first)
@@ -248,6 +252,24 @@ def _key_haemoglobin(
             path, axis = weight_path(harmonic)
             tree.keyframe_insert(path, index=axis, frame=float(times[0]))  # makes the curve
             write_curve(tree, path, axis, times, column, simplicity.thinning())
+
+
+def _drive_wrinkles(
+    rig: bpy.types.Object, sequence: Sequence, images: Mapping[str, bpy.types.Image]
+) -> None:
+    """Let wrinkles come with the sliders that bring them, if the film says so."""
+    keys = rig.data.shape_keys
+
+    def path(slider: str) -> str:
+        return value_path(keys.key_blocks[key_name(slider)])
+
+    give_wrinkles(
+        rig,
+        [
+            DrivenWrinkles(each.name, images[each.name], keys, [path(one) for one in each.sliders])
+            for each in sequence.wrinkles
+        ],
+    )
 
 
 def _show_film(scene: bpy.types.Scene, sequence: Sequence, first: int) -> None:

@@ -12,10 +12,12 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
 from facestage.contract.result import TEXTURE_MAX, Result
-from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS, TextureMap
+from facestage.contract.sequence import Sequence
+from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 from ..pictures.images import image_pixels, set_color_space
 
+WRINKLES_LABEL = "Facestage Wrinkles"  # the first words of their images' names
 SIDE_MAX = 8192  # pixels; a fit paints 4096 at most
 
 
@@ -30,7 +32,8 @@ def loading_steps(result: Result) -> Generator[None, None, dict[str, bpy.types.I
         for each in (*TEXTURE_MAPS, EYE_MAP):
             folder = Path(result.folder or "")
             if each.required or (result.folder is not None and is_file(folder / each.file)):
-                loaded[each.name] = _load(result, each)
+                name = f"Facestage {each.socket}"
+                loaded[each.name] = _load(folder / each.file, name, each.colored)
                 yield
     except (InputError, GeneratorExit):
         for image in loaded.values():
@@ -39,26 +42,43 @@ def loading_steps(result: Result) -> Generator[None, None, dict[str, bpy.types.I
     return loaded
 
 
-def _load(result: Result, each: TextureMap) -> bpy.types.Image:
-    path = Path(result.folder or "") / each.file
-    if result.folder is None or not is_file(path):
-        raise InputError(f"The result has no '{path}'; run the fit again.")
+def wrinkle_images(sequence: Sequence) -> dict[str, bpy.types.Image]:
+    """The normal maps of a film's wrinkles by their names, packed into the .blend.
+
+    Raises InputError when one is missing, damaged or not finite; then none is left behind.
+    """
+    loaded: dict[str, bpy.types.Image] = {}
+    folder = Path(sequence.folder or "")
+    try:
+        for each in sequence.wrinkles:
+            path, name = folder / each.normal_file, f"{WRINKLES_LABEL} {each.name}"
+            loaded[each.name] = _load(path, name, colored=False, again="track the film again")
+    except InputError:
+        for image in loaded.values():
+            bpy.data.images.remove(image)
+        raise
+    return loaded
+
+
+def _load(
+    path: Path, name: str, colored: bool, again: str = "run the fit again"
+) -> bpy.types.Image:
+    if not is_file(path):
+        raise InputError(f"The result has no '{path}'; {again}.")
     size = exr_size(path, "result's picture", TEXTURE_MAX, SIDE_MAX)
-    damaged = InputError(f"The result's picture '{path}' cannot be read; run the fit again.")
+    damaged = InputError(f"The result's picture '{path}' cannot be read; {again}.")
     try:
         image = bpy.data.images.load(str(path))
     except RuntimeError as error:
         raise damaged from error
     try:
-        image.name = f"Facestage {each.socket}"
-        set_color_space(image, each.colored)
+        image.name = name
+        set_color_space(image, colored)
         image.alpha_mode = "NONE"
         if tuple(image.size) != size:  # 0 x 0 where Blender could not decode it
             raise damaged
         if not np.isfinite(image_pixels(image)).all():
-            raise InputError(
-                f"The result's picture '{path}' holds NaN or infinity; run the fit again."
-            )
+            raise InputError(f"The result's picture '{path}' holds NaN or infinity; {again}.")
         image.pack()
     except (RuntimeError, InputError) as error:
         bpy.data.images.remove(image)

@@ -34,6 +34,7 @@ BSDF, IN_EEVEE = "BSDF", "BSDF in EEVEE"  # the group's outputs, for all engines
 SCATTERS = "facestage_scatters"  # of the group's node: whether it is skin, not eyes or teeth
 NORMAL_NODE = "Normal Map"
 PORES = "Pores"  # the bump of pores.py, which lies between the normal map and the group
+WRINKLES = "Wrinkles"  # the sum of wrinkles.py, which lies before the pores
 IRIS = "Iris behind the Cornea"  # the nodes of iris_depth.py, which have normals of their own
 TEXTURE_SIZE, GLOSS_SIZE = 256, 32  # of a rig without a result
 
@@ -261,10 +262,14 @@ def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) ->
     nodes, links = material.node_tree.nodes, material.node_tree.links
     if NORMAL.socket not in nodes[GROUP].inputs or IRIS in nodes:
         return  # a group that its user has made another of, or eyes that are flat in the map
-    bent = nodes[PORES].inputs["Normal"] if PORES in nodes else nodes[GROUP].inputs[NORMAL.socket]
+    bent = bent_socket(nodes)
+    if WRINKLES in nodes:
+        bent = nodes[WRINKLES].inputs[0]
     for link in list(bent.links):
         links.remove(link)
     if image is None:
+        if WRINKLES in nodes:
+            links.new(smooth_normal(nodes), bent)
         return
     uv_map = textures_uv_map(nodes)
     node = picture_node(material, NORMAL, uv_map)
@@ -275,6 +280,19 @@ def bend_normals(material: bpy.types.Material, image: bpy.types.Image | None) ->
     nodes[NORMAL_NODE].uv_map = uv_map
     links.new(node.outputs["Color"], nodes[NORMAL_NODE].inputs["Color"])
     links.new(nodes[NORMAL_NODE].outputs["Normal"], bent)
+
+
+def bent_socket(nodes: bpy.types.Nodes) -> bpy.types.NodeSocket:
+    """Where a material takes the normals that it has been given so far: before its pores."""
+    return nodes[PORES].inputs["Normal"] if PORES in nodes else nodes[GROUP].inputs[NORMAL.socket]
+
+
+def smooth_normal(nodes: bpy.types.Nodes) -> bpy.types.NodeSocket:
+    """The mesh's own normal."""
+    found = next((node for node in nodes if node.type == "NEW_GEOMETRY"), None)
+    if found is None:
+        found = node_at(nodes, "ShaderNodeNewGeometry", -700, 700)
+    return found.outputs["Normal"]
 
 
 def textures_uv_map(nodes: bpy.types.Nodes) -> str:

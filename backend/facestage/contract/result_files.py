@@ -7,12 +7,13 @@ from __future__ import annotations
 import re
 from pathlib import PurePath
 
-from facestage.contract import job, person, result, sequence
+from facestage.contract import job, person, result, sequence, wrinkles
 from facestage.contract.relight_cache import RELIGHT_CACHE
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
 SEQUENCE_PICTURE, SEQUENCE_FILM = "sequence.png", "film.webp"
+WRINKLES_PICTURE = "wrinkles.png"
 TRACE, PERSON_REPORT, PERSON_PICTURE = "trace.jsonl", "person.html", "person.png"
 FILES = frozenset(
     {
@@ -37,6 +38,7 @@ FILES = frozenset(
         sequence.LIVE_LINK,
         SEQUENCE_PICTURE,
         SEQUENCE_FILM,
+        WRINKLES_PICTURE,
     }
 )
 REPORT_PICTURES = frozenset(
@@ -74,5 +76,6 @@ def is_result_file(path: PurePath) -> bool:
         name in FILES
         or (path.suffix == ".png" and path.stem in REPORT_PICTURES)
         or bool(RELIT.fullmatch(name))
+        or bool(wrinkles.FILE.fullmatch(name))
         or bool(KEYFRAME_PICTURE.fullmatch(name))
     )

@@ -32,6 +32,7 @@ from facestage.contract.schemas.fields import (
     Whole,
 )
 from facestage.contract.schemas.schema import FileSchema, check_version, checked, sections
+from facestage.contract.wrinkles import WRINKLES_MAX, Wrinkles, WrinklesSchema
 
 SCHEMA_VERSION = 1
 FILE, ARRAYS, VERTICES = "sequence.json", "sequence.npz", "vertices.npy"
@@ -46,7 +47,7 @@ FRAME_STATUSES = (SEEN, UNSURE, LOST)
 HAEMOGLOBIN = ("haemoglobin", "haemoglobin_harmonics", "haemoglobin_color")
 HARMONICS_MAX = 48
 _OPTIONAL = ("light_radiance", *HAEMOGLOBIN)
-_WRITTEN_APART = ("deviations", "folder", "camera", "frames", "corrected", *_OPTIONAL)
+_WRITTEN_APART = ("deviations", "folder", "camera", "frames", "corrected", "wrinkles", *_OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ class Sequence:
     haemoglobin: Float[np.ndarray, "frames harmonics"] | None = None
     haemoglobin_harmonics: Float[np.ndarray, "harmonics vertices"] | None = None
     haemoglobin_color: Float[np.ndarray, " 3"] | None = None
+    wrinkles: tuple[Wrinkles, ...] = ()  # where some come with an expression
     # How much was found of skin that changes, where it was asked for, and how much of it is noise.
     skin: dict[str, float] = field(default_factory=dict)
 
@@ -112,6 +114,8 @@ class Sequence:
         data["frames"] = [asdict(frame) for frame in self.frames]
         if self.corrected:
             data["corrected"] = [each.to_json() for each in self.corrected]
+        if self.wrinkles:
+            data["wrinkles"] = [each.to_json() for each in self.wrinkles]
         write_json(folder / FILE, data)
         deviations = {f"deviation/{name}": value for name, value in self.deviations.items()}
         write_arrays(folder / ARRAYS, {name: getattr(self, name) for name in arrays} | deviations)
@@ -144,6 +148,7 @@ class Sequence:
             camera=Camera(**found.pop("camera")),
             frames=tuple(SequenceFrame(**frame) for frame in found.pop("frames")),
             corrected=tuple(Correction(**each) for each in found.pop("corrected")),
+            wrinkles=tuple(Wrinkles(**each) for each in found.pop("wrinkles")),
             deviations=given.pop("deviation"),
             folder=folder,
             **given,
@@ -186,6 +191,18 @@ class SequenceSchema(FileSchema):
         Part(CorrectionSchema, "a correction"), 0, CORRECTIONS_MAX, load_default=tuple
     )
     skin = Figures(load_default=dict)
+    wrinkles = Items(Part(WrinklesSchema, "wrinkles"), 0, WRINKLES_MAX, load_default=tuple)
+
+    @validates_schema
+    def _whole_wrinkles(self, data: dict[str, Any], **_: Any) -> None:
+        known, names = set(data["expression_names"]), [each["name"] for each in data["wrinkles"]]
+        if len(set(names)) < len(names):
+            raise ValidationError({"wrinkles": ["have a name twice, expected each once"]})
+        for each in data["wrinkles"]:
+            for slider in each["sliders"]:
+                if slider not in known:
+                    words = f"follow '{slider}', which is no expression of the sequence"
+                    raise ValidationError({"wrinkles": [words]})
 
 
 class SequenceArrays(FileSchema):

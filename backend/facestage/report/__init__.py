@@ -11,6 +11,7 @@ from facestage.report.preview import write_preview
 from facestage.report.report_data import ReportData
 from facestage.report.sequence_film import ShownFrame, blood_picture
 from facestage.report.sequence_page import write_sequence_report
+from facestage.report.wrinkles_picture import write_wrinkles_picture
 from facestage.report.writer import write_report
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "write_preview",
     "write_report",
     "write_sequence_report",
+    "write_wrinkles_picture",
 ]

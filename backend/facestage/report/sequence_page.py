@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from facestage.contract.files.atomic import atomic_file
-from facestage.contract.result_files import REPORT, SEQUENCE_FILM, SEQUENCE_PICTURE
+from facestage.contract.result_files import (
+    REPORT,
+    SEQUENCE_FILM,
+    SEQUENCE_PICTURE,
+    WRINKLES_PICTURE,
+)
 from facestage.contract.sequence import SEEN
 from facestage.contract.sequence import Sequence as Track
 from facestage.report.figure import DARK, LIGHT, Canvas
@@ -190,9 +195,27 @@ def _page(folder: Path, track: Track, frames: Sequence[ShownFrame]) -> str:
         f'<h1>{escape(title)}</h1>\n<p class="advice"><span class="badge {escape(track.status)}">'
         f"{escape(words)}</span>{escape(track.advice)}</p>\n</header>\n{shown}"
         f'<section>\n<h2>Curves</h2>\n<figure><img alt="Curves" src="{curves}"></figure>\n'
-        f"</section>\n{look}"
+        f"</section>\n{_wrinkles(folder, track)}{look}"
         f'<section>\n<h2>Numbers</h2>\n<div class="card"><table>{figures}</table></div>\n'
         "</section>\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _wrinkles(folder: Path, track: Track) -> str:
+    """The wrinkles that come with sliders, if there are any."""
+    path = folder / WRINKLES_PICTURE
+    if not track.wrinkles or not path.is_file():
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(each.name)}</td><td>{escape(', '.join(each.sliders))}</td></tr>"
+        for each in track.wrinkles
+    )
+    return (
+        '<section>\n<h2>Wrinkles that come with an expression</h2>\n<figure class="dark"><img '
+        f'alt="Wrinkles over the texture" src="{data_uri(path.read_bytes())}"><figcaption>At full '
+        "strength, over the texture, under a lamp at the upper left; their strength is the mean of "
+        f'the sliders below</figcaption></figure>\n<div class="card"><table>{rows}</table></div>\n'
+        "</section>\n"
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 from addon.exchange.films import FRAMES, RATE, WIDTH
 from addon.ui.refusal import refused
 from facestage.contract.sequence import Sequence
+from facestage.contract.wrinkles import Wrinkles
 
 
 def keyframe(sequence: Sequence):
@@ -175,6 +176,55 @@ def test_haemoglobin_of_another_mesh_is_refused(ready, sequence: Sequence, head)
     replace(other, haemoglobin_harmonics=other.haemoglobin_harmonics[:, 1:]).write_into(folder)
     refused(bpy.ops.facestage.import_performance, "the rig has", directory=str(folder))
     assert ready.facestage.rig.data.shape_keys.animation_data is None
+
+
+def with_wrinkles(sequence: Sequence) -> Sequence:
+    """A normal map of skin that is flat, and one that is not."""
+    import bpy
+
+    from facestage_blender.pictures.render import save_exr
+
+    names = sequence.expression_names
+    wrinkles = Wrinkles("smile", names[:2]), Wrinkles("frown", names[2:3])
+    for each in wrinkles:
+        save_exr(Path(str(sequence.folder)) / each.normal_file, np.full((8, 8, 3), 0.5, np.float32))
+    assert not [one for one in bpy.data.images if one.name.startswith("Facestage Wrinkles")]
+    return replace(sequence, wrinkles=wrinkles)
+
+
+def test_wrinkles_follow_the_sliders_and_go_with_a_film_that_has_none(
+    ready, sequence: Sequence
+) -> None:
+    import bpy
+
+    folder = Path(str(sequence.folder))
+    wrinkled = with_wrinkles(sequence)
+    wrinkled.write_into(folder)
+    ready.frame_set(101)
+    for _ in range(2):  # the second time in its own place
+        assert bpy.ops.facestage.import_performance(directory=str(folder)) == {"FINISHED"}
+    rig = ready.facestage.rig
+    (tree,) = (
+        slot.material.node_tree
+        for slot in rig.material_slots
+        if "Wrinkles" in slot.material.node_tree.nodes
+    )
+    for place in (0, 5, FRAMES - 1):
+        ready.frame_set(101 + place)
+        for name, columns in (("smile", slice(0, 2)), ("frown", slice(2, 3))):
+            strength = tree.nodes[f"Wrinkles {name}"].inputs["Strength"].default_value
+            wanted = sequence.expression[place, columns].mean()
+            assert strength == pytest.approx(max(wanted, 0.0), abs=1e-5)
+    assert sum(one.name.startswith("Facestage Wrinkles") for one in bpy.data.images) == 2
+
+    (folder / wrinkled.wrinkles[0].normal_file).unlink()
+    again = bpy.ops.facestage.import_performance
+    refused(again, "has no .*; track the film again", directory=str(folder))
+    assert "Wrinkles" in tree.nodes
+    sequence.write_into(folder)
+    assert bpy.ops.facestage.import_performance(directory=str(folder)) == {"FINISHED"}
+    assert "Wrinkles" not in tree.nodes and not list(tree.animation_data.drivers)
+    assert not [one for one in bpy.data.images if one.name.startswith("Facestage Wrinkles")]
 
 
 def test_between_frames_the_head_turns_the_short_way(ready, sequence: Sequence) -> None:

@@ -12,10 +12,17 @@ from PIL import Image, ImageSequence
 
 from facestage.contract.camera import Camera
 from facestage.contract.sequence import Sequence, SequenceFrame
-from facestage.report import ShownFrame, blood_picture, write_sequence_report
+from facestage.contract.wrinkles import Wrinkles
+from facestage.report import (
+    ShownFrame,
+    blood_picture,
+    write_sequence_report,
+    write_wrinkles_picture,
+)
 from facestage.report.figure import LIGHT, Canvas
 from facestage.report.sequence_film import film_of, pace_of
 from facestage.report.sequence_page import COLUMNS, THUMBNAIL, _mark_frames, _round_step
+from facestage.report.wrinkles_picture import shaded
 
 SIDE = 32
 
@@ -82,6 +89,21 @@ def test_the_report_plays_the_film_and_names_its_pace(tmp_path: Path):
     with Image.open(tmp_path / "film.webp") as film:
         assert len(list(ImageSequence.Iterator(film))) == 6
     assert (tmp_path / "sequence.png").is_file()
+
+
+def test_wrinkles_are_shown_with_their_sliders(tmp_path: Path):
+    track = replace(track_of(3), wrinkles=(Wrinkles("smile", ("jawOpen",)),))
+    write_sequence_report(tmp_path, track, [])
+    assert "Wrinkles that come" not in (tmp_path / "report.html").read_text("utf-8")
+    height = np.zeros((64, 64), np.float32)
+    height[30:34, 10:50] = -0.5
+    write_wrinkles_picture(tmp_path / "wrinkles.png", {"smile": height}, 0.75)
+    write_sequence_report(tmp_path, track, [])
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "Wrinkles that come" in page and "<td>smile</td><td>jawOpen</td>" in page
+    lit = shaded(height, 0.75)[..., 0].astype(int)
+    # The lamp stands above: the slope that faces it is the lower one.
+    assert lit[33, 30] > 140 > 128 == lit[5, 5] > 110 > lit[30, 30]
 
 
 def test_the_thumbnails_are_spread_over_the_film(tmp_path: Path):

@@ -26,6 +26,7 @@ from facestage.contract.relight_cache import RelightCache, relight_fingerprint
 from facestage.contract.result import CONVERGED, Result
 from facestage.contract.rig_file import RigFile
 from facestage.contract.sequence import FRAME_STATUSES, Sequence, SequenceFrame
+from facestage.contract.wrinkles import Wrinkles
 from fuzz.case import Case
 from fuzz.damage.archives import zip_bytes, zip_members
 from fuzz.seeds.images import exr
@@ -176,6 +177,7 @@ def sequence_folders() -> list[Case]:
         haemoglobin_harmonics=numbers(4, 2, 4),
         haemoglobin_color=numbers(5, 3),
         skin={"haemoglobin": 0.7},
+        wrinkles=(Wrinkles("smile", ("jawOpen",)),),
     )
     return [written(sequence.write_into), written(changing.write_into)]
 

@@ -103,6 +103,7 @@ def join_film(
         run.tracker = prepared.tracker(actor, request.freeze)
         tracked = smoothed_together(shared, request, partial / PIECES, most)
         skin = run.skin(tracked, prepared) if request.dynamic_skin else None
+        wrinkles = run.wrinkles(tracked, prepared) if request.dynamic_skin else None
         truth, errors = request.truth, dict[str, float]()
         if truth is not None:
             known = SequenceTruth(truth, prepared.model, len(prepared.sightings))
@@ -120,6 +121,7 @@ def join_film(
             {**timings, **run.timings, "joining": time.monotonic() - began},
             True,
             skin,
+            wrinkles,
         )
         return put_in_place(out, request, found, run.tracker, partial)
 

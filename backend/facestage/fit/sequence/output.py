@@ -20,6 +20,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.partial import KEYFRAME_PICTURES, KEYFRAMES
 from facestage.contract.person import Person
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED, Result
+from facestage.contract.result_files import WRINKLES_PICTURE
 from facestage.contract.sequence import KEYFRAMES as KEYFRAMES_FOLDER
 from facestage.contract.sequence import (
     LIVE_LINK,
@@ -39,9 +40,17 @@ from facestage.fit.sequence.request import Request
 from facestage.fit.sequence.sightings import Sightings
 from facestage.fit.sequence.skin.changes import SkinChanges
 from facestage.fit.sequence.tracking import DOUBT, Tracked, Tracker
+from facestage.fit.sequence.wrinkles.wrinkles import FilmWrinkles
 from facestage.images.film import Film, Frame
+from facestage.images.image_io import write_exr
 from facestage.landmarks.tracker import Sight
-from facestage.report import ShownFrame, blood_picture, to_srgb8, write_sequence_report
+from facestage.report import (
+    ShownFrame,
+    blood_picture,
+    to_srgb8,
+    write_sequence_report,
+    write_wrinkles_picture,
+)
 
 FILM_MOST = 96  # frames of the report's film
 PICTURE_SIDE = 160  # pixels of each of its pictures
@@ -65,6 +74,7 @@ class Found:
     timings: dict[str, float]
     in_time: bool
     skin: SkinChanges | None = None  # where it was asked for
+    wrinkles: FilmWrinkles | None = None  # the same
 
 
 def write_sequence(
@@ -75,6 +85,7 @@ def write_sequence(
     blood = None
     if found.skin is not None and found.skin.haemoglobin.is_clear:
         blood = found.skin.haemoglobin
+    wrinkles = found.wrinkles
     deviations = {"pose": tracked.deviation[:, :POSE], "expression": tracked.deviation[:, POSE:]}
     frames = tuple(_frames(found))
     status, advice = _verdict(found, frames)
@@ -102,7 +113,8 @@ def write_sequence(
         haemoglobin=None if blood is None else blood.coefficients,
         haemoglobin_harmonics=None if blood is None else blood.harmonics.astype(np.float32),
         haemoglobin_color=None if blood is None else blood.color,
-        skin={} if found.skin is None else found.skin.figures,
+        skin=_figures(found),
+        wrinkles=() if wrinkles is None else tuple(each.wrinkles for each in wrinkles.found),
     )
     track.write_into(folder)
     shutil.copytree(partial / KEYFRAMES, folder / KEYFRAMES_FOLDER)
@@ -112,6 +124,8 @@ def write_sequence(
         with suppress(FileNotFoundError):
             first = folder / KEYFRAMES_FOLDER / found.person.photos[0].folder
             shutil.copyfile(first / each.file, folder / each.file)
+    if wrinkles is not None and wrinkles.found:
+        _write_wrinkles(folder, wrinkles)
     write_live_link(folder, track)
     if request.with_vertices:
         write_vertices(folder / VERTICES, tracker.actor, tracked.course)
@@ -119,6 +133,21 @@ def write_sequence(
     shown = (frame for frame in found.film.frames() if frame.index in wanted)
     write_sequence_report(folder, track, list(shown_frames(shown, tracker, tracked, track)))
     return track
+
+
+def _figures(found: Found) -> dict[str, float]:
+    """Of skin that changes."""
+    skin = {} if found.skin is None else found.skin.figures
+    return skin if found.wrinkles is None else skin | found.wrinkles.figures
+
+
+def _write_wrinkles(folder: Path, wrinkles: FilmWrinkles) -> None:
+    """Their maps, and a picture of them."""
+    heights = {each.wrinkles.name: each.height for each in wrinkles.found}
+    for each in wrinkles.found:
+        write_exr(folder / each.wrinkles.height_file, each.height)
+        write_exr(folder / each.wrinkles.normal_file, each.normal)
+    write_wrinkles_picture(folder / WRINKLES_PICTURE, heights, wrinkles.texel_mm)
 
 
 def _light_radiance(tracker: Tracker, tracked: Tracked) -> np.ndarray | None:
@@ -175,6 +204,8 @@ def _verdict(found: Found, frames: tuple[SequenceFrame, ...]) -> tuple[str, str]
         parts.append("their light changes, and was followed")
     if found.skin is not None:
         parts.append(found.skin.words)
+    if found.wrinkles is not None:
+        parts.append(found.wrinkles.words)
     if not found.in_time:
         return BUDGET_SPENT, "The time ended first: " + ", ".join(parts) + "."
     if found.person.status == STOPPED:

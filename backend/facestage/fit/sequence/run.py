@@ -49,6 +49,8 @@ from facestage.fit.sequence.sightings import Sightings, look_through
 from facestage.fit.sequence.skin.changes import Look, SkinChanges, skin_changes
 from facestage.fit.sequence.skin.leftover import SKIN_PX
 from facestage.fit.sequence.tracking import LANDMARK_PASSES, Tracked, Tracker
+from facestage.fit.sequence.wrinkles.sheets import FACE_PX
+from facestage.fit.sequence.wrinkles.wrinkles import Asked, FilmWrinkles, film_wrinkles
 from facestage.images.film import Film, Frame
 from facestage.images.image_io import write_png
 from facestage.models.registry import load_model
@@ -57,7 +59,8 @@ from facestage.report import write_preview
 
 T = TypeVar("T")
 # Where on the scale from 0 to 1 each part of the work ends.
-LOOKED_THROUGH, FITTED, FOLLOWED, SEEN, LOOKED_AT_SKIN = 0.1, 0.55, 0.6, 0.9, 0.97
+LOOKED_THROUGH, FITTED, FOLLOWED, SEEN = 0.1, 0.55, 0.6, 0.9
+LOOKED_AT_SKIN, LOOKED_AT_WRINKLES = 0.94, 0.97
 # Of a budget in seconds, what the keyframes may take.
 KEYFRAME_SHARE = 0.6
 SAVED_EVERY = 10.0  # seconds
@@ -182,7 +185,7 @@ class SequenceRun:
         camera = self._camera(sightings)
         start_renderer(request.device)
         shown = [one for one in (landmarks[index] for index in chosen) if one is not None]
-        frames = self._frames(chosen)
+        frames = list(self._frames(chosen))
         person = self._timed("keyframes", lambda: self._person(frames, shown, camera, resume))
         results = [Result.load(self.partial / KEYFRAMES / photo.folder) for photo in person.photos]
         return Prepared(model, sightings, landmarks, chosen, frames, person, results, truth)
@@ -203,12 +206,13 @@ class SequenceRun:
                 by_landmarks = {} if truth is None else truth.errors(own, tracked.course)
                 checkpoint = PassCheckpoint(0, 0, tracked, self.tracker.no_pictures())
             tracked = self.by_pictures(checkpoint, deadline, crew)
-        skin = None
+        skin, wrinkles = None, None
         if self.request.dynamic_skin and time.monotonic() <= deadline:
             skin = self.skin(tracked, prepared)
+            wrinkles = self.wrinkles(tracked, prepared)
         in_time = time.monotonic() <= deadline
         errors = {} if truth is None else truth.errors(own, tracked.course)
-        self.tell(PROGRESS, "pictures", LOOKED_AT_SKIN, "Writing the sequence")
+        self.tell(PROGRESS, "pictures", LOOKED_AT_WRINKLES, "Writing the sequence")
         return Found(
             self.film,
             prepared.sightings,
@@ -222,6 +226,7 @@ class SequenceRun:
             self.timings | {"total": time.monotonic() - self._began},
             in_time,
             skin,
+            wrinkles,
         )
 
     def _timed(self, name: str, work: Callable[[], T]) -> T:
@@ -262,15 +267,14 @@ class SequenceRun:
             )
         return camera
 
-    def _frames(self, chosen: Sequence[int]) -> list[Frame]:
-        """The frames with these indices."""
-        wanted, found = set(chosen), []
+    def _frames(self, chosen: Sequence[int]) -> Iterator[Frame]:
+        """The frames with these indices, one by one."""
+        wanted = set(chosen)
         for frame in self.film.frames(min(chosen)):
             if frame.index in wanted:
-                found.append(frame)
-            if len(found) == len(wanted):
-                break
-        return found
+                yield frame
+            if frame.index >= max(chosen):
+                return
 
     def _person(
         self,
@@ -438,3 +442,21 @@ class SequenceRun:
         return self._timed(
             "skin", lambda: skin_changes(actor, looks(), times, shots, prepared.keyframes)
         )
+
+    def wrinkles(self, tracked: Tracked, prepared: Prepared) -> FilmWrinkles:
+        """What comes with expressions, by the frames that tell most of it."""
+        actor, landmarks = self.tracker.actor, prepared.landmarks
+        asked = Asked.of(actor.geometry, tracked.course.expression, landmarks)
+
+        def looks() -> Iterator[Look]:
+            for done, frame in enumerate(self._frames(asked.frames.tolist()), 1):
+                share = done / len(asked.frames)
+                words = f"Wrinkles: frame {done} of {len(asked.frames)}"
+                where = LOOKED_AT_SKIN + (LOOKED_AT_WRINKLES - LOOKED_AT_SKIN) * share
+                self.tell(PROGRESS, "skin", where, words)
+                own = landmarks[frame.index]
+                assert own is not None
+                cut = Cut.of(frame.photograph, own, FACE_PX)
+                yield Look(frame.index, cut, tracked.state(actor, frame.index))
+
+        return self._timed("wrinkles", lambda: film_wrinkles(actor, asked, looks()))

@@ -17,6 +17,9 @@ from facestage.fit.sequence import crew
 from facestage.fit.sequence import run as run_module
 from facestage.fit.sequence.run import track_film
 from facestage.fit.sequence.skin import haemoglobin
+from facestage.fit.sequence.wrinkles import folds, groups, wrinkles
+from facestage.images.image_io import read_exr
+from facestage.images.opencv import opencv
 from facestage.render.variant import start_renderer
 from reference.small_film import FRAMES, SmallFilm, small_film
 from reference.small_fit import QUICK, StopError
@@ -71,6 +74,7 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     # Its skin is the same in all frames.
     assert track.haemoglobin is None and "was left out" in track.advice
     assert loaded.skin == track.skin and set(track.skin) == {"haemoglobin", "haemoglobin_noise"}
+    assert not track.wrinkles and "pixels long, wrinkles need 250" in track.advice
     assert "Frames that need a look" in (tmp_path / "out" / "report.html").read_text("utf-8")
     with Image.open(tmp_path / "out" / "film.webp") as shown:
         pictures = [np.asarray(one.convert("RGB")) for one in ImageSequence.Iterator(shown)]
@@ -101,12 +105,19 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     # What was left out of the one is written of the other.
     monkeypatch.setattr(haemoglobin, "CLEAR", 0.0)
     monkeypatch.setattr(haemoglobin, "FLOOR", 0.0)
+    slider = film.scene.model.expression_names[0]
+    monkeypatch.setattr(groups, "GROUPS", {"smile": (slider,)})
+    monkeypatch.setattr(groups, "RANGE_MIN", 0.0)
+    monkeypatch.setattr(wrinkles, "FACE_MIN", 0.0)
+    monkeypatch.setattr(folds, "CLEAR", 0.0)
+    monkeypatch.setattr(folds, "FLOOR", -1.0)
     resumed: list[Event] = []
     again = track_film(request, tmp_path / "again", True, resumed.append, fineness=QUICK)
     assert not any("pass 1" in event.message for event in resumed)
     np.testing.assert_array_equal(again.expression, track.expression)
     np.testing.assert_array_equal(again.model_to_camera, track.model_to_camera)
-    assert again.skin == track.skin
+    assert track.skin.items() < again.skin.items()
+    assert set(again.skin) - set(track.skin) == {"wrinkles_smile_mm", "wrinkles_smile_noise_mm"}
     written = Sequence.load(tmp_path / "again")
     assert written.haemoglobin is not None and written.haemoglobin_harmonics is not None
     mixtures, vertices = written.haemoglobin_harmonics.shape
@@ -114,7 +125,16 @@ def test_a_small_film_is_followed_and_a_killed_run_goes_on(
     assert written.deviations["haemoglobin"].shape == (FRAMES, mixtures)
     assert (np.abs(written.haemoglobin) < 5 * written.deviations["haemoglobin"] + 0.1).all()
     assert "haemoglobin comes and goes" in again.advice
-    assert "red is more" in (tmp_path / "again" / "report.html").read_text("utf-8")
+    page = (tmp_path / "again" / "report.html").read_text("utf-8")
+    assert "red is more" in page and "Wrinkles that come with an expression" in page
+    (smile,) = written.wrinkles
+    assert smile.sliders == (slider,) and "wrinkles come with smile" in again.advice
+    normal = read_exr(tmp_path / "again" / smile.normal_file)
+    path = str(tmp_path / "again" / smile.height_file)
+    height = opencv().imread(path, opencv().IMREAD_UNCHANGED)
+    assert normal.shape == (*height.shape, 3)
+    flat = np.abs(normal - np.array([0.5, 0.5, 1.0])).max(axis=2) < 1e-3
+    assert flat[height == 0].mean() > 0.95
     with Image.open(tmp_path / "again" / "film.webp") as shown:
         assert shown.width == 3 * shown.height
     assert not (tmp_path / "again.partial").exists()

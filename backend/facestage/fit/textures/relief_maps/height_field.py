@@ -119,7 +119,7 @@ class _Fields:
         return self.colored(found)
 
 
-def difference(values: Float[np.ndarray, "rows columns"], axis: int) -> np.ndarray:
+def difference(values: Float[np.ndarray, "... rows columns"], axis: int) -> np.ndarray:
     """Half of what the next texel along ``axis`` has more than the one before; wraps around."""
     return 0.5 * (np.roll(values, -1, axis) - np.roll(values, 1, axis))
 

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Bool, Float
 from facestage.fit.face.state import State
+from facestage.fit.forward.shading import Image
 from facestage.fit.forward.surface_frame import FrameField
 from facestage.fit.textures.albedo_detail import DOUBTS, LIT_FULL
 from facestage.fit.textures.shown import Shown
@@ -55,11 +56,10 @@ class Evidence:
         return Evidence(**{name: each[..., rows, columns] for name, each in vars(self).items()})
 
 
-def by_normal(shown: Shown) -> Float[np.ndarray, "pixels 3"]:
+def by_normal(image: Image) -> Float[np.ndarray, "pixels 3"]:
     """The log radiance's derivative by the unit normal, along the surface, in the camera frame;
     the channels weighed as CHANNELS says.
     """
-    image = shown.image
     skin, terms = image.skin, image.terms
     total = np.zeros_like(image.surface.normals)
     color = np.maximum(image.color, 1e-6)
@@ -91,7 +91,7 @@ def evidence(
         return np.bincount(texel, values, size * size).reshape(size, size)
 
     weight = _weight(shown) * inner.ravel()[texel]
-    by_slope = by_normal(shown)
+    by_slope = by_normal(shown.image)
     turned = by_slope @ state.rotation  # into the model's frame
     by_u, by_v = frames.at(surface.triangle, surface.weights).gradients
     # The normal turns against the slope; a texel is 1 / size of the texture, rows run down.

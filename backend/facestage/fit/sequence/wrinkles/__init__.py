@@ -1,0 +1,1 @@
+"""Wrinkles that come with an expression: heights that follow sliders (docs/sequences.md)."""
