@@ -1,4 +1,4 @@
-"""Brow hair: as dense as the albedo is dark about the brows, in its color.
+"""Brow hair: as dense as the albedo is dark about the brows, each hair in the color of its place.
 
 An object of its own, as lashes are; geometry nodes carry each hair with the triangle that it grows
 from. Hairs rise at the inner end, lie along the brow from its middle on, and converge from its
@@ -32,7 +32,7 @@ from .lids import (
     rest_points,
     triangle_weights,
 )
-from .material import plain_material
+from .material import node_at, plain_material
 from .vector_nodes import OFFSET, ROOT, WEIGHTS, RiggedVectors
 
 NAME = "Facestage Brows"
@@ -47,11 +47,14 @@ OTHER_SIDE = 0.6  # of the other brow's density, for what hair or shadow hides i
 PER_MM2 = 0.7
 THICK = 0.006  # metres across a full brow
 LENGTH, RADIUS, HEIGHT = 0.0078, 0.00004, 0.0007  # metres; how high a hair's tip lies
-OF_TEXEL = 0.5  # hair is darker than texels, which show skin between
+# How much a hair's own place counts beside the whole brow for its color, and how far hairs vary.
+OWN_PLACE, VARIES = 0.5, 0.15
 DARKEST = 0.004
-# Below hair: how much of the paint the skin about it takes the place of where hair is dense, how
-# far from a place of the band a vertex follows it (metres), and how dense bare skin may be.
-THINNED, FOLLOWS, BARE = 0.6, 0.0015, 0.05
+COLOR = "facestage_hair_color"  # attribute of the hairs' vertices
+# Below hair: how much of the paint bare skin takes the place of where hair is dense, so that what
+# is below is so many times as light as the paint at most; how far from a place of the band a vertex
+# follows it (metres), and how dense bare skin may be.
+THINNED, LIGHTER, FOLLOWS, BARE = 0.6, 1.8, 0.0015, 0.05
 
 
 @dataclass(frozen=True)
@@ -130,16 +133,10 @@ def _fill(brows: bpy.types.Object, rig: bpy.types.Object) -> None:
     points = rest_points(rig.data)
     skin, triangles = part_tree(rig.data, points)
     bands = _bands(rig, points, skin)
-    dense = np.concatenate([each.seen.ravel() for each in bands])
-    if dense.max(initial=0.0) > 0.1:
-        albedo = np.concatenate([each.albedo.reshape(-1, 3) for each in bands])
-        chosen = dense > 0.7 * dense.max()
-        color = OF_TEXEL * np.exp(np.log(np.maximum(albedo[chosen], 1e-4)).mean(axis=0))
-        red, green, blue = np.maximum(color, DARKEST).tolist()
-        color_growth(brows, (red, green, blue))
-    lines = [hair for k, band in enumerate(bands) for hair in _hairs(band, skin, k)]
-    roots, weights, offsets, rest = [], [], [], []
-    for line, face in lines:
+    colors = _colors(bands)
+    lines = [hair for k, band in enumerate(bands) for hair in _hairs(band, colors[k], skin, k)]
+    roots, weights, offsets, rest, shades = [], [], [], [], []
+    for line, face, color in lines:
         corners = triangles[face]
         tube = _tube(line)
         axes = _axes(points[corners])
@@ -147,15 +144,52 @@ def _fill(brows: bpy.types.Object, rig: bpy.types.Object) -> None:
         weights.append(np.tile(triangle_weights(line[0], points[corners]), (len(tube), 1)))
         offsets.append((tube - line[0]) @ axes.T)
         rest.append(tube)
+        shades.append(np.tile(color, (len(tube), 1)))
     if not lines:
         return
+    _show_colors(brows, np.concatenate(shades).mean(axis=0))
     thin_paint(rig, *_below(bands, points))
     write_hairs(
         brows.data,
         np.concatenate(rest),
         dict(zip(ROOT, np.concatenate(roots).T, strict=True)),
-        {WEIGHTS: np.concatenate(weights), OFFSET: np.concatenate(offsets)},
+        {
+            WEIGHTS: np.concatenate(weights),
+            OFFSET: np.concatenate(offsets),
+            COLOR: np.concatenate(shades),
+        },
     )
+
+
+def _show_colors(brows: bpy.types.Object, mean: np.ndarray) -> None:
+    """Let each hair show the color of its vertices, ``mean`` where nothing else can be shown."""
+    red, green, blue = mean.tolist()
+    color_growth(brows, (red, green, blue))
+    tree = brows.data.materials[0].node_tree
+    surface = next(each for each in tree.nodes if "Base Color" in each.inputs)
+    own = node_at(tree.nodes, "ShaderNodeAttribute", -300, 0)
+    own.attribute_name = COLOR
+    tree.links.new(own.outputs["Color"], surface.inputs["Base Color"])
+
+
+def _colors(bands: list[Band]) -> list[np.ndarray]:
+    """Of each band the linear color (along, across, 3) of a hair that grows there, by how far the
+    albedo is from bare skin there and in the whole of both brows.
+    """
+    bare = [_bare(band)[:, None] for band in bands]
+    less = [
+        np.log(np.maximum(band.albedo, 1e-4) / np.maximum(skin, 1e-4))
+        for band, skin in zip(bands, bare, strict=True)
+    ]
+    seen = np.concatenate([each.seen.ravel() for each in bands])
+    chosen = seen >= 0.7 * seen.max()
+    whole = np.concatenate([each.reshape(-1, 3) for each in less])[chosen].mean(axis=0)
+    found = []
+    for band, skin, own in zip(bands, bare, less, strict=True):
+        share = OWN_PLACE * band.seen[..., None]
+        hair = skin * np.exp(share * own + (1 - share) * whole)
+        found.append(np.clip(hair, DARKEST, 1.0))
+    return found
 
 
 def _below(bands: list[Band], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,8 +209,15 @@ def _below(bands: list[Band], points: np.ndarray) -> tuple[np.ndarray, np.ndarra
             continue
         skin = np.repeat(_bare(band), ACROSS, axis=0)
         color[near] = weight @ skin / total[:, None]
-        share[near] = THINNED * (weight @ band.seen.ravel()) / total
+        share[near] = weight @ (_thinned(band) * band.seen).ravel() / total
     return color, share
+
+
+def _thinned(band: Band) -> np.ndarray:
+    """(along, across) the share of a brow's paint that bare skin takes the place of."""
+    paint = band.albedo.mean(axis=2)
+    lack = np.maximum(_bare(band).mean(axis=1)[:, None] - paint, 1e-6)
+    return np.minimum(THINNED, (LIGHTER - 1) * paint / lack)
 
 
 def _bare(band: Band) -> np.ndarray:
@@ -278,8 +319,12 @@ def _skin_loops(mesh: bpy.types.Mesh) -> np.ndarray:
     return loops.reshape(-1, 3)[np.isin(material, part_slots(mesh, SKIN))]
 
 
-def _hairs(band: Band, skin: BVHTree, side: int) -> list[tuple[np.ndarray, int]]:
-    """Lines (SECTIONS, 3) of hairs, and the triangle that each grows from."""
+def _hairs(
+    band: Band, colors: np.ndarray, skin: BVHTree, side: int
+) -> list[tuple[np.ndarray, int, np.ndarray]]:
+    """Lines (SECTIONS, 3) of hairs, the triangle that each grows from, and its color (3,), about
+    that of its place in ``colors`` (along, across, 3).
+    """
     rng = np.random.default_rng([7, side])
     places, density = band.places, band.density
     step = np.linalg.norm(np.diff(places, axis=0), axis=2).mean()
@@ -305,8 +350,9 @@ def _hairs(band: Band, skin: BVHTree, side: int) -> list[tuple[np.ndarray, int]]
     length = LENGTH * np.interp(share, (0, 0.3, 0.7, 1), (0.8, 1.1, 1.0, 0.7))
     length = length * (0.4 + 0.6 * thick) * rng.uniform(0.7, 1.15, total)
     ahead = _unit(forward) * np.cos(angle)[:, None] + _unit(up) * np.sin(angle)[:, None]
+    own = np.clip(colors[i, j] * np.exp(rng.normal(0, VARIES, (total, 1))), DARKEST, 1.0)
     drawn = []
-    for root, direction, long in zip(start, ahead, length, strict=True):
+    for root, direction, long, color in zip(start, ahead, length, own, strict=True):
         line, normals = [], []
         place, _, face, _ = skin.find_nearest(root.tolist())
         for s in np.linspace(0, 1, SECTIONS):
@@ -315,7 +361,7 @@ def _hairs(band: Band, skin: BVHTree, side: int) -> list[tuple[np.ndarray, int]]
             line.append(np.array(spot))
             normals.append(np.array(out))
         heights = HEIGHT * np.linspace(0, 1, SECTIONS) ** 0.7 * rng.uniform(0.5, 1.4)
-        drawn.append((np.array(line) + heights[:, None] * np.array(normals), face))
+        drawn.append((np.array(line) + heights[:, None] * np.array(normals), face, color))
     return drawn
 
 
