@@ -17,6 +17,7 @@ from facestage.models.head.expressions import expressions
 from facestage.models.head.identity import identity_modes
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
+from facestage.models.head.neutral import neutral_shift
 from facestage.models.head.sculpt import sculpted
 
 NAME = "default"
@@ -36,9 +37,11 @@ def build_default_model() -> FaceModel:
     identity_names, identity = identity_modes(masks)
     expression_names, expression = expressions(masks)
     regions = _regions(mesh, masks)
-    origin = mesh.vertices[regions["narrow_face"]].mean(axis=0) * [0, 1, 1]
-    plain = (mesh.vertices - origin) * _MM
-    vertices = (sculpted(mesh) - origin) * _MM
+    narrow = regions["narrow_face"]
+    plain = (mesh.vertices - mesh.vertices[narrow].mean(axis=0) * [0, 1, 1]) * _MM
+    shift = neutral_shift(identity_names, identity)
+    origin = (mesh.vertices + shift)[narrow].mean(axis=0) * [0, 1, 1]
+    vertices = (sculpted(mesh) + shift - origin) * _MM
     _, basis = albedo_basis(plain, mesh.triangles, regions["skin"], ALBEDO_MODES)
     landmark = ibug68(mesh)
     weights = np.tile([1.0, 0.0, 0.0], (68, 1))

@@ -1,0 +1,62 @@
+"""The neutral face of the built-in head: in the middle of people, as the modes can say it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from facestage.contract.face_model import SKIN, FaceModel
+from facestage.models.head.default_head import build_default_model
+from facestage.models.head.neutral import NEUTRAL, neutral_shift
+from facestage.models.mesh.closest_alignment import closest_alignment
+from facestage.models.mesh.similarity import Similarity
+from facestage.models.mesh.surface import Surface
+
+
+def modelled() -> FaceModel:
+    """As it was before the weights."""
+    model = build_default_model()
+    shift = neutral_shift(model.identity_names, model.identity_basis.astype(np.float64))
+    return replace(model, vertices=(model.vertices - shift).astype(np.float32))
+
+
+def distance(model: FaceModel, people: Surface) -> float:
+    """Median in mm of the model's neutral face below the brows, without eyes and lips, from the
+    surface ``people``, laid on it by a similarity.
+    """
+    corners, weights = model.landmark_vertices("ibug68")
+    marks = np.einsum("mi,mix->mx", weights, model.vertices[corners])
+    face = np.setdiff1d(model.regions["face"], model.regions["lips"])
+    points = model.vertices[face].astype(np.float64)
+    points = points[points[:, 1] < marks[17:27, 1].min()]
+    for side in ("left", "right"):
+        eye = model.vertices[model.regions[f"eye_{side}"]].mean(axis=0)
+        points = points[np.linalg.norm(points - eye, axis=1) > 0.022]
+    at = closest_alignment(people, points, Similarity(1.0, np.eye(3), np.zeros(3)))
+    return 1e3 * float(np.median(people.nearest(at.inverse().apply(points)).distance))
+
+
+def test_weights_are_of_symmetric_modes_and_small():
+    names = build_default_model().identity_names
+    assert set(NEUTRAL) <= set(names)
+    assert not any("asymmetry" in name for name in NEUTRAL)
+    assert max(abs(weight) for weight in NEUTRAL.values()) <= 1.5
+
+
+def test_the_shift_is_the_sum_of_its_modes():
+    model = build_default_model()
+    one = next(iter(NEUTRAL))
+    modes = np.zeros((len(model.identity_names), 2, 3))
+    modes[model.identity_names.index(one), 1] = (1.0, 2.0, 3.0)
+    shift = neutral_shift(model.identity_names, modes)
+    np.testing.assert_allclose(shift, np.array([[0, 0, 0], [1, 2, 3]]) * NEUTRAL[one])
+
+
+def test_the_neutral_face_is_nearer_to_the_mean_of_people(ict_facekit: FaceModel):
+    """ICT-FaceKit's mean, as its scans have it: chin, lips and nose less far before the cheeks."""
+    skin = ict_facekit.triangles[ict_facekit.triangle_part == SKIN]
+    people = Surface(ict_facekit.vertices.astype(np.float64), skin)
+    before, after = distance(modelled(), people), distance(build_default_model(), people)
+    print(f"{before:.2f} mm as modelled, {after:.2f} mm as it is")
+    assert after < 0.8 * before
