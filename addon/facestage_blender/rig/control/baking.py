@@ -24,7 +24,7 @@ from .binding import Term, read_terms
 from .handles import ALL, TARGET, TARGETS
 from .reading import full_values
 
-FAINT = 1e-6  # of a slider: nothing
+FAINT = 1e-5  # of a slider: nothing, as places of handles are rounded
 
 Channel = tuple[str, bool, int]  # of a handle: bone, turn, axis
 Weights = dict[str, Float[np.ndarray, " frames"]]  # by slider
