@@ -13,8 +13,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.robust_residuals import RobustResiduals
+from facestage.fit.energy.robust_residuals import QuadraticResiduals
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
@@ -32,7 +31,7 @@ INDEPENDENT = 1.75
 
 
 @dataclass(frozen=True, eq=False)
-class LidTerm(Term, RobustResiduals):
+class LidTerm(QuadraticResiduals, Term):
     """Residuals of the distances across the eyes, in standard deviations. However far the lids
     still are, an eye that begins open may be shut: the loss is quadratic.
     """
@@ -78,10 +77,6 @@ class LidTerm(Term, RobustResiduals):
         share = INDEPENDENT / len(apart[0])
         return cls(on_face, np.concatenate(up), np.concatenate(apart), share, weight)
 
-    def at(self, state: State, evaluation: Evaluation | None = None) -> Self:
-        """Everywhere the same points."""
-        return self
-
     def residuals(self, state: State) -> Float[np.ndarray, " pairs"]:
         """How much further apart the lids are than in the photo, in standard deviations."""
         upper, lower = np.split(self.on_face.project(state), 2)
@@ -91,13 +86,3 @@ class LidTerm(Term, RobustResiduals):
         """Derivative of :meth:`residuals`."""
         upper, lower = np.split(self.on_face.jacobian(state, layout), 2)
         return np.einsum("pxk,px->pk", upper - lower, self.up)
-
-    def robust_weights(
-        self, residuals: Float[np.ndarray, " residuals"]
-    ) -> Float[np.ndarray, " residuals"]:
-        """All alike."""
-        return np.full(len(residuals), self.share)
-
-    def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
-        """Half the sum of squares."""
-        return 0.5 * self.share * float(residuals @ residuals)

@@ -9,8 +9,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.pins import Pins
-from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.robust_residuals import RobustResiduals
+from facestage.fit.energy.robust_residuals import QuadraticResiduals
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
@@ -19,7 +18,7 @@ from facestage.fit.face.surface_points import SurfacePoints
 
 
 @dataclass(frozen=True, eq=False)
-class PinTerm(Term, RobustResiduals):
+class PinTerm(QuadraticResiduals, Term):
     """Residuals of the pins in standard deviations. Whoever set a pin meant it: the loss is
     quadratic however far the face still is.
     """
@@ -41,10 +40,6 @@ class PinTerm(Term, RobustResiduals):
             return None
         return cls(surface_points(setup.problem.geometry, pins), pins)
 
-    def at(self, state: State, evaluation: Evaluation | None = None) -> Self:
-        """Everywhere the same points."""
-        return self
-
     def residuals(self, state: State) -> Float[np.ndarray, " residuals"]:
         """The residuals, in standard deviations."""
         away = self.on_face.project(state) - self.pins.points
@@ -54,16 +49,6 @@ class PinTerm(Term, RobustResiduals):
         """Derivative of :meth:`residuals`."""
         columns = self.on_face.jacobian(state, layout) / self.pins.deviation[:, None, None]
         return columns.reshape(-1, layout.size)
-
-    def robust_weights(
-        self, residuals: Float[np.ndarray, " residuals"]
-    ) -> Float[np.ndarray, " residuals"]:
-        """All alike."""
-        return np.full(len(residuals), self.share)
-
-    def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
-        """Half the sum of squares."""
-        return 0.5 * self.share * float(residuals @ residuals)
 
 
 def surface_points(geometry: FaceGeometry, pins: Pins) -> SurfacePoints:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -62,6 +62,26 @@ class RobustResiduals(Placed):
         return WeighedResiduals(
             self, state, residuals, self.weight * self.robust_weights(residuals)
         )
+
+
+class QuadraticResiduals(RobustResiduals):
+    """Observations that are believed however far the face still is; the points that they hold are
+    the same everywhere.
+    """
+
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Self:
+        """The term is placed as it is."""
+        return self
+
+    def robust_weights(
+        self, residuals: Float[np.ndarray, " residuals"]
+    ) -> Float[np.ndarray, " residuals"]:
+        """All alike."""
+        return np.full(len(residuals), self.share)
+
+    def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
+        """Half the sum of squares."""
+        return 0.5 * float(np.sum(self.share * residuals**2))
 
 
 @dataclass(frozen=True, eq=False)

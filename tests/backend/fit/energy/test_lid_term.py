@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from facestage.contract.camera import Camera
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.energy import Energy
@@ -24,6 +23,7 @@ from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
+from reference.front_view import front_view
 
 SCHEME = "mediapipe478"
 
@@ -49,19 +49,7 @@ class Face:
 @pytest.fixture(scope="module")
 def face() -> Face:
     model = load_model("default")
-    state = State(
-        np.eye(3),
-        np.array([0.0, 0.0, -1.1]),
-        Camera.default(256, 256, 600.0),
-        np.zeros(len(model.identity_names)),
-        np.zeros(len(model.expression_names)),
-        np.zeros(0),
-        np.zeros((1, 2)),
-        np.zeros(len(model.albedo_basis)),
-        0.4,
-        np.full((4, 4), 0.8),
-    )
-    return Face(FaceGeometry(model), state)
+    return Face(FaceGeometry(model), front_view(model))
 
 
 def found_by(face: Face, landmarks: Landmarks) -> LidTerm:

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.contract.camera import Camera
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
@@ -19,12 +18,12 @@ from facestage.fit.energy.priors import Priors
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
-from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model
+from reference.front_view import front_view
 
 SCHEME = "mediapipe478"
 LIPS, RIGHT_LIDS, LEFT_LIDS = (13, 14), (159, 145), (386, 374)
@@ -49,18 +48,7 @@ def gap(points: np.ndarray, pair: tuple[int, int]) -> float:
 def test_a_broad_smile_opens_the_mouth_and_leaves_the_lids(model: FaceModel):
     geometry = FaceGeometry(model)
     lights = LightParameters(np.zeros(1, bool), np.ones((1, 3)), False)
-    mean = State(
-        np.eye(3),
-        np.array([0.0, 0.0, -1.1]),
-        Camera.default(256, 256, 600.0),
-        np.zeros(len(model.identity_names)),
-        np.zeros(len(model.expression_names)),
-        np.zeros(0),
-        np.zeros((1, 2)),
-        np.zeros(len(model.albedo_basis)),
-        0.4,
-        np.full((4, 4), 0.8),
-    )
+    mean = front_view(model)
     random = np.random.default_rng(5)
     smile = np.array([SMILE.get(name, 0.0) for name in model.expression_names])
     true = replace(mean, expression=smile, identity=0.6 * random.normal(size=len(mean.identity)))

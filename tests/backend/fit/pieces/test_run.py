@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
+import json
 import shutil
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +28,17 @@ from reference.small_fit import QUICK, StopError
 
 MOST, ALL = 7, 100  # frames of a piece
 ELSEWHERE = """
-import pickle, sys
+import json, sys
 from pathlib import Path
+from facestage.contract.camera import Camera
 from facestage.fit.pieces import run
 from facestage.fit.pieces.cutting import cut
+from facestage.fit.sequence.request import Request
 run.cut = lambda count, most: cut(count, most, overlap=3)
-request, out, most, number = pickle.loads(Path(sys.argv[1]).read_bytes())
-run.follow_piece(request, out, most, number)
+camera, film, model, truth, out, most = json.loads(sys.argv[1])
+camera = Camera(**camera)
+request = Request(film=Path(film), model=model, camera=camera, truth=Path(truth))
+run.follow_piece(request, Path(out), most, 1)
 """
 
 
@@ -67,8 +72,9 @@ def test_a_film_in_pieces_is_what_one_process_finds(
 
     # Two pieces, the later one first, by a process that knows nothing of the others; the other is
     # cut off on its second look.
-    asked = tmp_path / "asked"
-    asked.write_bytes(pickle.dumps((request, out, MOST, 1)))
+    assert request.camera is not None
+    files = (request.film, request.model, request.truth, out)
+    asked = json.dumps([asdict(request.camera), *map(str, files), MOST])
     subprocess.run([sys.executable, "-c", ELSEWHERE, asked], check=True)
     monkeypatch.setattr(run_module, "SAVED_EVERY", 0.0)
     heard, looks = Tracker.heard, []
