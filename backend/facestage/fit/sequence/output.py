@@ -6,7 +6,7 @@ import platform
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -52,6 +52,8 @@ from facestage.report import (
     write_wrinkles_picture,
 )
 
+# Of each light, a pixel: what is looked at for the fit is grainy.
+SHOWN_SAMPLES = 4
 FILM_MOST = 96  # frames of the report's film
 PICTURE_SIDE = 160  # pixels of each of its pictures
 HEAD_SIDE = 0.24  # metres that they show
@@ -266,6 +268,7 @@ def shown_frames(
         view = tracker.view(frame)
         if view is None:
             continue
+        view = replace(view, term=replace(view.term, samples=SHOWN_SAMPLES))
         state = tracked.state(tracker.actor, frame.index)
         photo = view.term.photo.color
         evaluation = view.evaluated(state)
