@@ -11,7 +11,7 @@ import numpy as np
 
 from facestage.contract.texture_maps import ALBEDO
 
-from .material import GROUP, SCATTERS, node_at
+from .material import GROUP, node_at, skin_nodes
 
 NODE = "Skin below Brows"
 COLOR, SHARE = "facestage_brow_skin", "facestage_brow_share"  # attributes of the rig's vertices
@@ -26,14 +26,14 @@ def thin_paint(rig: bpy.types.Object, color: np.ndarray, share: np.ndarray) -> N
         attribute = attributes.get(name) or attributes.new(name, kind, "POINT")
         field = "vector" if kind == "FLOAT_VECTOR" else "value"
         attribute.data.foreach_set(field, np.asarray(values, np.float32).ravel())
-    for tree in _skins(rig):
+    for tree, _ in skin_nodes(rig):
         if NODE not in tree.nodes:
             _insert(tree)
 
 
 def restore_paint(rig: bpy.types.Object) -> None:
     """Let the skin show its albedo alone again."""
-    for tree in _skins(rig):
+    for tree, _ in skin_nodes(rig):
         mix = tree.nodes.get(NODE)
         if mix is None:
             continue
@@ -46,16 +46,6 @@ def restore_paint(rig: bpy.types.Object) -> None:
     for name in (COLOR, SHARE):
         if name in rig.data.attributes:
             rig.data.attributes.remove(rig.data.attributes[name])
-
-
-def _skins(rig: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The node trees of the rig's skin."""
-    trees = [slot.material.node_tree for slot in rig.material_slots if slot.material is not None]
-    return [
-        tree
-        for tree in trees
-        if tree is not None and GROUP in tree.nodes and tree.nodes[GROUP].get(SCATTERS)
-    ]
 
 
 def _insert(tree: bpy.types.NodeTree) -> None:

@@ -7,7 +7,6 @@ the albedo by a color to the power of what the functions add up to.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -15,7 +14,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 
-from .material import GROUP, SCATTERS, node_at
+from .material import GROUP, node_at, skin_nodes
 
 HAEMOGLOBIN = "Haemoglobin"  # the frame of its nodes
 ATTRIBUTE = "facestage_haemoglobin"  # each holds three functions
@@ -38,7 +37,7 @@ def give_haemoglobin(
     for number, three in enumerate(table.reshape(count, 3, -1)):
         attribute = rig.data.attributes.new(_attribute(number), "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", np.ascontiguousarray(three.T).ravel())
-    trees = list(_skins(rig))
+    trees = [tree for tree, _ in skin_nodes(rig)]
     for tree in trees:
         _insert(tree, count, color)
     return trees
@@ -46,7 +45,7 @@ def give_haemoglobin(
 
 def take_haemoglobin(rig: bpy.types.Object) -> list[bpy.types.NodeTree]:
     """Take it out again; returns the node trees that had it."""
-    trees = [tree for tree in _skins(rig) if HAEMOGLOBIN in tree.nodes]
+    trees = [tree for tree, _ in skin_nodes(rig) if HAEMOGLOBIN in tree.nodes]
     for tree in trees:
         _remove(tree)
     attributes = rig.data.attributes
@@ -63,14 +62,6 @@ def weight_path(harmonic: int) -> tuple[str, int]:
 
 def _attribute(number: int) -> str:
     return f"{ATTRIBUTE}_{number}"
-
-
-def _skins(rig: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
-    for slot in rig.material_slots:
-        tree = None if slot.material is None else slot.material.node_tree
-        node = None if tree is None else tree.nodes.get(GROUP)
-        if node is not None and node.get(SCATTERS):
-            yield tree
 
 
 def _insert(tree: bpy.types.NodeTree, count: int, color: Float[np.ndarray, " 3"]) -> None:

@@ -344,6 +344,17 @@ def set_textures(
             bpy.data.images.remove(image)
 
 
+def skin_nodes(rig: bpy.types.Object) -> list[tuple[bpy.types.NodeTree, Any]]:
+    """The node trees of a rig's skin, not of eyes and teeth, and the skin group's node in each."""
+    found = []
+    for slot in rig.material_slots:
+        tree = None if slot.material is None else slot.material.node_tree
+        node = None if tree is None else tree.nodes.get(GROUP)
+        if node is not None and node.get(SCATTERS):
+            found.append((tree, node))
+    return found
+
+
 def set_scattering(rig: bpy.types.Object, strength: float, translucency: float = 0.0) -> None:
     """Let light wander below the skin of a rig ``strength`` times as far as published; 0: switch
     it off, so that light comes out where it went in, as unevenly as ``translucency`` says.

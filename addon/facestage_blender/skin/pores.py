@@ -24,7 +24,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.texture_maps import NORMAL
 
-from .material import GROUP, PORES, SCATTERS
+from .material import PORES, skin_nodes
 
 MILLIMETRE = 1e-3  # of Blender's metres
 DIAMETER_MM, DEPTH_MM = 0.25, 0.02
@@ -78,13 +78,11 @@ def remove_pores(rig: bpy.types.Object) -> None:
 
 def _skins(rig: bpy.types.Object) -> list[tuple[bpy.types.NodeTree, Any]]:
     """The node trees of the rig's skin, and where each takes its normals."""
-    found = []
-    for slot in rig.material_slots:
-        tree = None if slot.material is None else slot.material.node_tree
-        node = None if tree is None else tree.nodes.get(GROUP)
-        if node is not None and node.get(SCATTERS) and NORMAL.socket in node.inputs:
-            found.append((tree, node.inputs[NORMAL.socket]))
-    return found
+    return [
+        (tree, node.inputs[NORMAL.socket])
+        for tree, node in skin_nodes(rig)
+        if NORMAL.socket in node.inputs
+    ]
 
 
 def _set_attributes(rig: bpy.types.Object) -> None:

@@ -6,7 +6,7 @@ that the skin has without them, add up: n + sum (n_s - n_smooth), made unit agai
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,15 +14,7 @@ import bpy
 
 from facestage.contract.texture_maps import NORMAL
 
-from .material import (
-    GROUP,
-    SCATTERS,
-    WRINKLES,
-    bent_socket,
-    node_at,
-    smooth_normal,
-    textures_uv_map,
-)
+from .material import WRINKLES, bent_socket, node_at, skin_nodes, smooth_normal, textures_uv_map
 
 FRAME = "Wrinkles that follow sliders"
 
@@ -65,12 +57,9 @@ def _node_name(name: str) -> str:
     return f"{WRINKLES} {name}"
 
 
-def _skins(rig: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
-    for slot in rig.material_slots:
-        tree = None if slot.material is None else slot.material.node_tree
-        node = None if tree is None else tree.nodes.get(GROUP)
-        if node is not None and node.get(SCATTERS) and NORMAL.socket in node.inputs:
-            yield tree
+def _skins(rig: bpy.types.Object) -> list[bpy.types.NodeTree]:
+    """The node trees of skin that takes normals."""
+    return [tree for tree, node in skin_nodes(rig) if NORMAL.socket in node.inputs]
 
 
 def _insert(tree: bpy.types.NodeTree, wrinkles: Sequence[DrivenWrinkles]) -> None:
