@@ -68,6 +68,8 @@ class Known:
     stage_lights: int | None = None
     # The weights that expressions are likely to have: of what shuts an eye that landmarks see shut.
     expression_mean: float | Float[np.ndarray, " expressions"] = 0.0
+    # Standard deviations of those in 0..1: a jaw whose teeth are seen closed has a small one.
+    expression_sigma: float | Float[np.ndarray, " expressions"] = EXPRESSION_SIGMA
     white: WhiteBalance | None = None  # what something grey in the photo shows of the light
 
     @property
@@ -148,7 +150,7 @@ def _expression_range(known: Known) -> Range:
 
 
 def _expression_prior(known: Known, count: int) -> Gaussian:
-    sigma = np.where(known.expression_box, EXPRESSION_SIGMA, 1.0)
+    sigma = np.where(known.expression_box, known.expression_sigma, 1.0)
     return independent(count, known.expression_mean, sigma)
 
 

@@ -43,6 +43,7 @@ from facestage.fit.given.skin_mask import (
     paint_weight,
     skin_weight,
 )
+from facestage.fit.given.teeth import closed_teeth
 from facestage.fit.given.window import Window
 from facestage.images.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
@@ -115,6 +116,11 @@ class Problem:
         # A mesh of skin alone has neither lids nor lips that could part.
         parts = bool((self.geometry.triangle_part != SKIN).any())
         return skin_weight(self.photograph.color, self.landmarks, openings=parts)
+
+    @cached_property
+    def closed_teeth(self) -> float:
+        """0 to 1, how surely closed teeth are seen between the lips."""
+        return closed_teeth(self.photograph.color, self.skin, self.landmarks)
 
     @cached_property
     def paintable(self) -> np.ndarray:

@@ -28,6 +28,7 @@ from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.lids import shut_weights
 from facestage.fit.given.problem import Problem
+from facestage.fit.given.teeth import expression_deviations
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
@@ -218,6 +219,7 @@ class View:
             self.light_scale,
             int((problem.stage.position[:, 2] >= 0).sum()),
             shut_weights(problem.geometry.model, problem.landmarks),
+            expression_deviations(problem.geometry.model, problem.closed_teeth),
             self._white_balance(state),
         )
 

@@ -154,3 +154,13 @@ def test_frozen_lights_have_no_prior(scene: Scene, uniform: bool):
     quadratic = quadratic_of(priors, state)
     assert quadratic.energies["light"] == pytest.approx(0, abs=1e-9)
     assert np.isfinite(quadratic.hessian).all()
+
+
+def test_each_expression_may_have_its_own_deviation(scene: Scene):
+    layout = Layout(scene.state)
+    state = moved(scene.state, expression=[0.1, 0.2, 0.3])
+    sigma = np.array([0.04, 0.35, 0.35])
+    known = scene.known(expression_box=np.array([True, True, False]), expression_sigma=sigma)
+    energy = Priors(layout, known, Weights()).energies(state)["expression"]
+    expected = state.expression / [0.04, 0.35, 1.0]  # statistical ones keep their own
+    assert energy == pytest.approx(0.5 * (expected**2).sum())

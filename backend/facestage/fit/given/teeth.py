@@ -1,0 +1,76 @@
+"""Whether teeth fill what the lips leave open, as pixels tell: then the jaw is not open.
+
+Points on the lips cannot tell lips that part before closed teeth from a jaw that opens. What is
+seen between them can: teeth are less red than the skin, lips, gums and tongue are redder, and
+behind parted teeth it is dark.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.contract.arrays import Float, Num
+from facestage.contract.face_model import FaceModel
+from facestage.contract.files.color import REC709
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.face.unknowns import EXPRESSION_SIGMA
+from facestage.models.anatomy.landmark_schemes import scheme_of
+
+# A tooth's luminance and red over green, and the luminance of what is dark, beside the skin's.
+TOOTH_LIGHT, TOOTH_RED, DARK_LIGHT = 0.35, 1.0, 0.3
+# Shares of the way between the lips: teeth are seen from the first to the second on, nothing behind
+# them from the first to the second down.
+TEETH_SHARE, DARK_SHARE = (0.25, 0.4), (0.27, 0.2)
+SAMPLES = 24
+# Pixels between the lips below which their borders are all that is seen.
+OPENING_MIN = 4.0
+SKIN_MIN = 0.9
+# Standard deviation of the weight that opens a jaw whose teeth are seen closed.
+CLOSED_SIGMA = 0.04
+JAW_OPEN = "jawOpen"
+
+
+def closed_teeth(
+    color: Num[np.ndarray, "height width 3"],
+    skin: Float[np.ndarray, "height width"],
+    landmarks: Landmarks,
+) -> float:
+    """0 where closed teeth are not seen, to 1; ``color`` is linear, ``skin`` as of
+    :func:`facestage.fit.given.skin_mask.skin_weight`.
+    """
+    ring = scheme_of(landmarks.scheme).openings[0]
+    half = len(ring) // 2
+    across = np.stack([ring[:half:-1], ring[1:half]], axis=1)
+    across = across[len(across) // 3 : len(across) - len(across) // 3]
+    bare = color[skin > SKIN_MIN]
+    upper, lower = landmarks.points[across].transpose(1, 0, 2)
+    shown = (landmarks.counted & landmarks.visible)[across].all()
+    if not (shown and len(bare) and np.isfinite([upper, lower]).all()):
+        return 0.0
+    if np.linalg.norm(upper - lower, axis=1).min() < OPENING_MIN:
+        return 0.0
+    way = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    points = upper + way[:, None, None] * (lower - upper)
+    column, row = np.moveaxis(np.floor(points).astype(int), -1, 0)
+    height, width = color.shape[:2]
+    if min(column.min(), row.min()) < 0 or column.max() >= width or row.max() >= height:
+        return 0.0
+    beside = color[row, column].astype(np.float64) / np.maximum(np.median(bare, axis=0), 1e-6)
+    usual = np.median(bare, axis=0) * REC709
+    light = beside @ (usual / max(usual.sum(), 1e-9))
+    red = beside[..., 0] / np.maximum(beside[..., 1], 1e-6)
+    teeth = float(((light > TOOTH_LIGHT) & (red < TOOTH_RED)).mean())
+    dark = float((light < DARK_LIGHT).mean())
+    return _ramp(teeth, *TEETH_SHARE) * _ramp(dark, *DARK_SHARE)
+
+
+def expression_deviations(model: FaceModel, closed: float) -> Float[np.ndarray, " expressions"]:
+    """Standard deviations of the weights of ``model`` in a photo that shows ``closed`` teeth, 0 to
+    1.
+    """
+    opens = np.array([name == JAW_OPEN for name in model.expression_names], bool)
+    return EXPRESSION_SIGMA * (CLOSED_SIGMA / EXPRESSION_SIGMA) ** (closed * opens)
+
+
+def _ramp(value: float, none: float, full: float) -> float:
+    return float(np.clip((value - none) / (full - none), 0.0, 1.0))
