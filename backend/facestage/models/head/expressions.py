@@ -12,7 +12,8 @@ import numpy as np
 from facestage.contract.arkit import ARKIT_NAMES
 from facestage.models.head import lids, mouth
 from facestage.models.head.assemble import SIDES
-from facestage.models.head.expression_table import BOTH, ONE_SIDED, Muscle
+from facestage.models.head.expression_table import BOTH, ONE_SIDED, Fold, Muscle
+from facestage.models.head.features import to_segment
 from facestage.models.head.masks import JAW_HINGE, Masks, eye_center, rotate_about, smoothstep
 
 _JAW_OPEN_DEGREES = 21.0
@@ -20,10 +21,10 @@ _JAW_OPEN_DEGREES = 21.0
 
 def expressions(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     """Names and displacements (90, n, 3) float64 in mm at weight 1: ARKit names first."""
-    shapes = {name: _muscles(masks, muscles, None) for name, muscles in BOTH.items()}
+    shapes = {name: pulled(masks, muscles, None) for name, muscles in BOTH.items()}
     for stem, muscles in ONE_SIDED.items():
         for side in SIDES:
-            shapes[_sided(stem, side)] = _muscles(masks, muscles, side)
+            shapes[_sided(stem, side)] = pulled(masks, muscles, side)
     shapes |= _jaw_shapes(masks)
     shapes |= {"mouthLeft": _mouth_sideways(masks, 1.0), "mouthRight": _mouth_sideways(masks, -1.0)}
     for side in SIDES:
@@ -40,13 +41,36 @@ def _sided(stem: str, side: str) -> str:
     return f"{stem}_{side}" if "_" in stem else stem + side.capitalize()
 
 
-def _muscles(masks: Masks, muscles: tuple[Muscle, ...], side: str | None) -> np.ndarray:
-    """Sum of muscle pulls on both sides, or on one side only."""
-    sides = SIDES if side is None else (side,)
-    return sum(
-        (_muscle(masks, muscle, each) for muscle in muscles for each in sides),
-        np.zeros((masks.count, 3)),
-    )
+def pulled(masks: Masks, pulls: tuple[Muscle | Fold, ...], side: str | None) -> np.ndarray:
+    """Sum of pulls and folds on both sides, or on one side only."""
+    result = np.zeros((masks.count, 3))
+    for each in SIDES if side is None else (side,):
+        for pull in pulls:
+            make = _fold if isinstance(pull, Fold) else _muscle
+            result += make(masks, pull, each)
+    return result
+
+
+def _fold(masks: Masks, fold: Fold, side: str) -> np.ndarray:
+    """(n, 3) the step of a fold, outwards over the surface of the cheek."""
+    sign = 1.0 if side == "left" else -1.0
+    front = masks.points[:, :2] * [sign, 1.0]
+    line = np.array(fold.line, np.float64)
+    nearest = np.full(masks.count, np.inf)
+    across, along = np.zeros(masks.count), np.zeros(masks.count)
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    before = np.concatenate([[0.0], np.cumsum(lengths)])
+    for k, (start, end) in enumerate(zip(line[:-1], line[1:], strict=True)):
+        distance, part = to_segment(front, start, end)
+        axis, away = end - start, front - start
+        outer = np.sign(away[:, 1] * axis[0] - away[:, 0] * axis[1])
+        here = distance < nearest
+        nearest[here] = distance[here]
+        across[here] = (outer * distance)[here] / fold.width
+        along[here] = (before[k] + part * lengths[k])[here] / before[-1]
+    step = fold.height * across * np.exp(0.5 - 0.5 * across**2) * np.sin(np.pi * along)
+    outwards = np.array([0.45 * sign, 0.0, 0.89])
+    return (step * masks.front)[:, None] * outwards
 
 
 def _muscle(masks: Masks, muscle: Muscle, side: str) -> np.ndarray:
@@ -72,7 +96,7 @@ def _muscle(masks: Masks, muscle: Muscle, side: str) -> np.ndarray:
 def _jaw_shapes(masks: Masks) -> dict[str, np.ndarray]:
     points, jaw = masks.points, masks.jaw[:, None]
     opened = _jaw_turn(masks, _JAW_OPEN_DEGREES)
-    forward = jaw * np.array([0.0, -0.6, 5.0])
+    forward = jaw * np.array([0.0, -0.6, 8.0])
     sideways = rotate_about(points, JAW_HINGE, 1, np.radians(4.5)) - points
     left = jaw * (sideways + np.array([1.0, 0.0, 0.0]))
     right = jaw * (rotate_about(points, JAW_HINGE, 1, -np.radians(4.5)) - points - [1.0, 0.0, 0.0])
@@ -119,7 +143,7 @@ def _mouth_sideways(masks: Masks, sign: float) -> np.ndarray:
     deep = smoothstep((masks.points[:, 2] - 62.0) / 22.0)
     bell = np.exp(-((x / 34.0) ** 2) - ((y + 73.0) / 17.0) ** 2) * masks.front * deep
     corner = np.exp(-(((x - 26.0) / 15.0) ** 2) - ((y + 73.0) / 14.0) ** 2) * masks.front * deep
-    return np.stack([sign * (6.0 * bell + 1.0 * corner), 1.2 * corner, -2.6 * corner], axis=-1)
+    return np.stack([sign * (11.0 * bell + 1.5 * corner), 2.0 * corner, -4.0 * corner], axis=-1)
 
 
 def _tongue_out(masks: Masks) -> np.ndarray:

@@ -158,12 +158,14 @@ def shown_height(vertices: np.ndarray) -> float:
 
 
 def test_a_smile_shows_the_upper_teeth():
-    assert 2.0 < shown_height(shape(mouthSmile=1.0)) < 6.0
-    assert shown_height(shape(mouthSmile=1.0, jawOpen=0.3)) > 6.0
+    assert shown_height(shape(mouthSmile=1.0)) < 0.5, "lips smile closed"
+    assert 2.0 < shown_height(shape(mouthSmile=1.0, mouthUpperUp=0.5)) < 6.0
+    full = shown_height(shape(mouthSmile=1.0, mouthUpperUp=0.6, jawOpen=0.2, mouthLowerDown=0.4))
+    assert full > 6.0
     assert 1.0 < shown_height(shape(AU25_lips_part=1.0)) < 6.0, (
         "lips parted at rest show the incisal edges"
     )
-    points = seen(shape(mouthSmile=1.0, jawOpen=0.3))
+    points = seen(shape(mouthSmile=1.0, mouthUpperUp=0.5))
     assert np.ptp(points[:, 0]) > 45, "from premolar to premolar"
 
 
