@@ -2,12 +2,12 @@
 
 python tools/derive_expressions.py ict:PATH [NAME ...]
 
-Warps the built-in head onto the mean face of ICT-FaceKit by the landmarks that both have, takes from
-there how its expressions of the same name move the skin, and finds the Gaussian pulls
+Warps the built-in head onto the mean face of ICT-FaceKit by the landmarks that both have, takes
+from there how its expressions of the same name move the skin, and finds the Gaussian pulls
 (models/head/expression_table.py) that say so best, each begun where the table has it. Prints for
-each expression how much of the motion the table says, before and after, and the pulls that do. The
-table was taken from it, with the names that a person gave back to what is moved, and moved less
-where lips would go through teeth; nobody else needs to run this.
+each expression how much of the motion the table leaves, before and after, and the pulls that leave
+least. The table holds them, but for rolled lips, which would go through the teeth, and the lips of
+puffed cheeks, which would part; nobody else needs to run this.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ def motions(head: FaceModel, other: FaceModel, face: np.ndarray) -> dict[str, np
     onto = procrustes(there, here)
     skin = other.regions["narrow_face"]
     points = other.vertices[skin].astype(np.float64) / MM
-    opened = np.linalg.norm(_motion(other, "jawOpen")[skin], axis=1)
-    mine = np.linalg.norm(_motion(head, "jawOpen")[face], axis=1)
+    opened = _jaw(other)[skin]
+    mine = _jaw(head)[face]
     warp = RBFInterpolator(here, there, smoothing=1.0, neighbors=60)
     warped = warp(head.vertices[face].astype(np.float64) / MM)
-    tree = cKDTree(np.column_stack([points, JAW * opened / opened.max()]))
-    distance, near = tree.query(np.column_stack([warped, JAW * mine / mine.max()]), k=4)
+    tree = cKDTree(np.column_stack([points, JAW * opened]))
+    distance, near = tree.query(np.column_stack([warped, JAW * mine]), k=4)
     weight = 1.0 / np.maximum(distance, 0.1) ** 2
     weight /= weight.sum(axis=1, keepdims=True)
     result = {}
@@ -65,6 +65,15 @@ def motions(head: FaceModel, other: FaceModel, face: np.ndarray) -> dict[str, np
             moved = onto.scale * moved[skin] @ onto.rotation.T
             result[name] = np.einsum("mk,mkc->mc", weight, moved[near])
     return result
+
+
+def _jaw(model: FaceModel) -> np.ndarray:
+    """(n,) 0 to 1: how far each vertex follows the jaw."""
+    moved = _motion(model, "jawOpen")
+    if moved is None:
+        raise SystemExit(f"'{model.name}' has no expression jawOpen; give a model with ARKit's.")
+    distance = np.linalg.norm(moved, axis=1)
+    return distance / distance.max()
 
 
 def _motion(model: FaceModel, name: str) -> np.ndarray | None:
@@ -128,14 +137,17 @@ def refined(
             muscle,
             center=(0 if muscle.center[0] == 0 else round(x), round(y)),
             radii=(round(rx), round(ry)),
-            move=tuple(float(np.round(c, 1)) for c in move),
+            move=(round(float(dx), 1), round(float(dy), 1), round(float(dz), 1)),
         )
-        for muscle, (x, y, rx, ry), move in zip(muscles, best.x.reshape(-1, 4), found, strict=True)
+        for muscle, (x, y, rx, ry), (dx, dy, dz) in zip(
+            muscles, best.x.reshape(-1, 4), found, strict=True
+        )
     ]
     return (*result, *folds)
 
 
 def main() -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -154,7 +166,7 @@ def main() -> None:
         for stem, pulls in table.items():
             name = stem if side is None else stem + "Left"
             lids = stem.startswith("eye")  # these turn about the eyeball
-            if name not in wanted or lids or arguments.names and stem not in arguments.names:
+            if name not in wanted or lids or stem not in (arguments.names or [stem]):
                 continue
             target = wanted[name]
             for title, these in (

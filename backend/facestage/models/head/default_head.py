@@ -65,7 +65,7 @@ def build_default_model() -> FaceModel:
     return FaceModel(
         name=NAME,
         license="GPL-3.0-or-later",
-        source="Facestage: modelled by code from published anthropometry",
+        source="Facestage: modelled by code from published anthropometry and means of ICT-FaceKit",
         identity_names=identity_names,
         expression_names=expression_names,
         expression_prior="box",

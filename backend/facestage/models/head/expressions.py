@@ -7,6 +7,8 @@ natural strength.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from facestage.contract.arkit import ARKIT_NAMES
@@ -60,7 +62,7 @@ def _fold(masks: Masks, fold: Fold, side: str) -> np.ndarray:
     across, along = np.zeros(masks.count), np.zeros(masks.count)
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     before = np.concatenate([[0.0], np.cumsum(lengths)])
-    for k, (start, end) in enumerate(zip(line[:-1], line[1:], strict=True)):
+    for k, (start, end) in enumerate(pairwise(line)):
         distance, part = to_segment(front, start, end)
         axis, away = end - start, front - start
         outer = np.sign(away[:, 1] * axis[0] - away[:, 0] * axis[1])
