@@ -21,7 +21,7 @@ from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, Skin
+from facestage.fit.forward.reflectance import EYE_ROUGHNESS, EYE_SPECULAR, Skin
 from facestage.fit.forward.shading import ForwardModel, Surface
 from facestage.render.light_terms import PLAIN
 
@@ -150,9 +150,9 @@ def _by_light(setup: Setup, state: State, surface: Surface) -> Float[np.ndarray,
     """Radiance of the ``surface`` under each light of radiance 1."""
     assert setup.stage is not None
     stage = turned(setup.stage, state.light_position, setup.pivot)
-    rough, count = np.full(len(surface.pixels), WET_ROUGHNESS), len(surface.pixels)
+    rough, count = np.full(len(surface.pixels), EYE_ROUGHNESS), len(surface.pixels)
     terms = setup.forward.light_terms(
         state, surface, stage, SAMPLES, setup.problem.job.seed, PLAIN, roughness=rough
     )
-    skin = Skin(setup.forward.albedo(state, surface), np.full(count, WET_SPECULAR))
+    skin = Skin(setup.forward.albedo(state, surface), np.full(count, EYE_SPECULAR))
     return skin.by_lights(terms.diffuse, terms.specular, indirect=terms.indirect)

@@ -20,9 +20,12 @@ from facestage.contract.arrays import Float, Shaped
 from facestage.contract.scattering import emerging
 from facestage.fit.face.light_parameters import CHANNELS
 
-# Eyes and teeth are wet: tears or saliva. A real lamp is one sharp spot on an eye; the many of the
-# stage that stand for it are blurred into each other, and dimmed so that they do not veil the iris.
+# Eyes and teeth are wet: tears or saliva. A real lamp is one sharp spot on an eye; the few of the
+# stage that stand for it are larger, and a cornea is more curved than the mesh. So they are dimmed,
+# and on eyes as sharp as few shadow rays allow: at the teeth's roughness they veil an iris by as
+# much light as all that a dark one sends back.
 WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
+EYE_SPECULAR, EYE_ROUGHNESS = 0.25, 0.2
 # What the surface reflects of light that comes from everywhere alike, at c_spec = 1: what does not
 # enter the skin (contract/brdf.py).
 UNIFORM = 1.0 - brdf.K_DIFFUSE

@@ -13,17 +13,25 @@ from facestage.contract import brdf
 from facestage.contract.arrays import Float, Float32, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
-from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, by_c_spec
+from facestage.fit.forward.reflectance import (
+    EYE_ROUGHNESS,
+    EYE_SPECULAR,
+    WET_ROUGHNESS,
+    WET_SPECULAR,
+    by_c_spec,
+)
 from facestage.fit.forward.rendering import Textures
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.given.fineness import TEXELS_PER_FACE_PX, USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
-from facestage.fit.textures.eye_picture import eye_picture, eyes_painted
+from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
+from facestage.fit.textures.eyes.lid_shade import LidShade
+from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
 from facestage.fit.textures.painted_features import painted_features
-from facestage.fit.textures.part_color import Look, part_colors
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
@@ -103,11 +111,17 @@ def refine(
         )
         photo = problem.photograph
         look = Look(
-            photo.color, photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2), problem.skin
+            photo.color,
+            photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2),
+            problem.skin,
+            EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
-        vertices = vertices + parts
-        eyes = eye_picture(problem.geometry, vertices)
+        vertices = vertices + parts.log_change
+        shade = None
+        if parts.lid_shade is not None:
+            shade = LidShade.of(problem.geometry, fitted.state, parts.lid_shade)
+        eyes = eye_picture(problem.geometry, vertices, shade)
     del shown  # what the largest maps need memory for
     logs = atlas.bake(vertices)
     if detail is not None:
@@ -195,11 +209,15 @@ def _gloss_textures(
         roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)
         small.spread(specular)
         small.spread(roughness)
-    wet = np.zeros((size, size), bool)
-    wet[small.covered] = np.isin(problem.geometry.triangle_part[small.triangle], (EYES, TEETH))
-    small.spread(wet)
-    specular = np.where(wet, WET_SPECULAR, np.clip(specular, 0, brdf.SPECULAR_MAX))
-    roughness = np.where(wet, WET_ROUGHNESS, roughness)
+    for part, c_spec, rough in (
+        (EYES, EYE_SPECULAR, EYE_ROUGHNESS),
+        (TEETH, WET_SPECULAR, WET_ROUGHNESS),
+    ):
+        wet = np.zeros((size, size), bool)
+        wet[small.covered] = problem.geometry.triangle_part[small.triangle] == part
+        small.spread(wet)
+        specular = np.where(wet, c_spec, np.clip(specular, 0, brdf.SPECULAR_MAX))
+        roughness = np.where(wet, rough, roughness)
     return specular.astype(np.float32), _rough(roughness).astype(np.float32)
 
 

@@ -10,7 +10,7 @@ import pytest
 from facestage.contract.face_model import EYES
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas, shown_at
-from facestage.fit.textures.eye_picture import (
+from facestage.fit.textures.eyes.eye_picture import (
     EyeColors,
     EyePlane,
     eye_box,

@@ -13,8 +13,17 @@ from facestage.contract.light_stage import LightStage
 from facestage.fit.face.eye_white import IRIS_MAX
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR, albedo_seen, by_albedo
+from facestage.fit.forward.reflectance import (
+    EYE_ROUGHNESS,
+    EYE_SPECULAR,
+    WET_ROUGHNESS,
+    WET_SPECULAR,
+    albedo_seen,
+    by_albedo,
+)
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.eyes_seen import EyesSeen
+from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
 from facestage.render.light_terms import PLAIN
 
 LUMINANCE = np.array(REC709)
@@ -48,13 +57,20 @@ class Known:
     brighter: float
     people: tuple[float, float]  # how far one person's is from the model's
     seen: tuple[float, float]  # how far these pixels are from it
+    # among pixels that landmarks chose, instead of darker and brighter
+    surely: tuple[float, float] = (0.35, 0.65)
+    shaded: float = 0.0  # how much darker lids and lashes keep one person's, deviation
 
 
 # Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is off by
 # 0.5 and more. Irises are of any color.
 TEETH_KNOWN = Known(0.25, 0.8, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
-WHITE_KNOWN = Known(0.25, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12))
+WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
+# Share of the shade at the lid's border beyond which a pixel says little of a color.
+SHADED_MAX = 0.3
+# Albedo that passes for what surroundings leave of their own in a wet part.
+VEIL = 0.008
 
 
 @dataclass(frozen=True)
@@ -73,6 +89,7 @@ class Look:
     color: Float[np.ndarray, "height width 3"]  # linear
     usable: Bool[np.ndarray, "height width"]  # not masked, hidden or saturated
     skin: Float[np.ndarray, "height width"]  # 0..1
+    eyes: EyesSeen | None = None  # what landmarks know of them
 
 
 def parts_of(geometry: FaceGeometry) -> list[Part]:
@@ -93,53 +110,96 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
     return [part for part in parts if part.vertices.any()]
 
 
+@dataclass(frozen=True)
+class PartColors:
+    """What the photo says of the parts."""
+
+    log_change: Float[np.ndarray, "vertices 3"]  # to be added to the vertices' log albedo
+    lid_shade: float | None  # depth at the lid, see lid_shade.py; None: no whites to tell by
+
+
 def part_colors(
     forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int = 0
-) -> Float[np.ndarray, "vertices 3"]:
-    """What to add to the vertices' log albedo to give the parts the colors that the photo
-    shows of them.
+) -> PartColors:
+    """The colors that the photo shows of the parts.
 
     A color is what the pixels inside the part say of its albedo under the light of ``stage``
     (camera frame), beside what is known of such parts (:class:`Known`).
     """
     geometry = forward.geometry
     parts = parts_of(geometry)
-    shown = _albedo_by_part(forward, state, stage, look, parts, seed)
+    shown = _pixels_by_part(forward, state, stage, look, parts, seed)
+    white = next(
+        (own for part, own in zip(parts, shown, strict=True) if part.name == "white"), None
+    )
+    open_eyes = (
+        white is not None
+        and _eyes_open(white.albedo, look)
+        and not _behind_glasses(forward, state, look)
+    )
+    shade = _lid_shade(white) if white is not None and open_eyes else None
     change = np.zeros_like(geometry.log_albedo)
-    for part, (albedo, own) in zip(parts, shown, strict=True):
-        if len(albedo) >= PIXELS_MIN:
-            change[part.vertices] = _log_change(part, albedo, own)
-    white = [albedo for part, (albedo, _) in zip(parts, shown, strict=True) if part.name == "white"]
-    if not white or not _eyes_open(white[0], look) or _behind_glasses(forward, state, look):
-        for part in parts:
-            if part.name != "teeth":
-                change[part.vertices] = 0.0
-    return change
+    for part, pixels in zip(parts, shown, strict=True):
+        if len(pixels.albedo) >= PIXELS_MIN and (open_eyes or part.name == "teeth"):
+            change[part.vertices] = _log_change(part, pixels.out_of(shade))
+    return PartColors(change, shade)
 
 
-def _albedo_by_part(
+@dataclass(frozen=True)
+class _Pixels:
+    """Those that show a part."""
+
+    albedo: Float[np.ndarray, "_ 3"]  # that they say
+    own: Float[np.ndarray, "_ 3"]  # the model's there
+    below_lid: Float[np.ndarray, " _"]  # radii of the iris; NaN where that is not known
+    sure: bool  # landmarks chose them
+
+    def showing(self, known: Known) -> tuple[float, float]:
+        """Between which shares of them, sorted by lightness, they show the part."""
+        return known.surely if self.sure else (known.darker, known.brighter)
+
+    def out_of(self, shade: float | None) -> _Pixels:
+        """As they would be without the upper lid's ``shade``; those deep in it only where there are
+        no others.
+        """
+        if shade is None:
+            return self
+        depth = np.nan_to_num(faded(self.below_lid))
+        clear = depth < SHADED_MAX
+        if clear.sum() < PIXELS_MIN:
+            clear[:] = True
+        albedo = np.minimum(np.exp(shade * depth)[:, None] * self.albedo, 1.0)
+        return _Pixels(albedo[clear], self.own[clear], self.below_lid[clear], self.sure)
+
+
+def _pixels_by_part(
     forward: ForwardModel, state: State, stage: LightStage, look: Look, parts: list[Part], seed: int
-) -> list[tuple[Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3"]]]:
-    """Of each part the albedo that the photo's pixels inside it say, and the model's own
-    there.
-    """
+) -> list[_Pixels]:
+    """Of each part the pixels inside it."""
     surface = forward.surface(state, _pixels_of_parts(forward, state, look))
     if not parts or not len(surface.pixels):
-        return [(np.zeros((0, 3)), np.zeros((0, 3))) for _ in parts]
-    rough, c_spec = (
-        np.full(len(surface.pixels), WET_ROUGHNESS),
-        np.full(len(surface.pixels), WET_SPECULAR),
-    )
+        return [_Pixels(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), False) for _ in parts]
+    eye = forward.geometry.triangle_part[surface.triangle] == EYES
+    rough = np.where(eye, EYE_ROUGHNESS, WET_ROUGHNESS)
+    c_spec = np.where(eye, EYE_SPECULAR, WET_SPECULAR)
     terms = forward.light_terms(state, surface, stage, SAMPLES, seed, PLAIN, roughness=rough)
     image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
     diffuse, specular = by_albedo(image.diffuse), image.skin.gloss(image.specular)
     column, row = surface.pixels.astype(int).T
     albedo = np.clip(albedo_seen(look.color[row, column], diffuse, specular), 1e-3, 1.0)
+    below = np.full(len(albedo), np.nan) if look.eyes is None else look.eyes.below_lid[row, column]
     light, result = diffuse.mean(axis=1), []
     for part in parts:
-        inside = part.vertices[surface.corners].all(axis=1)
+        inside, own = part.vertices[surface.corners].all(axis=1), image.albedo
+        seen = None if look.eyes is None else look.eyes.part(part.name)
+        sure = seen is not None and int((eye & seen[row, column]).sum()) >= PIXELS_MIN
+        if seen is not None and sure:
+            inside = eye & seen[row, column]
+            logs = forward.geometry.log_albedo[part.vertices]
+            own = np.tile(np.exp(np.median(logs, axis=0)), (len(albedo), 1))
         lit = light > LIT_MIN * (np.percentile(light[inside], 90) if inside.any() else 0.0)
-        result.append((albedo[inside & lit], image.albedo[inside & lit]))
+        chosen = inside & lit
+        result.append(_Pixels(albedo[chosen], own[chosen], below[chosen], sure))
     return result
 
 
@@ -160,18 +220,34 @@ def _pixels_of_parts(
     return np.concatenate(found)
 
 
-def _log_change(
-    part: Part, albedo: Float[np.ndarray, "pixels 3"], own: Float[np.ndarray, "pixels 3"]
-) -> Float[np.ndarray, " 3"]:
+def _lid_shade(pixels: _Pixels) -> float | None:
+    """How deep the upper lid's shade is on the whites."""
+    known = np.isfinite(pixels.below_lid)
+    if known.sum() < PIXELS_MIN:
+        return None
+    lightness = np.log(pixels.albedo / pixels.own).mean(axis=1)
+    lit = np.quantile(lightness, 0.5 * sum(pixels.showing(WHITE_KNOWN)))
+    return shade_depth(lit - lightness[known], pixels.below_lid[known])
+
+
+def _log_change(part: Part, pixels: _Pixels) -> Float[np.ndarray, " 3"]:
     """What to add to the part's log albedo, whose pattern stays."""
-    known, logs = part.known, np.log(albedo / own)
+    known, own = part.known, pixels.own
+    logs = np.log(pixels.albedo / own)
     lightness = logs.mean(axis=1)
-    low, high = np.quantile(lightness, (known.darker, known.brighter))
+    low, high = np.quantile(lightness, pixels.showing(known))
     showing = (lightness >= low) & (lightness <= high)
     change = np.median(logs[showing], axis=0)
-    variance = np.square(known.people)
+    people = (
+        known.people if change.mean() > 0 else (max(known.people[0], known.shaded), known.people[1])
+    )
+    # What the surroundings reflect veils dark parts, and has no color of theirs.
+    veiled = VEIL / np.exp(np.median(np.log(own), axis=0) + change).mean()
+    variance = np.square(people)
     trust = variance / (
-        variance + np.square(known.seen) + PIXEL_SIGMA**2 / showing.sum() * np.array([1.0, 0.1])
+        variance
+        + np.square([known.seen[0], np.hypot(known.seen[1], veiled)])
+        + PIXEL_SIGMA**2 / showing.sum() * np.array([1.0, 0.1])
     )
     level = trust[0] * change.mean()
     color = np.median(np.log(own), axis=0) + level + trust[1] * (change - change.mean())

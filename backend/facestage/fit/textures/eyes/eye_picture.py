@@ -13,8 +13,9 @@ from facestage.contract.texture_maps import uv_box
 from facestage.fit.face.eye_white import IRIS_MAX
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas, shown_at
-from facestage.fit.textures.eye_pattern import REACH, eye_albedo
-from facestage.fit.textures.part_color import LUMINANCE, PUPIL_MAX
+from facestage.fit.textures.eyes.eye_pattern import REACH, eye_albedo
+from facestage.fit.textures.eyes.lid_shade import LidShade
+from facestage.fit.textures.eyes.part_color import LUMINANCE, PUPIL_MAX
 
 TEXELS = 2**20  # of the picture
 SIDES = ("eye_left", "eye_right")
@@ -79,9 +80,12 @@ def eye_box(model: FaceModel) -> tuple[float, float, float, float]:
 
 
 def eye_picture(
-    geometry: FaceGeometry, log_albedo: Float[np.ndarray, "vertices 3"]
+    geometry: FaceGeometry,
+    log_albedo: Float[np.ndarray, "vertices 3"],
+    shade: LidShade | None = None,
 ) -> Float32[np.ndarray, "height width 3"] | None:
-    """Linear albedo, row 0 at the top of :func:`eye_box`, in the colors that ``log_albedo`` has.
+    """Linear albedo, row 0 at the top of :func:`eye_box`, in the colors that ``log_albedo`` has,
+    below the ``shade`` of the lids.
 
     Texels that show nothing repeat the nearest that does. None: the model has no such eyes.
     """
@@ -107,6 +111,8 @@ def eye_picture(
     for number in range(len(SIDES)):
         own = side == number
         found[own] = eye_albedo(across[own], colors.iris, colors.white, number)
+        if shade is not None:
+            found[own] *= np.exp(shade.log_change(across[own], number))[:, None]
     picture = np.zeros((height * width, 3), np.float32)
     picture[shown] = found
     away = (~shown).reshape(height, width)

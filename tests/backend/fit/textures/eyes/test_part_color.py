@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 from facestage.contract.face_model import EYES
+from facestage.contract.light_stage import LightStage
 from facestage.fit.face.state import State
-from facestage.fit.forward.reflectance import WET_ROUGHNESS, WET_SPECULAR
-from facestage.fit.textures.eye_picture import eye_picture
-from facestage.fit.textures.part_color import Look, part_colors, parts_of
+from facestage.fit.forward.reflectance import (
+    EYE_ROUGHNESS,
+    EYE_SPECULAR,
+    WET_ROUGHNESS,
+    WET_SPECULAR,
+)
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.eyes_seen import EyesSeen
+from facestage.fit.textures.eyes.eye_picture import eye_picture
+from facestage.fit.textures.eyes.lid_shade import faded
+from facestage.fit.textures.eyes.part_color import Look, parts_of
+from facestage.fit.textures.eyes.part_color import part_colors as found_colors
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
 BLUE = np.array([0.05, 0.09, 0.14])
@@ -41,18 +51,24 @@ def picture(face: PaintedFace, state: State, log_change: np.ndarray) -> Look:
     """The face with ``log_change`` (m, 3) added to its vertices' log albedo."""
     y, x = np.mgrid[:SIDE, :SIDE]
     surface = face.forward.surface(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
-    rough = np.full(len(surface.pixels), WET_ROUGHNESS)
+    eye = face.forward.geometry.triangle_part[surface.triangle] == EYES
+    rough = np.where(eye, EYE_ROUGHNESS, WET_ROUGHNESS)
     terms = face.forward.light_terms(state, surface, face.stage, 16, 5, roughness=rough)
     logs = (face.forward.log_albedo(state) + log_change)[surface.corners]
     albedo = np.exp(np.einsum("pi,pic->pc", surface.weights, logs))
     image = face.forward.shade(
-        state, surface, terms, albedo, c_spec=np.full(len(albedo), WET_SPECULAR)
+        state, surface, terms, albedo, c_spec=np.where(eye, EYE_SPECULAR, WET_SPECULAR)
     )
     column, row = surface.pixels.astype(int).T
     color, skin = np.zeros((SIDE, SIDE, 3)), np.zeros((SIDE, SIDE))
     color[row, column] = image.color
     skin[row, column] = face.forward.geometry.fitted[surface.triangle]
     return Look(color, np.ones((SIDE, SIDE), bool), skin)
+
+
+def part_colors(forward: ForwardModel, state: State, stage: LightStage, look: Look) -> np.ndarray:
+    """(m, 3) what to add to the vertices' log albedo."""
+    return found_colors(forward, state, stage, look).log_change
 
 
 def by_name(face: PaintedFace, values: np.ndarray, name: str) -> np.ndarray:
@@ -158,3 +174,58 @@ def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: Stat
         for each in (look, hidden)
     )
     assert blue.any() and not none.any()
+
+
+def seen_eyes(face: PaintedFace, state: State) -> EyesSeen:
+    """What landmarks would know of the eyes: all that shows of them, each from its own top on."""
+    y, x = np.mgrid[:SIDE, :SIDE]
+    surface = face.forward.surface(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
+    column, row = surface.pixels.astype(int).T
+    iris, white, eye = np.zeros((3, SIDE, SIDE), bool)
+    for part in parts_of(face.forward.geometry):
+        for name, mask in (("iris", iris), ("white", white)):
+            if part.name == name:
+                mask[row, column] = part.vertices[surface.corners].all(axis=1)
+    eye[row, column] = face.forward.geometry.triangle_part[surface.triangle] == EYES
+    top = np.where(eye.any(axis=0), eye.argmax(axis=0), 0)
+    radius = 0.5 * np.ptp(np.nonzero(iris[:, : SIDE // 2])[1])
+    return EyesSeen(iris, white, np.where(eye, (y - top) / radius, np.nan))
+
+
+def test_lids_over_the_fitted_iris_are_left_out(face: PaintedFace, smiling: State):
+    """Where a fit lies too low, half of its iris is lid in the photo; landmarks know better."""
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log([0.025, 0.016, 0.011]) - geometry.log_albedo[iris]
+    look, seen = picture(face, smiling, change), seen_eyes(face, smiling)
+    lid = seen.iris & (seen.below_lid > np.median(seen.below_lid[seen.iris]))
+    look = replace(look, color=np.where(lid[..., None], [0.3, 0.2, 0.15], look.color))
+    errors = {
+        name: np.abs(
+            by_name(face, part_colors(face.forward, smiling, face.stage, each), "iris")[0]
+            - change[iris].mean(axis=0)
+        ).mean()
+        for name, each in (
+            ("mesh", look),
+            ("landmarks", replace(look, eyes=replace(seen, iris=seen.iris & ~lid))),
+        )
+    }
+    print("log error of the iris", errors)
+    assert errors["landmarks"] < 0.4 < 0.8 < errors["mesh"]
+
+
+def test_the_shade_of_the_lid_is_no_color(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    look = picture(face, smiling, np.zeros_like(geometry.log_albedo))
+    seen, true = seen_eyes(face, smiling), 1.8
+    shade = np.exp(-true * np.nan_to_num(faded(seen.below_lid)))
+    shaded = replace(look, color=look.color * shade[..., None], eyes=seen)
+    found = found_colors(face.forward, smiling, face.stage, shaded)
+    white = by_name(face, found.log_change, "white")[0]
+    iris = by_name(face, found.log_change, "iris")[0]
+    print("depth", found.lid_shade, "white", white.round(2), "iris", iris.round(2))
+    assert found.lid_shade is not None and abs(found.lid_shade - true) < 0.4
+    assert np.abs(white).max() < 0.06
+    assert np.abs(iris).max() < 0.1  # with the shade left in: 0.24
+    assert found_colors(face.forward, smiling, face.stage, look).lid_shade is None

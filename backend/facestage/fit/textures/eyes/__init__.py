@@ -1,0 +1,1 @@
+"""Colors of eyes and teeth, and the drawing of an eye (docs/textures.md)."""
