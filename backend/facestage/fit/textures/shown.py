@@ -20,7 +20,7 @@ from facestage.images.image_io import resize
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
 
 # Shadow rays per light and pixel, and in all: where pixels are many, texels average over them.
-SAMPLES, SHADOW_RAYS = 8, 5e6
+SAMPLES, SHADOW_RAYS = 8, 2e7
 BLOCK_PIXELS = 2**18  # that are lit at once
 # Of a face of more pixels across than this, and than the largest texture shows, only every second,
 # third, ... is looked at.
