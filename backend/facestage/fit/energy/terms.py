@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from facestage.fit.energy.breadth_term import BreadthTerm
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.lid_term import LidTerm
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -16,7 +15,6 @@ TERMS: tuple[type[Term], ...] = (
     Priors,
     LandmarkTerm,
     LidTerm,
-    BreadthTerm,
     PinTerm,
     SilhouetteTerm,
     WhitesTerm,

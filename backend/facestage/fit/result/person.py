@@ -130,7 +130,7 @@ def _merged(run: JointRun, fitted: JointFitted, teller: Teller) -> Refined:
     first = next(member for member in run.members if member.joined)
     size = texture_size(max(sizes), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
-    relief = relief_together(_own_sizes(run, fitted), size)
+    relief = relief_together(lambda: _own_sizes(run, fitted), size)
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.painting(member.number)
         if member.joined:

@@ -4,7 +4,7 @@ symmetry, with their coverage.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,13 +33,17 @@ from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
-from facestage.fit.textures.shown import Shown, what_is_shown
+from facestage.fit.textures.shown import Shown, light_on, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
 
 # Texels along the atlas on which mirror images are looked up, and relief is found, at most.
 COARSE_SIZE = 1024
+# Pixels of a photo that relief is found from a second time, about: it has no finer texels.
+LOOKED_AGAIN = 500_000
+# Towards the lights then: what grain a single one leaves in penumbras is taken for relief.
+RAYS_AGAIN = 4e7
 
 
 @dataclass(frozen=True)
@@ -145,27 +149,64 @@ def found_relief(
     """What one photo says of the relief, unless the job holds the shape as it is."""
     if "relief" in problem.job.freeze:
         return None
-    seen = ReliefSeen(forward.geometry, atlas)
-    seen.add(shown, fitted.state)
+    first = ReliefSeen(forward.geometry, atlas)
+    first.add(shown, fitted.state)
+    seen = first.again()
+    if seen is None or first.found is None:
+        return None
+    _look_again(seen, problem, forward, fitted, shown, first.found)
     return seen.found
 
 
 def relief_together(
-    photos: Iterable[tuple[Problem, ForwardModel, Fitted]], size: int
+    photos: Callable[[], Iterable[tuple[Problem, ForwardModel, Fitted]]], size: int
 ) -> ReliefSeen | None:
-    """What several photos of one skin say of its relief, for textures of ``size`` texels; None
-    where the jobs hold it.
+    """What several ``photos`` of one skin say of its relief, for textures of ``size`` texels; None
+    where the jobs hold it. They are looked at twice.
     """
-    seen = None
-    for problem, forward, fitted in photos:
+    first = None
+    for problem, forward, fitted in photos():
         if {"albedo", "relief"} & set(problem.job.freeze):
             return None
-        if seen is None:
-            seen = ReliefSeen(forward.geometry, Atlas.build(forward.geometry, size))
+        if first is None:
+            first = ReliefSeen(forward.geometry, Atlas.build(forward.geometry, size))
         shown = what_is_shown(problem, forward, fitted)
         if shown is not None:
-            seen.add(shown, fitted.state)
+            first.add(shown, fitted.state)
+    seen = None if first is None else first.again()
+    if seen is None or first is None or first.found is None:
+        return first
+    for problem, forward, fitted in photos():
+        shown = what_is_shown(problem, forward, fitted)
+        if shown is not None:
+            _look_again(seen, problem, forward, fitted, shown, first.found)
     return seen
+
+
+def _look_again(
+    seen: ReliefSeen,
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    shown: Shown,
+    relief: Relief,
+) -> None:
+    """Take up a photo's pixels with the light on ``relief``, traced."""
+    shown = shown.thinned(LOOKED_AGAIN)
+    image, surface = shown.image, relief.on(shown, forward.geometry, fitted.state)
+    rougher = shown.rougher
+    roughness = None if rougher is None else _rough(fitted.state.roughness + rougher)
+    terms = light_on(problem, forward, fitted, surface, roughness, RAYS_AGAIN)
+    lit = forward.shade(
+        fitted.state,
+        surface,
+        terms,
+        albedo=image.albedo,
+        radiance=np.eye(3),
+        c_spec=image.c_spec,
+        spread=image.spread,
+    )
+    seen.add(shown, fitted.state, lit)
 
 
 def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:

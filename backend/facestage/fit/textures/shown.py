@@ -11,7 +11,7 @@ from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
 from facestage.fit.forward.reflectance import Skin, by_albedo
-from facestage.fit.forward.shading import ForwardModel, Image
+from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import brow_pixels
 from facestage.fit.textures.creases import crease_depth
@@ -54,6 +54,7 @@ class Shown:
     # by how much log radiance lies below that beside a dark line, see creases.py
     crease: Float[np.ndarray, " pixels"]
     shift_px: int  # how far the fitted face may be off
+    rougher: Float[np.ndarray, " pixels"] | None = None  # than the state's skin, see with_gloss
 
     @property
     def weight(self) -> Float[np.ndarray, " pixels"]:
@@ -88,12 +89,41 @@ class Shown:
             image.specular + roughness[:, None] * image.terms.specular_by_roughness, 0
         )
         color = Skin(image.albedo, changed, image.excess).radiance(image.diffuse, specular)
-        return replace(self, image=replace(image, c_spec=changed, specular=specular, color=color))
+        image = replace(image, c_spec=changed, specular=specular, color=color)
+        return replace(self, image=image, rougher=roughness)
 
     def without_lights(self) -> Shown:
         """The same without what each light does alone, which is most of the memory."""
         terms = LightTerms.dark(0, 0, PLAIN)
         return replace(self, image=replace(self.image, terms=terms, spread=None))
+
+    def thinned(self, pixels: int) -> Shown:
+        """Every second pixel, third, ... along both axes, without what each light does alone, so
+        that about ``pixels`` are left; all, where light that spreads ties them together.
+        """
+        image = self.image
+        step = int(np.ceil(np.sqrt(len(self.uvs) / pixels)))
+        if step == 1 or image.spread is not None:
+            return self
+        first = image.surface.pixels.min(axis=0)
+        # The pixels that are looked at are a lattice already, of a large photo every second.
+        spaces = np.diff(np.unique(image.surface.pixels[:, 0]))
+        place = np.rint((image.surface.pixels - first) / spaces.min()).astype(int)
+        kept = (place % step == 0).all(axis=1)
+        image = replace(
+            image,
+            surface=image.surface.part(kept),
+            terms=LightTerms.dark(0, 0, PLAIN),
+            excess=None if image.excess is None else image.excess[kept],
+            **{
+                name: getattr(image, name)[kept]
+                for name in ("albedo", "c_spec", "diffuse", "specular", "color")
+            },
+        )
+        names = ("uvs", "photo", "clipped", "clear", "doubt", "feature", "crease")
+        rougher = None if self.rougher is None else self.rougher[kept]
+        part = {name: getattr(self, name)[kept] for name in names}
+        return replace(self, image=image, rougher=rougher, **part)
 
     def change_over_shift(
         self, values: Float[np.ndarray, " pixels"]
@@ -123,23 +153,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
-    samples = int(
-        np.clip(SHADOW_RAYS / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES)
-    )
-    # What each light does alone would be most of the memory.
-    parts = []
-    for start in range(0, len(surface.pixels), BLOCK_PIXELS):
-        terms = forward.light_terms(
-            fitted.state,
-            surface.part(slice(start, start + BLOCK_PIXELS)),
-            fitted.stage,
-            samples,
-            problem.job.seed,
-            Asked(by_roughness=True, by_surface=True),
-        )
-        parts.append(terms.under(fitted.stage.radiance))
-        forward.tracer.release()
-    terms = LightTerms.joined(parts)
+    terms = light_on(problem, forward, fitted, surface)
     image = forward.shade(fitted.state, surface, terms, radiance=np.eye(3))
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
@@ -165,6 +179,36 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )
+
+
+def light_on(
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    surface: Surface,
+    roughness: Float[np.ndarray, " pixels"] | None = None,
+    rays: float = SHADOW_RAYS,
+) -> LightTerms:
+    """The fitted lights on a surface, together, with all derivatives; ``roughness``: another than
+    the state's; ``rays``: towards the lights, in all.
+    """
+    samples = int(np.clip(rays / max(len(surface.pixels) * len(fitted.stage), 1), 1, SAMPLES))
+    # What each light does alone would be most of the memory.
+    parts = []
+    for start in range(0, len(surface.pixels), BLOCK_PIXELS):
+        block = slice(start, start + BLOCK_PIXELS)
+        terms = forward.light_terms(
+            fitted.state,
+            surface.part(block),
+            fitted.stage,
+            samples,
+            problem.job.seed,
+            Asked(by_roughness=True, by_surface=True),
+            roughness=None if roughness is None else roughness[block],
+        )
+        parts.append(terms.under(fitted.stage.radiance))
+        forward.tracer.release()
+    return LightTerms.joined(parts)
 
 
 def brow_share(

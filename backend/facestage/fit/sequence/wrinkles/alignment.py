@@ -15,7 +15,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float, Float32
 from facestage.fit.sequence.wrinkles.sheets import Sheet
-from facestage.fit.textures.relief_maps.height_field import difference
+from facestage.fit.textures.relief_maps.relief_evidence import difference
 from facestage.images.opencv import opencv
 
 # Of the windows and of what is compared, one standard deviation in mm; wide ones first.

@@ -19,12 +19,14 @@ from facestage.fit.textures.relief_maps.relief_evidence import (
     CHANNELS,
     LOG_MAX,
     MILLIMETRES,
-    STEEPEST,
     by_normal,
 )
 
 # Pixels along the face, at most, and samples of each light.
 FACE_PX, SAMPLES = 512.0, 4
+# Where the log radiance changes more than so by the normal, light grazes: there it is no linear
+# function of the slopes.
+STEEPEST = 2.5
 # Millimetres: longer waves are the mesh's own shape, or light that is wrong.
 LONGEST = 12.0
 # Linear radiance below which a pixel says nothing, and metres by which a texel may lie behind what

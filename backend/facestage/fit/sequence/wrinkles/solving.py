@@ -19,7 +19,8 @@ import scipy.fft
 
 from facestage.contract.arrays import Float
 from facestage.fit.sequence.wrinkles.sheets import LONGEST, Sheet
-from facestage.fit.textures.relief_maps.height_field import Spread, difference
+from facestage.fit.textures.relief_maps.height_field import Spread
+from facestage.fit.textures.relief_maps.relief_evidence import difference
 
 STEPS, TOLERANCE = 60, 0.01
 # Root mean squares by octave at full strength: of what is no height, and of slopes. Folds of

@@ -16,10 +16,13 @@ import scipy.fft
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from facestage.contract.arrays import Bool, Float
-from facestage.fit.textures.relief_maps.relief_evidence import LONGEST, Evidence
+from facestage.fit.textures.relief_maps.relief_evidence import Evidence, difference
 
-STEPS, TOLERANCE = 40, 0.02
+STEPS, TOLERANCE = 60, 0.01
 PAD = 8  # texels around what is seen: the fields wrap around
+# Wavelengths in mm up to which pigment and height vary as much in one octave as in another. Longer
+# waves of height are light that is wrong, in one photo more than all that is right.
+PIGMENT_LONGEST, HEIGHT_LONGEST = 30.0, 12.0
 PIGMENT_SIGMA = 0.06  # of log albedo, all octaves together, where nothing is painted
 
 
@@ -66,9 +69,10 @@ class _Fields:
         horizontal = scipy.fft.rfftfreq(self.shape[1])[None]
         wave = 2 * np.pi * np.hypot(vertical, horizontal) / mean  # per mm
         octave = np.sqrt(2 * np.pi / np.log(2)) / mean
-        cut = wave**2 + (2 * np.pi / LONGEST) ** 2
+        pigment = 1 / np.hypot(wave, 2 * np.pi / PIGMENT_LONGEST)
+        height = wave**2 / (wave**4 + (2 * np.pi / HEIGHT_LONGEST) ** 4)
         self.amplitude = np.stack(
-            [spread.pigment * octave / np.sqrt(cut), spread.slope * octave / cut]
+            [spread.pigment * octave * pigment, spread.slope * octave * height]
         ).astype(np.float32)
 
     def colored(self, white: Float[np.ndarray, "2 rows columns"]) -> np.ndarray:
@@ -117,11 +121,6 @@ class _Fields:
             before, energy = energy, float((residual**2).sum())
             direction = residual + energy / before * direction
         return self.colored(found)
-
-
-def difference(values: Float[np.ndarray, "... rows columns"], axis: int) -> np.ndarray:
-    """Half of what the next texel along ``axis`` has more than the one before; wraps around."""
-    return 0.5 * (np.roll(values, -1, axis) - np.roll(values, 1, axis))
 
 
 def _span(seen: Bool[np.ndarray, " texels"]) -> slice:

@@ -20,11 +20,31 @@ NOISE = 0.03  # of the logarithm, one pixel: sensor, compression, resampling
 # changes red least. From the covariance of a scan's colors, finer than 4 mm.
 CHANNELS = np.array([0.55, 0.26, 0.19])
 LOG_MAX = 0.6  # of a residual; what is farther off is no skin
-# Where the log radiance changes more than so by the normal, light grazes: there it is no linear
-# function of the slopes.
-STEEPEST = 2.5
-# Longer waves than this, in mm, are the mesh's own shape, or light that is wrong.
-LONGEST = 30.0
+
+
+@dataclass(frozen=True)
+class Caution:
+    """What is not believed of a photo."""
+
+    # Where the log radiance changes more than so by the normal, light grazes: there it is no linear
+    # function of the slopes.
+    steepest: float
+    # Share of the doubts about light that counts here. What they are about changes slowly over the
+    # skin, more slowly than relief.
+    doubted: float
+    longest: float  # mm; longer waves are the mesh's own shape, or light that is wrong
+
+
+# Whether there is relief at all is asked with more of it than what the relief is.
+FIRST, AGAIN = Caution(2.5, 1.0, 30.0), Caution(5.0, 0.5, 20.0)
+
+
+@dataclass(frozen=True)
+class About:
+    """A relief that is known already, about which the log radiance is taken for linear."""
+
+    height: Float[np.ndarray, "size size"]  # mm
+    image: Image  # of the same pixels, with the light on it
 
 
 @dataclass(frozen=True)
@@ -49,6 +69,31 @@ class Evidence:
                 else mine + getattr(other, name)
                 for name, mine in vars(self).items()
             }
+        )
+
+    def smoothed(self) -> Evidence:
+        """Each texel with those beside it, so that two photos' pixels lie on the same ones."""
+        return Evidence(
+            **{
+                name: each if name == "paint" else gaussian_filter(each, 1.0, axes=(-2, -1))
+                for name, each in vars(self).items()
+            }
+        )
+
+    def without(self, other: Evidence) -> Evidence:
+        """What this photo says beyond another one: pigment, which both show, is gone."""
+        mine, its = np.maximum(self.weight, 1e-9), np.maximum(other.weight, 1e-9)
+        seen = (self.weight > 1e-6) & (other.weight > 1e-6)
+        weight = np.where(seen, mine * its / (mine + its), 0.0)
+        value = self.value / mine - other.value / its
+        slope = self.slope / mine - other.slope / its
+        return Evidence(
+            weight,
+            weight * value,
+            weight * slope,
+            weight * value * slope,
+            weight * slope[[0, 0, 1]] * slope[[0, 1, 1]],
+            np.maximum(self.paint, other.paint),
         )
 
     def part(self, rows: slice, columns: slice) -> Evidence:
@@ -77,10 +122,12 @@ def evidence(
     frames: FrameField,
     spacing: Float[np.ndarray, "size size"],
     inner: Bool[np.ndarray, "size size"],
+    about: About | None = None,
 ) -> Evidence:
     """Of one photo, over a texture of ``size`` texels ``spacing`` mm apart.
 
-    ``inner``: texels whose neighbours are skin too. Waves longer than LONGEST are taken out.
+    ``inner``: texels whose neighbours are skin too. Long waves are taken out: those
+    of what the model leaves over without any relief, also where it is taken ``about`` one.
     """
     size = len(inner)
     surface = shown.image.surface
@@ -90,21 +137,29 @@ def evidence(
     def summed(values: Float[np.ndarray, " pixels"]) -> Float[np.ndarray, "size size"]:
         return np.bincount(texel, values, size * size).reshape(size, size)
 
-    weight = _weight(shown) * inner.ravel()[texel]
-    by_slope = by_normal(shown.image)
+    caution = FIRST if about is None else AGAIN
+    weight = _weight(shown, caution.doubted) * inner.ravel()[texel]
+    image = shown.image if about is None else about.image
+    # A normal n of relief is the smooth one n0 less the slope, divided by the length: 1 / (n . n0).
+    length = 1.0 / np.einsum("px,px->p", image.surface.normals, surface.normals)
+    by_slope = by_normal(image) / length[:, None]
     turned = by_slope @ state.rotation  # into the model's frame
     by_u, by_v = frames.at(surface.triangle, surface.weights).gradients
     # The normal turns against the slope; a texel is 1 / size of the texture, rows run down.
     right = -np.einsum("px,px->p", turned, by_u) * size / MILLIMETRES
     below = np.einsum("px,px->p", turned, by_v) * size / MILLIMETRES
-    residual = _residual(shown)
+    residual = _residual(shown, shown.image)
     total = summed(weight)
-    width = LONGEST / 4 / float(np.median(spacing[inner]))
+    width = caution.longest / 4 / float(np.median(spacing[inner]))
     low = gaussian_filter(summed(weight * residual), width)
     low /= np.maximum(gaussian_filter(total, width), 1e-6)
-    residual = residual - low.ravel()[texel]
+    residual = _residual(shown, image) - low.ravel()[texel]
     weight *= 1.0 / (1.0 + (residual / LOG_MAX) ** 4)
-    weight *= 1.0 / (1.0 + ((by_slope**2).sum(axis=1) / STEEPEST**2) ** 2)
+    weight *= 1.0 / (1.0 + ((by_slope**2).sum(axis=1) / caution.steepest**2) ** 2)
+    if about is not None:
+        # What a linear model would leave over of the smooth skin.
+        residual += right * difference(about.height, 1).ravel()[texel]
+        residual += below * difference(about.height, 0).ravel()[texel]
     counts = np.maximum(summed(np.ones(len(texel))), 1.0)
     return Evidence(
         summed(weight),
@@ -118,12 +173,17 @@ def evidence(
     )
 
 
-def _residual(shown: Shown) -> Float[np.ndarray, " pixels"]:
-    color = np.log(np.maximum(shown.photo, 1e-5)) - np.log(np.maximum(shown.image.color, 1e-5))
+def difference(values: Float[np.ndarray, "... rows columns"], axis: int) -> np.ndarray:
+    """Half of what the next texel along ``axis`` has more than the one before; wraps around."""
+    return 0.5 * (np.roll(values, -1, axis) - np.roll(values, 1, axis))
+
+
+def _residual(shown: Shown, image: Image) -> Float[np.ndarray, " pixels"]:
+    color = np.log(np.maximum(shown.photo, 1e-5)) - np.log(np.maximum(image.color, 1e-5))
     return np.clip(color @ CHANNELS, -2.0, 2.0)
 
 
-def _weight(shown: Shown) -> Float[np.ndarray, " pixels"]:
+def _weight(shown: Shown, doubted: float) -> Float[np.ndarray, " pixels"]:
     """Inverse variance of a pixel's residual by all that is neither pigment nor height: the doubts
     that hold the albedo back.
     """
@@ -133,5 +193,5 @@ def _weight(shown: Shown) -> Float[np.ndarray, " pixels"]:
     moved = DOUBTS.highlight_shift * shown.change_over_shift(gloss)
     highlight = np.hypot(DOUBTS.highlight * gloss, moved) / body
     lit = matte / max(float(np.percentile(matte, 90)), 1e-9)
-    variance = NOISE**2 + shading**2 + highlight**2 + shown.doubt**2
+    variance = NOISE**2 + doubted**2 * (shading**2 + highlight**2 + shown.doubt**2)
     return shown.weight * np.minimum(lit / LIT_FULL, 1.0) ** 3 / variance

@@ -8,7 +8,7 @@ and across s
     <y_s^2> = P + 3 Q |g|^2,  <y_t^2> = P + Q |g|^2,
 
 because cos^4 has the mean 3/8 and cos^2 sin^2 has 1/8. Least squares over the texels give Q, and
-what is left P.
+what is left P. The same is asked of what two photos differ by, in which there is no pigment at all.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Float
-from facestage.fit.textures.relief_maps.height_field import PIGMENT_SIGMA, Spread, difference
-from facestage.fit.textures.relief_maps.relief_evidence import Evidence
+from facestage.fit.textures.relief_maps.height_field import PIGMENT_SIGMA, Spread
+from facestage.fit.textures.relief_maps.relief_evidence import Evidence, difference
 
 # Millimetres: the waves that are looked at, and as many texels as the shortest have at least.
 SHORTEST, LONGEST, TEXELS = 2.0, 12.0, 4.0
@@ -31,11 +31,17 @@ PLAIN = 0.3  # log albedo up to which paint does not count as such
 TEXELS_MIN = 2000  # below which a photo tells nothing of this
 # What is found of the slopes' amplitude on skin of known relief, because log radiance is no linear
 # function of steep slopes, and highlights on them run in all directions.
-FOUND = 0.4
+FOUND = 0.15
 # Root mean square slope of an octave: of a scan's skin (0.49 mm a texel) 0.016 to 0.025, of deep
 # wrinkles as much as this.
-SLOPE_MAX = 0.06
+SLOPE_MAX = 0.08
 SHARE_MIN = 0.1  # below which all is taken for pigment
+# Mean square of the log radiance's derivative by the slope, below which a single photo is not
+# believed: light that is wrong by a little feigns as much in soft light. A lamp that falls at 45
+# degrees has 1; the scan's photos have 0.6 to 1, and feign shares of up to 0.19.
+SENSITIVITY_MIN = 1.3
+# Share of the photos' own sensitivity from which on their light counts as another.
+CHANGED = 0.2
 PIGMENT_MIN = 0.005  # that skin always has
 
 
@@ -99,23 +105,34 @@ def share_of(seen: Evidence, spacing: Float[np.ndarray, "size size"]) -> Found:
     )
 
 
-def spread_of(found: Sequence[Found]) -> Spread | None:
-    """How pigment and slopes vary, by all photos of one skin; None where there is no relief to
-    speak of.
+def spread_of(found: Sequence[Found], changed: Sequence[Found] = ()) -> Spread | None:
+    """How pigment and slopes vary, by all photos of one skin and by what is ``changed`` from one to
+    the next; None where there is no relief to speak of.
     """
+    alone, between = _mean(found), _mean(changed)
+    if alone is None or alone.share < SHARE_MIN:
+        return None
+    if between is not None and between.sensitivity > CHANGED * alone.sensitivity:
+        if between.share < SHARE_MIN:
+            return None
+    elif alone.sensitivity < SENSITIVITY_MIN:
+        return None
+    return Spread(
+        float(np.sqrt(np.clip(alone.pigment, PIGMENT_MIN**2, PIGMENT_SIGMA**2))),
+        min(float(np.sqrt(alone.slope)) / FOUND, SLOPE_MAX),
+    )
+
+
+def _mean(found: Sequence[Found]) -> Found | None:
     usable = [each for each in found if each.texels >= TEXELS_MIN]
     if not usable:
         return None
     # A photo tells as much of the slopes as it changes by them.
-    texels = np.array([each.texels for each in usable], float)
-    told = texels * np.array([each.sensitivity for each in usable])
-    pigment = float(np.average([each.pigment for each in usable], weights=texels))
-    slope = float(np.average([each.slope for each in usable], weights=np.maximum(told, 1e-9)))
-    sensitivity = float(np.average([each.sensitivity for each in usable], weights=texels))
-    by_relief = 0.5 * slope * sensitivity
-    if by_relief < SHARE_MIN * (by_relief + max(pigment, 0.0)):
-        return None
-    return Spread(
-        float(np.sqrt(np.clip(pigment, PIGMENT_MIN**2, PIGMENT_SIGMA**2))),
-        min(float(np.sqrt(slope)) / FOUND, SLOPE_MAX),
+    texels = np.array([each.texels for each in usable])
+    told = np.maximum(texels * np.array([each.sensitivity for each in usable]), 1e-9)
+    return Found(
+        float(np.average([each.pigment for each in usable], weights=texels)),
+        float(np.average([each.slope for each in usable], weights=told)),
+        float(np.average([each.sensitivity for each in usable], weights=texels)),
+        int(texels.sum()),
     )

@@ -22,7 +22,7 @@ from facestage.fit.sequence.wrinkles.groups import groups_of, telling_frames
 from facestage.fit.sequence.wrinkles.sheets import Lattice, Sheet, sheet_of
 from facestage.fit.sequence.wrinkles.solving import Fields, Moments, solved
 from facestage.fit.sequence.wrinkles.wrinkles import Asked
-from facestage.fit.textures.relief_maps.height_field import difference
+from facestage.fit.textures.relief_maps.relief_evidence import difference
 from facestage.images.image_io import Photograph
 from facestage.render.variant import start_renderer
 from reference.synthetic_scene import Scene, synthetic_scene

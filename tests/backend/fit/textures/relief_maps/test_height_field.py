@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facestage.fit.textures.relief_maps.height_field import Spread, _Fields, difference, solved
-from facestage.fit.textures.relief_maps.relief_evidence import Evidence
-from facestage.fit.textures.relief_maps.relief_share import share_of, spread_of
+from facestage.fit.textures.relief_maps.height_field import Spread, _Fields, solved
+from facestage.fit.textures.relief_maps.relief_evidence import Evidence, difference
+from facestage.fit.textures.relief_maps.relief_share import Found, share_of, spread_of
 
 SIZE, TEXEL = 128, 0.5  # mm
 SPACING = np.full((SIZE, SIZE), TEXEL)
@@ -143,3 +143,33 @@ def test_directions_say_how_much_is_relief(share: float):
     assert found.share == pytest.approx(share, abs=0.25)
     if share == 0:
         assert spread_of([found]) is None or found.share > 0.1
+
+
+def test_pigment_is_no_change_between_two_lights():
+    """What runs along both lights and stays is pigment; what changes with them is height."""
+    nothing = np.zeros((SIZE, SIZE))
+    one, other = (1.5, 0.0), (-1.5, 0.0)
+    lines = 0.05 * waves(5.0, 4, angle=0.0)
+    lines += 0.02 * waves(5.0, 7)
+    bumps = 0.02 * waves(5.0, 5)
+
+    def told(height: np.ndarray, pigment: np.ndarray) -> tuple[Spread | None, Spread | None]:
+        """By one photo alone, and by two."""
+        first, second = (seen(height, pigment, light) for light in (one, other))
+        change = share_of(second.smoothed().without(first.smoothed()), SPACING)
+        found = [share_of(each, SPACING) for each in (first, second)]
+        return spread_of(found[:1]), spread_of(found, [change])
+
+    alone, both = told(nothing, lines)
+    assert alone is not None and both is None
+    alone, both = told(bumps, 0.02 * waves(5.0, 6))
+    assert alone is not None and both is not None
+
+
+def test_soft_light_tells_of_relief_only_where_it_changes():
+    """A single photo has to be lit so that slopes show, and so have several in the same light."""
+    soft, hard = (Found(0.001, 0.001, sensitivity, 10_000) for sensitivity in (0.8, 2.0))
+    changed, same = Found(0.001, 0.001, 0.5, 10_000), Found(0.0, 1.0, 0.01, 10_000)
+    assert spread_of([soft]) is None and spread_of([soft, soft], [same]) is None
+    assert spread_of([hard]) is not None and spread_of([hard, hard], [same]) is not None
+    assert spread_of([soft, soft], [changed]) is not None

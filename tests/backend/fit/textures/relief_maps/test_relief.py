@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from facestage.contract.texture_maps import NORMAL
+from facestage.fit.forward.shading import Image
 from facestage.fit.forward.surface_frame import FrameField, turned
 from facestage.fit.given.seen_normals import SeenNormals
-from facestage.fit.textures.relief_maps.height_field import Spread, difference
+from facestage.fit.textures.relief_maps.height_field import Spread
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen, normal_map
+from facestage.fit.textures.relief_maps.relief_evidence import About, Caution, difference, evidence
 from facestage.fit.textures.shown import Shown
 from facestage.render.light_terms import Asked
 from reference.painted_face import PaintedFace, painted_face
@@ -82,11 +84,12 @@ def test_relief_is_found_where_light_tells_of_it(
 ):
     """At 1.3 mm a pixel the waves are too long for the share of relief to be asked for."""
     monkeypatch.setattr(
-        "facestage.fit.textures.relief_maps.relief.spread_of", lambda _found: Spread(0.01, 0.06)
+        "facestage.fit.textures.relief_maps.relief.spread_of", lambda *_found: Spread(0.01, 0.06)
     )
     relief = bumps(face)
+    pixels = shown(face, relief.normal, None)
     seen = ReliefSeen(face.forward.geometry, face.atlas)
-    seen.add(shown(face, relief.normal, None), face.state)
+    seen.add(pixels, face.state)
     found = seen.found
     assert found is not None
     assert seen._seen is not None
@@ -96,6 +99,55 @@ def test_relief_is_found_where_light_tells_of_it(
     print(f"slopes to the right {alike:.2f} alike")
     assert alike > 0.6
     # The normals that pixels see are nearer to the true ones than the mesh's.
+    flat, mapped = (angle(face, relief, each) for each in (None, found))
+    print(f"normals off by {flat:.2f} degrees, with the map {mapped:.2f}")
+    assert mapped < 0.85 * flat
+    # About them the light is the traced one: highlights are no linear function of slopes.
+    again = seen.again()
+    assert again is not None
+    again.add(pixels, face.state, traced(face, found))
+    assert again.found is not None
+    nearer = angle(face, relief, again.found)
+    print(f"a second time {nearer:.2f}")
+    assert nearer < 0.97 * mapped
+
+
+def test_what_is_found_about_the_true_relief_is_that(
+    face: PaintedFace, monkeypatch: pytest.MonkeyPatch
+):
+    """Pixels that leave nothing over say the relief's own slopes, times the light's derivative."""
+    relief = bumps(face)
+    frames, atlas = frames_of(face), face.atlas
+    spacing = np.zeros(atlas.skin.shape)
+    spacing[atlas.covered] = 2.0
+    pixels = shown(face, relief.normal, None)
+    image = traced(face, relief)
+    pixels = replace(pixels, photo=image.color)
+    # What light is off by in long waves is taken from the smooth skin; here there is none.
+    monkeypatch.setattr(
+        "facestage.fit.textures.relief_maps.relief_evidence.AGAIN", Caution(5.0, 0.5, 1e4)
+    )
+    seen = evidence(pixels, face.state, frames, spacing, atlas.skin, About(relief.height, image))
+    slopes = np.stack([difference(relief.height, 1), difference(relief.height, 0)])
+    expected = (seen.slope * slopes).sum(axis=0)
+    error = (seen.value - expected)[seen.weight > 0]
+    mean = error.sum() / seen.weight.sum()
+    rest = np.abs(error - mean * seen.weight[seen.weight > 0]).sum()
+    print(f"{rest / np.abs(expected).sum():.4f} of it off")
+    assert rest < 0.02 * np.abs(expected).sum()
+
+
+def traced(face: PaintedFace, relief: Relief) -> Image:
+    """The light on a relief, as the photo of it has it."""
+    seen = shown(face, None, None)
+    bent = relief.on(seen, face.forward.geometry, face.state)
+    asked = Asked(by_roughness=True, by_surface=True)
+    terms = face.forward.light_terms(face.state, bent, face.stage, 16, 5, asked)
+    return face.forward.shade(face.state, bent, terms)
+
+
+def angle(face: PaintedFace, true: Relief, found: Relief | None) -> float:
+    """Degrees between the normals that pixels see and the true relief's."""
     geometry = face.forward.geometry
     pixels = SeenNormals.of(
         face.forward,
@@ -103,15 +155,8 @@ def test_relief_is_found_where_light_tells_of_it(
         geometry.at(face.state) + face.state.translation,
         np.arange(len(geometry.mean)),
     )
-    vertices = frames_of(face).at(pixels.surface.triangle, pixels.surface.weights)
-    assert np.abs(vertices.normals - pixels.found_normals(None)).max() < 1e-9
-    true_normals = pixels.found_normals(relief.normal)
-    flat, mapped = (
-        pixels.angle(pixels.found_normals(each), true_normals, np.eye(3))
-        for each in (None, found.normal)
-    )
-    print(f"normals off by {flat:.2f} degrees, with the map {mapped:.2f}")
-    assert mapped < 0.85 * flat
+    seen = pixels.found_normals(None if found is None else found.normal)
+    return pixels.angle(seen, pixels.found_normals(true.normal), np.eye(3))
 
 
 def test_blotches_are_no_relief(face: PaintedFace):
@@ -153,3 +198,19 @@ def test_a_normal_map_is_that_of_its_height(face: PaintedFace):
     error = np.degrees(np.arccos(np.clip(cosine, -1, 1)))[front]
     print(f"median {np.median(error):.3f} degrees off, slopes of 4 degrees")
     assert np.median(error) < 0.3
+
+
+def test_a_thinned_lattice_shows_every_second_pixel_each_way(face: PaintedFace):
+    """What is left is what was there."""
+    whole = shown(face, None, None)
+    whole = whole.with_gloss(np.zeros(len(whole.uvs)), np.full(len(whole.uvs), 0.01))
+    part = whole.thinned(len(whole.uvs) // 3)
+    assert whole.thinned(len(whole.uvs)) is whole
+    places = part.image.surface.pixels
+    assert 0.2 < len(places) / len(whole.uvs) < 0.3
+    assert (np.diff(np.unique(places[:, 0])) == 2).all()
+    row = {tuple(place): k for k, place in enumerate(whole.image.surface.pixels)}
+    index = np.array([row[tuple(place)] for place in places])
+    np.testing.assert_array_equal(part.photo, whole.photo[index])
+    np.testing.assert_array_equal(part.image.color, whole.image.color[index])
+    assert part.rougher is not None and len(part.rougher) == len(places)
