@@ -11,14 +11,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from facestage.contract.arrays import Float
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.robust_residuals import QuadraticResiduals
+from facestage.fit.energy.pair_distances import PairDistances, pairs_on
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.state import State
-from facestage.fit.face.surface_points import SurfacePoints
 from facestage.fit.given.lids import seen_lids, shutters
 
 # How far the distance of two points is off, as a share of the eye's width.
@@ -31,19 +27,11 @@ INDEPENDENT = 1.75
 
 
 @dataclass(frozen=True, eq=False)
-class LidTerm(QuadraticResiduals, Term):
-    """Residuals of the distances across the eyes, in standard deviations. However far the lids
-    still are, an eye that begins open may be shut: the loss is quadratic.
-    """
+class LidTerm(PairDistances, Term):
+    """The distances of the lids across the eyes: an eye that begins open may be shut."""
 
     words: ClassVar = {"lids": "Opening of the eyes"}
     name: ClassVar = "lids"
-
-    on_face: SurfacePoints  # of the upper lids, then of the lower ones
-    up: Float[np.ndarray, "pairs 2"]  # of a pair's eye in the photo, over a standard deviation
-    apart: Float[np.ndarray, " pairs"]  # standard deviations
-    share: float
-    weight: float = 1.0
 
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
@@ -69,20 +57,6 @@ class LidTerm(QuadraticResiduals, Term):
             apart.append(wanted / SIGMA_SHARE)
         if not pairs:
             return None
-        chosen = np.concatenate(pairs).T.ravel()
-        vertices, weights = geometry.model.landmark_vertices(scheme)
-        on_face = SurfacePoints(
-            geometry, geometry.new_index[vertices[chosen]], weights[chosen].astype(np.float64)
-        )
+        on_face = pairs_on(geometry, scheme, np.concatenate(pairs))
         share = INDEPENDENT / len(apart[0])
         return cls(on_face, np.concatenate(up), np.concatenate(apart), share, weight)
-
-    def residuals(self, state: State) -> Float[np.ndarray, " pairs"]:
-        """How much further apart the lids are than in the photo, in standard deviations."""
-        upper, lower = np.split(self.on_face.project(state), 2)
-        return np.einsum("px,px->p", upper - lower, self.up) - self.apart
-
-    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "pairs unknowns"]:
-        """Derivative of :meth:`residuals`."""
-        upper, lower = np.split(self.on_face.jacobian(state, layout), 2)
-        return np.einsum("pxk,px->pk", upper - lower, self.up)

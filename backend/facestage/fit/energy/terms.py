@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from facestage.fit.energy.breadth_term import BreadthTerm
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.lid_term import LidTerm
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -15,6 +16,7 @@ TERMS: tuple[type[Term], ...] = (
     Priors,
     LandmarkTerm,
     LidTerm,
+    BreadthTerm,
     PinTerm,
     SilhouetteTerm,
     WhitesTerm,

@@ -15,9 +15,9 @@ from facestage.fit.solve.bounded_step import Damping, bounded_step
 
 # A run ends when the energy falls by less than this share in a step.
 CONVERGED_SHARE = 1e-3
-# An energy that jumps between steps, as what is seen does, hides small gains: what three dampings
-# cannot lower is as low as it gets.
-MAX_REJECTIONS = 3
+# An energy that jumps between steps, as what is seen does, hides small gains: what four dampings,
+# from nearly none to several times the curvature, cannot lower is as low as it gets.
+MAX_REJECTIONS = 4
 HOPELESS_SHARE = 5e-3
 # Steps after which parameters that rest are asked whether they want to move again.
 WOKEN_EVERY = 4

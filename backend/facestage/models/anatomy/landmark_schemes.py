@@ -5,7 +5,7 @@ sharp they are.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 
@@ -100,6 +100,8 @@ class Scheme:
     # borders of lips and lids in order: what shows between them is no skin
     openings: tuple[np.ndarray, ...]
     eyes: tuple[Eye, ...] = ()
+    # (b, 2) points of the outline on either side, from the temples to the chin
+    breadths: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
 
     def behind_closed_lids(self, points: np.ndarray) -> np.ndarray:
         """(m,) bool, the iris points of the eyes that are closed in ``points`` (m, 2) pixels."""
@@ -155,6 +157,7 @@ def _schemes() -> Mapping[str, Scheme]:
             Eye(tuple(range(468, 473)), 159, 145, (33, 133), _across(_OPENINGS[1])),
             Eye(tuple(range(473, 478)), 386, 374, (362, 263), _across(_OPENINGS[2])),
         ),
+        breadths=np.stack([_OVAL[5:16], _OVAL[-5:-16:-1]], axis=1),
     )
     return MappingProxyType({"ibug68": ibug68, "mediapipe478": mediapipe478})
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +10,9 @@ import pytest
 from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.energy import Energy
-from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm, landmark_pixels
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
 from facestage.fit.energy.lid_term import PRESSED, SIGMA_SHARE, LidTerm
 from facestage.fit.energy.priors import Priors
-from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -22,34 +21,13 @@ from facestage.fit.given.lids import seen_lids, shut_weights, shutters
 from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
-from facestage.models.registry import load_model
-from reference.front_view import front_view
-
-SCHEME = "mediapipe478"
-
-
-@dataclass(frozen=True)
-class Face:
-    """The mean face of the built-in head before a camera."""
-
-    geometry: FaceGeometry
-    state: State
-
-    def with_weights(self, **weights: float) -> State:
-        """The face with these expressions."""
-        names = self.geometry.model.expression_names
-        return replace(self.state, expression=np.array([weights.get(n, 0.0) for n in names]))
-
-    def landmarks(self, state: State) -> Landmarks:
-        """All points where they are at ``state``."""
-        blank = Landmarks(SCHEME, np.zeros((478, 2)), np.ones(478, bool))
-        return replace(blank, points=landmark_pixels(self.geometry, blank, state))
+from reference.landmarked_face import SCHEME, landmarked_face
+from reference.landmarked_face import LandmarkedFace as Face
 
 
 @pytest.fixture(scope="module")
 def face() -> Face:
-    model = load_model("default")
-    return Face(FaceGeometry(model), front_view(model))
+    return landmarked_face()
 
 
 def found_by(face: Face, landmarks: Landmarks) -> LidTerm:
