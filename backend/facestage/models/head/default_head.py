@@ -19,6 +19,7 @@ from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
 from facestage.models.head.neutral import neutral_shift
 from facestage.models.head.sculpt import sculpted
+from facestage.models.head.variation import mixing
 
 NAME = "default"
 ALBEDO_MODES = 80
@@ -40,6 +41,7 @@ def build_default_model() -> FaceModel:
     narrow = regions["narrow_face"]
     plain = (mesh.vertices - mesh.vertices[narrow].mean(axis=0) * [0, 1, 1]) * _MM
     shift = neutral_shift(identity_names, identity)
+    identity = np.tensordot(mixing(identity_names), identity, 1)
     origin = (mesh.vertices + shift)[narrow].mean(axis=0) * [0, 1, 1]
     vertices = (sculpted(mesh) + shift - origin) * _MM
     _, basis = albedo_basis(plain, mesh.triangles, regions["skin"], ALBEDO_MODES)

@@ -78,7 +78,8 @@ def test_the_picture_is_dark_below_the_lid(face: PaintedFace):
     share = shaded / plain
     assert share.max() <= 1.0 + 1e-6
     assert share.min() < 1.05 * np.exp(-1.5)
-    assert (share > 0.95).mean() > 0.3  # far below the lid
+    # Far below the lid. Beside the eyes the picture has what lies nearest, be it shaded or not.
+    assert (share > 0.95).mean() > 0.2
 
 
 def test_models_without_lids_have_no_shade(face: PaintedFace):
