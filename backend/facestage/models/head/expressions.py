@@ -48,8 +48,9 @@ def pulled(masks: Masks, pulls: tuple[Muscle | Fold, ...], side: str | None) -> 
     result = np.zeros((masks.count, 3))
     for each in SIDES if side is None else (side,):
         for pull in pulls:
-            make = _fold if isinstance(pull, Fold) else _muscle
-            result += make(masks, pull, each)
+            result += (
+                _fold(masks, pull, each) if isinstance(pull, Fold) else _muscle(masks, pull, each)
+            )
     return result
 
 
