@@ -13,6 +13,7 @@ from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.files.machine import machine_trouble
 from facestage.system.child import trusted_path
 from facestage.system.folders import shelter_caches
+from facestage.system.freed_memory import keep_freed_memory
 
 EXIT_BAD_INPUT, EXIT_CANCELLED = InputError.exit_code, CancelledError.exit_code
 
@@ -56,6 +57,7 @@ def _prepare_process() -> None:
     # Started with -m, Python would look for every module in the current folder first.
     sys.path[:] = trusted_path()
     shelter_caches()
+    keep_freed_memory()
 
 
 def _cancelled(options: argparse.Namespace | None) -> int:

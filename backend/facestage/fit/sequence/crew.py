@@ -24,6 +24,7 @@ from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.render.threads import use_threads
 from facestage.render.variant import start_renderer
 from facestage.system.child import apart
+from facestage.system.freed_memory import keep_freed_memory
 
 # A process takes as long to begin as for a dozen looks.
 LOOKS_EACH = 48
@@ -190,6 +191,7 @@ def answer_all(line: Connection) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     start_renderer("cpu")
     use_threads(1)
+    keep_freed_memory()
     with suppress(EOFError, OSError):
         looker = line.recv()
         while True:
