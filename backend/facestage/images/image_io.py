@@ -255,8 +255,10 @@ def _read_exr(path: Path) -> Photograph:
 def write_exr(path: Path, image: np.ndarray) -> None:
     """Write (h, w, 3) RGB or (h, w) grey linear float as a half-float EXR, whole or not at all."""
     cv2 = opencv()
-    data = np.ascontiguousarray(image, np.float32)
+    data = np.asarray(image, np.float32)
     data = data[..., ::-1] if data.ndim == 3 else data
+    most = np.empty(data.shape, np.float32)  # large maps are copied once
+    np.clip(data, -HALF_MOST, HALF_MOST, out=most)  # below 0: heights
     with atomic_file(path) as temporary:
         options = [
             cv2.IMWRITE_EXR_TYPE,
@@ -264,8 +266,7 @@ def write_exr(path: Path, image: np.ndarray) -> None:
             cv2.IMWRITE_EXR_COMPRESSION,
             cv2.IMWRITE_EXR_COMPRESSION_ZIP,
         ]
-        most = np.clip(data, -HALF_MOST, HALF_MOST)  # below 0: heights
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(most), options):
+        if not cv2.imwrite(str(temporary), most, options):
             raise InputError(f"Cannot write the picture '{path}'; is the disk full?")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -228,23 +229,35 @@ def write_result(
     problem.job.write_into(folder, copy_image=False)
     assert problem.job.landmarks is not None
     write_json(folder / LANDMARKS, problem.job.landmarks.to_json())
-    textures = finished.refined.textures.known
-    for each in TEXTURE_MAPS:
-        if each.name in textures:
-            write_exr(folder / each.file, textures[each.name])
-    if finished.refined.eyes is not None:
-        write_exr(folder / EYE_MAP.file, finished.refined.eyes)
-    write_png(folder / COVERAGE, finished.refined.coverage)
-    write_exr(folder / RENDER, problem.window.enlarged(finished.picture.color))
-    cache = finished.picture.relight_cache(relight_fingerprint(result))
-    if cache is not None:
-        cache.save(folder)
     probe = light_probe(stage)
-    write_exr(folder / LIGHT_PROBE, probe)
-    lines = [json.dumps(finite(row)) for row in finished.trace]
-    (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
-    write_report(folder, _report_data(problem, fitted, finished, result, probe))
+    # Compressing what is large takes as long as the report, which needs none of it.
+    with ThreadPoolExecutor(1) as pool:
+        written = [
+            pool.submit(write_exr, folder / name, image)
+            for name, image in _maps(problem, finished, probe).items()
+        ]
+        write_png(folder / COVERAGE, finished.refined.coverage)
+        cache = finished.picture.relight_cache(relight_fingerprint(result))
+        if cache is not None:
+            cache.save(folder)
+        lines = [json.dumps(finite(row)) for row in finished.trace]
+        (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+        write_report(folder, _report_data(problem, fitted, finished, result, probe))
+        for each in written:
+            each.result()
     return result
+
+
+def _maps(problem: Problem, finished: Finished, probe: np.ndarray) -> dict[str, np.ndarray]:
+    """The linear pictures of a result, by their files' names."""
+    refined = finished.refined
+    textures = refined.textures.known
+    maps = {each.file: textures[each.name] for each in TEXTURE_MAPS if each.name in textures}
+    if refined.eyes is not None:
+        maps[EYE_MAP.file] = refined.eyes
+    maps[RENDER] = problem.window.enlarged(finished.picture.color)
+    maps[LIGHT_PROBE] = probe
+    return maps
 
 
 def _found_of_light(problem: Problem, fitted: Fitted) -> dict[str, str]:
