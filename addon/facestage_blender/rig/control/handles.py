@@ -38,7 +38,8 @@ class Handle:
     group: str
     drives: tuple[Drive, ...]
     at: str = ""  # the slider that moves the skin most where the handle stands; else its first
-    toward: tuple[int, int] = (1, 1)  # axis and sign of that motion
+    toward: tuple[int, int] = (1, 1)  # axis and sign of that motion; X on the left side
+    beside: str = ""  # a slider that moves the same skin, away from which the handle stands
     parent: str = "head"
 
     @property
@@ -66,6 +67,7 @@ def _sided(handle: Handle) -> tuple[Handle, Handle]:
         name=handle.name.replace(".L", ".R"),
         drives=drives,
         at=handle.at.replace("Left", "Right"),
+        beside=handle.beside.replace("Left", "Right"),
         parent=handle.parent.replace(".L", ".R"),
     )
     return handle, mirrored
@@ -140,9 +142,10 @@ _PAIRS = (
         toward=(1, -1),
     ),
     Handle("lid.B.L.002", EYES, (Drive(1, 1, "eyeSquintLeft"),)),
-    Handle("cheek.T.L.001", CHEEKS, (Drive(1, 1, "cheekSquintLeft"),)),
-    Handle("cheek.B.L.001", CHEEKS, (Drive(2, 1, "cheekPuff"),), toward=(2, 1)),
-    Handle("nose.L.001", CHEEKS, (Drive(1, 1, "noseSneerLeft"),)),
+    Handle("cheek.T.L.001", CHEEKS, (Drive(1, 1, "cheekSquintLeft"),), beside="mouthSmileLeft"),
+    # Puffed cheeks go forward most at the mouth's corners, and outwards where they are cheeks.
+    Handle("cheek.B.L.001", CHEEKS, (Drive(2, 1, "cheekPuff"),), toward=(0, 1)),
+    Handle("nose.L.001", CHEEKS, (Drive(1, 1, "noseSneerLeft"),), beside="mouthSmileLeft"),
     Handle(
         "lips.L",
         MOUTH,
@@ -177,8 +180,13 @@ def handles_for(sliders: Collection[str]) -> list[Handle]:
         if not drives:
             continue
         at = next((each.slider for each in _own(handle, Drive(0, 1, handle.at), sliders)), "")
+        beside = next(
+            (each.slider for each in _own(handle, Drive(0, 1, handle.beside), sliders)), ""
+        )
         toward = handle.toward if at or not handle.at else (drives[0].axis, drives[0].sign)
-        found.append(replace(handle, drives=drives, at=at or drives[0].slider, toward=toward))
+        found.append(
+            replace(handle, drives=drives, at=at or drives[0].slider, toward=toward, beside=beside)
+        )
     names = {each.name for each in found}
     return [each if each.parent in names else replace(each, parent="head") for each in found]
 

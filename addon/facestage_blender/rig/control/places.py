@@ -94,11 +94,18 @@ def _whole(face: Face, jaw: Place | None) -> dict[str, Place]:
 
 def _skin_place(face: Face, handle: Handle) -> Place:
     axis, sign = handle.toward
+    if axis == 0 and handle.side:
+        sign *= handle.side
     move, skin = face.moves[handle.at], np.flatnonzero(face.skin)
     seen = skin if np.abs(move[skin]).max(initial=0.0) > SEEN else np.flatnonzero(~face.skin)
     points, along = face.points[seen], sign * move[seen, axis]
     if handle.side:
         along = np.where(handle.side * points[:, 0] > 0, along, 0.0)
+    if handle.beside:
+        other = np.linalg.norm(face.moves[handle.beside][seen], axis=1)
+        along = along / max(along.max(initial=0.0), SEEN) - other / max(
+            other.max(initial=0.0), SEEN
+        )
     weight = _peaked(np.maximum(along, 0.0))
     if weight.sum() <= 0:  # it moves another way: where it moves at all
         points, weight = face.points, _peaked(np.linalg.norm(move, axis=1)) + 1e-30
