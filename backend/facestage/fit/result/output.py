@@ -237,14 +237,15 @@ def write_result(
             for name, image in _maps(problem, finished, probe).items()
         ]
         write_png(folder / COVERAGE, finished.refined.coverage)
-        cache = finished.picture.relight_cache(relight_fingerprint(result))
-        if cache is not None:
-            cache.save(folder)
         lines = [json.dumps(finite(row)) for row in finished.trace]
         (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
         write_report(folder, _report_data(problem, fitted, finished, result, probe))
         for each in written:
             each.result()
+    # The fingerprint is of the maps' files, too.
+    cache = finished.picture.relight_cache(relight_fingerprint(result))
+    if cache is not None:
+        cache.save(folder)
     return result
 
 
