@@ -39,7 +39,8 @@ class View:
     """The photo and the fit at the size and exposure in which they are shown; (h, w, 3) linear."""
 
     photo: np.ndarray
-    render: np.ndarray
+    render: np.ndarray  # premultiplied by alpha
+    alpha: np.ndarray  # (h, w) share of the pixel that the rendered head covers
     coverage: np.ndarray  # (h, w) bool
     scale: float  # view pixels per photo pixel
 
@@ -51,14 +52,18 @@ class View:
         return cls(
             factor * shrink(data.photo),
             factor * shrink(data.render),
+            np.minimum(shrink(data.alpha), 1.0),
             shrink(usable) > 0.5,
             shrink_factor(data.photo.shape),
         )
 
     def composite(self, dim: float = 1.0) -> np.ndarray:
-        """(h, w, 3) the render wherever it shows something, elsewhere the photo times ``dim``."""
-        rendered = self.coverage | (self.render.max(axis=-1) > 0)
-        return np.where(rendered[..., None], self.render, dim * self.photo)
+        """(h, w, 3) the render over the photo times ``dim``.
+
+        Premultiplied "over", Porter and Duff 1984, table 1: at the head's outline a pixel holds as
+        much photo as the head leaves of it.
+        """
+        return self.render + (1.0 - self.alpha[..., None]) * (dim * self.photo)
 
     def difference(self) -> np.ma.MaskedArray:
         """(h, w) masked: luminance of the fit minus the photo's, both clipped to what a screen

@@ -30,7 +30,8 @@ class ReportData:
     title: str
     result: Result
     photo: np.ndarray  # (h, w, 3) linear
-    render: np.ndarray  # (h, w, 3) linear
+    render: np.ndarray  # (h, w, 3) linear, premultiplied by alpha
+    alpha: np.ndarray  # (h, w) share of the pixel that the rendered head covers
     coverage: np.ndarray  # (h, w) bool, true where the face was fitted
     # By the names of TEXTURE_MAPS, (S, S, 3) linear or (s, s), row 0 at v = 1. What is missing has
     # the result's one value everywhere.
@@ -57,6 +58,7 @@ class ReportData:
         expected = {
             "photo": (*size, 3),
             "render": (*size, 3),
+            "alpha": size,
             "coverage": size,
             "landmarks": (count, 2),
             "projected": (count, 2),

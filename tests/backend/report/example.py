@@ -88,6 +88,7 @@ def report_data(size: tuple[int, int] = (48, 40), lights: int = 20, **changes: A
         "result": result(light_stage, size),
         "photo": photo,
         "render": np.where(coverage[..., None], 0.9 * photo, 0.0),
+        "alpha": coverage.astype(np.float32),
         "coverage": coverage,
         "maps": maps,
         "light_probe": rng.uniform(0.0, 3.0, (8, 16, 3)),

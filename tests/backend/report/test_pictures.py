@@ -44,7 +44,8 @@ def test_the_fit_replaces_the_photo_where_it_was_rendered(tmp_path: Path) -> Non
     coverage = np.zeros((48, 40), bool)
     coverage[20:30, 15:25] = True
     render[coverage] = 0.5
-    view = View.of(report_data(render=render, coverage=coverage))
+    alpha = coverage.astype(np.float32)
+    view = View.of(report_data(render=render, coverage=coverage, alpha=alpha))
     draw_faces(tmp_path, view)
     rows, columns = view.crop()
     with Image.open(tmp_path / "face.png") as image:
@@ -56,6 +57,17 @@ def test_the_fit_replaces_the_photo_where_it_was_rendered(tmp_path: Path) -> Non
     assert inside.sum() == 100 and not inside.all()
     assert (face[inside] == 188).all()
     np.testing.assert_array_equal(face[~inside], photo[~inside])
+
+
+def test_at_the_heads_outline_a_pixel_is_fit_and_photo_by_what_each_covers() -> None:
+    head, white = np.array([0.4, 0.2, 0.1]), np.ones((48, 40, 3))
+    alpha = np.zeros((48, 40))
+    alpha[:, 10:], alpha[:, 10] = 1.0, 0.25  # of a quarter of column 10 the head is all that shows
+    data = report_data(photo=white, render=alpha[..., None] * head, alpha=alpha)
+    shown = View.of(data).composite()
+    np.testing.assert_allclose(shown[:, :10], 1.0)
+    np.testing.assert_allclose(shown[:, 10], np.tile(0.25 * head + 0.75, (48, 1)), rtol=1e-6)
+    np.testing.assert_allclose(shown[:, 11:], np.tile(head, (48, 29, 1)), rtol=1e-6)
 
 
 def test_texels_of_which_the_photo_says_nothing_are_faded(tmp_path: Path) -> None:

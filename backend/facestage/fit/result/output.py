@@ -319,6 +319,7 @@ def _report_data(
         result=result,
         photo=problem.photograph.color,
         render=finished.picture.color,
+        alpha=finished.picture.coverage,
         coverage=finished.picture.fitted & problem.photograph.mask,
         maps=finished.refined.textures.known,
         texture_coverage=finished.refined.coverage,
