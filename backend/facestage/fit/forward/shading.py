@@ -50,6 +50,12 @@ class Surface:
             self, **{name: value[where] for name, value in vars(self).items() if name not in whole}
         )
 
+    def of_vertices(
+        self, values: Float[np.ndarray, "vertices channels"]
+    ) -> Float[np.ndarray, "pixels channels"]:
+        """What each pixel sees of ``values`` that lie on the mesh's vertices."""
+        return np.einsum("pi,pic->pc", self.weights, values[self.corners])
+
 
 @dataclass(frozen=True)
 class Image:
@@ -314,7 +320,7 @@ class ForwardModel:
         """Diffuse albedo from the coefficients: logs are interpolated, then clipped below
         1.
         """
-        logs = np.einsum("pi,pic->pc", surface.weights, self.log_albedo(state)[surface.corners])
+        logs = surface.of_vertices(self.log_albedo(state))
         return albedo_of(logs)
 
     def uvs(self, surface: Surface) -> Float[np.ndarray, "pixels 2"]:

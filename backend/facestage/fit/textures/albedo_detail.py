@@ -12,6 +12,7 @@ from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.hair_shade import bared
 from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, solve_field, solved_levels
@@ -85,23 +86,25 @@ def albedo_detail(
 
     ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide or less; None: no symmetry.
     Where neither side is seen, the detail decays to the tone of the skin that is, on the surface
-    of ``geometry``; None: to zero.
+    of ``geometry``, whose hair begins where bare skin ends; None: to zero.
 
     ``paint``: of the model on the skin. Where the skin is known it is taken away as far as the
     photo contradicts it, and the photo's own brows and lips are found whole: pixels that are
     coarser than the paint could not take it off its texels.
     """
     weight, target = albedo_observations(shown, doubts)
-    painted = None
-    if paint is not None:
-        surface = shown.image.surface
-        painted = paint.contradicted(surface, target, weight)
-        target = target + np.einsum("pi,pic->pc", surface.weights, painted[surface.corners])
-    tone = None
+    surface = shown.image.surface
+    painted, tone = None, None
     if geometry is not None:
-        surface = shown.image.surface
-        tone = unseen_tone(geometry, surface, target, weight, shown.feature)
-        target = target - np.einsum("pi,pic->pc", surface.weights, tone[surface.corners])
+        tone = bared(geometry, surface, weight)
+        target = target - surface.of_vertices(tone)
+    if paint is not None:
+        painted = paint.contradicted(surface, target, weight)
+        target = target + surface.of_vertices(painted)
+    if geometry is not None:
+        seen_tone = unseen_tone(geometry, surface, target, weight, shown.feature)
+        target = target - surface.of_vertices(seen_tone)
+        tone = tone + seen_tone
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)

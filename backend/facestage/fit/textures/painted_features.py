@@ -41,7 +41,7 @@ class Paint:
         fit of the paint to the ``residual`` (log of photo over model) around it has, between none
         and all. Where the photo's brows are the model's, they are left as sharp as they are.
         """
-        there = np.einsum("pi,pic->pc", surface.weights, self.features[surface.corners])
+        there = surface.of_vertices(self.features)
         sums = []
         for other in (-residual, there):
             each = (weight * (other * there).sum(axis=1))[:, None] * surface.weights
