@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from facestage.contract.person import PersonPhoto
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
 from facestage.fit.runs.joint_run import JointFitted
@@ -32,11 +34,9 @@ def company(member: Member, fitted: JointFitted, shape_held: bool) -> str:
 
 
 def _distance(difference: Difference) -> str:
-    return (
-        "its landmarks lie further from what those of the others predict than chance explains "
-        "(a squared distance of "
-        f"{difference.statistic:.0f}, at most {difference.limit:.0f} is plausible)"
-    )
+    # Beyond a million nobody counts.
+    times = min(np.exp(-difference.nats), 1e6)
+    return f"its landmarks are {times:,.0f} times likelier of another face than of the others'"
 
 
 def person_verdict(photos: Sequence[PersonPhoto], fitted: JointFitted) -> tuple[str, str]:

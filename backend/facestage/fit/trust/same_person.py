@@ -1,46 +1,49 @@
 """Whether several photos can be of one person.
 
 Each photo's landmark phases, alone, end at an identity m_k with the information J_k that its
-landmarks hold of it, pose and expression unknown. If all photos show one person, the others'
-landmarks predict what photo k's own say. How far off that is, squared and in standard deviations
-over the modes that its landmarks tell something of, in units of how badly each photo's own face
-fits its landmarks, is an F statistic: careless landmarks are not taken for another face.
+landmarks hold of it, pose and expression unknown. How likely the landmarks of some photos are of
+one identity, whichever the prior allows, is the integral of a Gaussian over it: the evidence
+(MacKay 1992, "Bayesian interpolation"). That of all photos, against that of one photo and of the
+others apart, is the Bayes factor between one person and two. What the prior already says of all
+faces, and modes that the landmarks do not tell, speak neither way, so no limit depends on their
+number.
 
-A finder of landmarks errs the same way on one face and another way on the same face turned, which
-the statistic takes for another face. Skin knows better: moles, pores and brows that lie on each
-other in two photos are one person's, whatever the landmarks say.
+A network's errors are alike at points that lie near each other, so that a face may fit its
+landmarks far better than they are worth: landmarks count as much as they are taken to be worth,
+and less where their own face fits them worse than that.
+
+Skin knows better: moles, pores and brows that lie on each other in two photos are one person's,
+whatever the landmarks say. That they do not says little: another expression, another year and
+another lens hide the same skin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtri
 
-from facestage.contract.landmarks import MEDIAPIPE
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.solve.covariance import marginal_hessian
 from facestage.fit.stages.photo_descent import Iteration, PhotoDescent
 from facestage.fit.trust.guard import landmark_energy
 
-# Chance of so large a difference between photos of one person.
-CHANCE = 1e-3
-# Information, relative to the prior's, below which a mode is not compared: its landmarks say
-# nothing of it.
-INFORMED = 1.0
 POSE_PARAMETERS = 6
-# Share of the places with texture from which on two photos show one skin, share below which they
-# show two, and how many places that takes. Measured at each photo's own landmarks: one scanned head
-# in three lights 0.43 to 0.85, four photos of a rendered person 0.35 to 0.81, another one 0.75;
-# different people 0.05 to 0.17, rendered ones that share their brows and lips 0.26 to 0.39. Noise
-# hides skin: two grey levels of 255 make 0.20 of 0.43, and then nobody knows.
-ALIKE_MIN, OTHER_MAX, PLACES_MIN = 0.42, 0.2, 100
-# By how much the statistic of landmarks that a network found exceeds its limit between photos of
-# one person, at most (1.1 to 3.5 times, as above); of landmarks with independent errors, not.
-FOUND_EXCESS = 4.0
+# Nats by which two people must be likelier than one, and by which landmarks must say less of one
+# person than they do on average: those that tell little doubt nobody. One photo in a hundred of one
+# person is doubted where errors are as assumed. Measured of pairs of photos of one person: 3.1 to
+# 10.3 where 3 to 6 are the mean (landmarks given or found; rendered people, a scan, portraits of a
+# president years and smiles apart); of two people -20 to 10, because many faces are alike as far as
+# landmarks tell.
+AGAINST, SURPRISE = 1.0, 4.0
+# Share of the places with texture from which on two photos show one skin, and how many places that
+# takes. Measured at each photo's own landmarks: one scanned head in three lights 0.43 to 0.85, four
+# photos of a rendered person 0.35 to 0.81, another one 0.75, portraits years apart 0.08 to 0.10;
+# different people 0 to 0.17, rendered ones that share their brows and lips 0.26 to 0.39.
+ALIKE_MIN, PLACES_MIN = 0.42, 100
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,6 @@ class Evidence:
     prior: np.ndarray  # (k, k)
     misfit: float = 0.0  # twice the energy that landmarks and priors are left with
     freedom: int = 1  # residuals less parameters; priors count as residuals
-    excess: float = 1.0  # by how much its errors may exceed those of independent landmarks
 
     @classmethod
     def of(cls, last: Iteration, descent: PhotoDescent) -> Evidence:
@@ -63,15 +65,8 @@ class Evidence:
         information = marginal_hessian(last.hessian, kept, descent.active) - prior
         seen = int(np.isfinite(descent.energy.term(LandmarkTerm).sigma).sum())
         misfit = 2.0 * landmark_energy(descent.energy, last.state)
-        found = descent.energy.term(LandmarkTerm).landmarks.scheme == MEDIAPIPE
         return cls(
-            last.state.identity,
-            information,
-            prior,
-            misfit,
-            max(2 * seen - POSE_PARAMETERS, 1),
-            # Nobody sets so many points by hand.
-            FOUND_EXCESS if found else 1.0,
+            last.state.identity, information, prior, misfit, max(2 * seen - POSE_PARAMETERS, 1)
         )
 
     @property
@@ -82,15 +77,15 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far a photo's landmarks are from what the other photos predict."""
+    """How likely a photo's landmarks are of the face that the other photos show."""
 
-    statistic: float
-    limit: float
+    nats: float  # logarithm of the Bayes factor of one person to two
+    told: float  # its mean over photos of one person
 
     @property
     def doubtful(self) -> bool:
-        """True when chance does not explain the difference."""
-        return self.statistic > self.limit
+        """True when two people are likelier than one, and chance does not explain it."""
+        return self.nats < min(-AGAINST, self.told - SURPRISE)
 
 
 @dataclass(frozen=True)
@@ -104,11 +99,6 @@ class Likeness:
     def alike(self) -> bool:
         """Whether it is one person's skin."""
         return self.places >= PLACES_MIN and self.share >= ALIKE_MIN
-
-    @property
-    def other(self) -> bool:
-        """Whether they are different skins, or at least look so."""
-        return self.places >= PLACES_MIN and self.share < OTHER_MAX
 
 
 # By the indices of two photos, the lower first.
@@ -125,20 +115,28 @@ def combined(evidence: Sequence[Evidence]) -> tuple[np.ndarray, np.ndarray]:
 
 def difference(one: Evidence, others: Sequence[Evidence]) -> Difference:
     """Of a photo to at least one other."""
-    expected, covariance = combined(others)
-    # In units of the prior, whose weight the job may choose.
-    level = float(np.diag(one.prior).mean())
-    values, modes = np.linalg.eigh(one.information)
-    modes = modes[:, values > INFORMED * level]
-    if not modes.shape[1]:
-        return Difference(0.0, np.inf)
-    surprise = modes.T @ (one.pull - one.information @ expected)
-    spread = modes.T @ (one.information @ covariance @ one.information + one.information) @ modes
-    count, everyone = modes.shape[1], [one, *others]
-    freedom = sum(each.freedom for each in everyone)
-    scale = max(sum(each.misfit for each in everyone) / freedom, 1e-12)
-    statistic = float(surprise @ np.linalg.solve(spread, surprise)) / scale
-    return Difference(statistic, count * float(fdtri(count, freedom, 1.0 - CHANCE)))
+    together, alone, apart = _evidence([one, *others]), _evidence([one]), _evidence(others)
+    told = alone.spread + apart.spread - together.spread
+    fit = together.explained - alone.explained - apart.explained
+    return Difference(fit + told, told)
+
+
+class _LogEvidence(NamedTuple):
+    """Of photos that show one identity, less what does not depend on which are taken together."""
+
+    explained: float  # by the identity that fits them best
+    spread: float  # of what the prior allows, lost to the landmarks
+
+
+def _evidence(photos: Sequence[Evidence]) -> _LogEvidence:
+    prior = photos[0].prior
+    worth = [1.0 / max(one.misfit / one.freedom, 1.0) for one in photos]
+    information = sum(share * one.information for share, one in zip(worth, photos, strict=True))
+    seen = sum(share * one.pull for share, one in zip(worth, photos, strict=True))
+    posterior = np.asarray(prior + information)
+    spread = np.linalg.slogdet(posterior)[1] - np.linalg.slogdet(prior)[1]
+    explained = float(seen @ np.linalg.solve(posterior, seen))
+    return _LogEvidence(explained / 2.0, spread / 2.0)
 
 
 def odd_ones(
@@ -150,16 +148,16 @@ def odd_ones(
     found: dict[int, Difference] = {}
     left = list(range(len(evidence)))
     while len(left) > 1:
-        differences = {}
-        for index in left:
-            others = [other for other in left if other != index]
-            alone = difference(evidence[index], [evidence[other] for other in others])
-            if skins is not None:
-                pairs = {tuple(sorted((index, other))) for other in others}
-                seen = [skin for pair, skin in skins.items() if pair in pairs]
-                alone = _beside(alone, evidence[index].excess, seen)
-            differences[index] = alone
-        worst = max(left, key=lambda index: differences[index].statistic / differences[index].limit)
+        differences = {
+            index: difference(
+                evidence[index], [evidence[other] for other in left if other != index]
+            )
+            for index in left
+            if not _recognised(index, left, skins or {})
+        }
+        if not differences:
+            break
+        worst = min(differences, key=lambda index: differences[index].nats)
         if not differences[worst].doubtful:
             break
         if len(left) == 2:
@@ -170,10 +168,8 @@ def odd_ones(
     return found
 
 
-def _beside(landmarks: Difference, excess: float, skins: Sequence[Likeness]) -> Difference:
-    """What the landmarks say of a photo, knowing how alike its skin is to the others'."""
-    if any(skin.alike for skin in skins):
-        return replace(landmarks, limit=np.inf)
-    if any(skin.other for skin in skins):
-        return landmarks
-    return replace(landmarks, limit=excess * landmarks.limit)
+def _recognised(index: int, left: Sequence[int], skins: Likenesses) -> bool:
+    """Whether a photo shows the skin of any other of ``left``."""
+    return any(
+        skin.alike for pair, skin in skins.items() if index in pair and set(pair) <= set(left)
+    )
