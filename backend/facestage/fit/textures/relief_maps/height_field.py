@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from facestage.contract.arrays import Bool, Float
 from facestage.fit.textures.relief_maps.relief_evidence import Evidence, difference
 
-STEPS, TOLERANCE = 60, 0.01
+STEPS, TOLERANCE = 90, 0.01
 PAD = 8  # texels around what is seen: the fields wrap around
 # Wavelengths in mm up to which pigment and height vary as much in one octave as in another. Longer
 # waves of height are light that is wrong, in one photo more than all that is right.

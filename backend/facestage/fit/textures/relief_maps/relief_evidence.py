@@ -36,7 +36,7 @@ class Caution:
 
 
 # Whether there is relief at all is asked with more of it than what the relief is.
-FIRST, AGAIN = Caution(2.5, 1.0, 30.0), Caution(5.0, 0.5, 20.0)
+FIRST, AGAIN = Caution(2.5, 1.0, 30.0), Caution(8.0, 0.25, 20.0)
 
 
 @dataclass(frozen=True)
