@@ -37,8 +37,8 @@ OUTLINE_MIN = 12
 # Parts of a pixel that the border of an opening is drawn to, in powers of two.
 BORDER_BITS = 4
 # Half the height of a brow, as a share of the face; share within the landmarks of a region that is
-# the face's own.
-BROW_SHARE, OWN_SHARE_MIN = 0.04, 0.7
+# the face's own; share of skin above a brow over which nothing hangs.
+BROW_SHARE, OWN_SHARE_MIN, BARE_SHARE_MIN = 0.04, 0.7, 0.8
 
 # How far from what hides the face a pixel may still show some of it, in shares of the face and
 # pixels; a pixel counts in full from twice as far on.
@@ -190,7 +190,8 @@ def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     """
     shape = (skin.shape[0], skin.shape[1])
     inside = face_pixels(shape, landmarks)
-    regions, count = label(skin < 0.5)
+    # A brow whose end meets the hair at the temple is one region with it.
+    regions, count = label((skin < 0.5) & ~_bare_brows(skin, landmarks))
     brows = brow_pixels(shape, landmarks)
     near = binary_dilation(inside, iterations=_brow_reach(landmarks)) | brows
     share = np.asarray(mean(near, regions, np.arange(count + 1)))
@@ -219,13 +220,43 @@ def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.n
 
 def brow_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) bool, where a brow may be: around the landmarks along its middle."""
+    result = np.zeros(shape, bool)
+    for brow in _brow_lines(landmarks):
+        result |= _around(shape, brow, landmarks)
+    return result
+
+
+def _bare_brows(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, :func:`brow_pixels` of the brows above which ``skin`` (h, w) shows: no fringe
+    hangs over them.
+    """
+    shape = (skin.shape[0], skin.shape[1])
+    result = np.zeros(shape, bool)
+    scheme = scheme_of(landmarks.scheme)
+    up = np.nanmean(landmarks.points[scheme.brows], 0) - np.nanmean(
+        landmarks.points[scheme.chin], 0
+    )
+    up *= 2 * _brow_reach(landmarks) / max(float(np.linalg.norm(up)), 1e-9)
+    for brow in _brow_lines(landmarks):
+        above = _around(shape, brow + up, landmarks)
+        if above.any() and (skin[above] > 0.5).mean() > BARE_SHARE_MIN:
+            result |= _around(shape, brow, landmarks)
+    return result
+
+
+def _brow_lines(landmarks: Landmarks) -> list[np.ndarray]:
+    """Of each brow that has them, the landmarks along its middle (k, 2)."""
+    brows = np.split(landmarks.points[scheme_of(landmarks.scheme).brows], 2)
+    return [brow for brow in brows if np.isfinite(brow).all()]
+
+
+def _around(shape: tuple[int, int], line: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, as far around a ``line`` (k, 2) as a brow is high."""
     import cv2
 
     result = np.zeros(shape, np.uint8)
-    for brow in np.split(landmarks.points[scheme_of(landmarks.scheme).brows], 2):
-        if np.isfinite(brow).all():
-            line = np.round(brow - 0.5).astype(np.int32)
-            cv2.polylines(result, [line], False, 1, 2 * _brow_reach(landmarks) + 1)
+    drawn = np.round(line - 0.5).astype(np.int32)
+    cv2.polylines(result, [drawn], False, 1, 2 * _brow_reach(landmarks) + 1)
     return result > 0
 
 

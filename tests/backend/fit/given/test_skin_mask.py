@@ -208,6 +208,21 @@ def test_brows_are_painted_and_hair_that_hangs_over_them_is_not(landmarks: Landm
     assert weight[inside & hull & ~lock & (X < 88)].min() == 1.0
 
 
+def test_a_brow_whose_end_meets_the_hair_is_painted(landmarks: Landmarks):
+    """As in a face that is turned: what is left out is the hair alone."""
+    photo, _ = draw("light", light=(0.2, 0.2, 0.96))
+    brow = np.zeros((SIZE, SIZE), bool)
+    for one, two in pairwise(landmarks.points[22:27]):
+        for share in np.linspace(0, 1, 10):
+            x, y = one + share * (two - one)
+            brow |= np.hypot(X - x, Y - y) < 2.5
+    hair = landmarks.points[26, 0] + 3 < X
+    photo = np.where((brow | hair)[..., None], [0.05, 0.03, 0.02], photo)
+    weight = paint_weight(skin_weight(photo, landmarks), landmarks)
+    assert weight[brow & ~hair].min() == 1.0
+    assert weight[hair & ~brow_pixels((SIZE, SIZE), landmarks)].mean() < 0.05
+
+
 def test_the_upper_half_of_a_brow_is_painted_too(landmarks: Landmarks):
     photo, _ = draw("light", light=(0.2, 0.2, 0.96))
     brows = np.zeros((SIZE, SIZE), bool)
