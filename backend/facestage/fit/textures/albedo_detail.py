@@ -13,6 +13,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.hair_shade import bared
+from facestage.fit.textures.light_rest import light_rest
 from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import Field, solve_field, solved_levels
@@ -102,6 +103,7 @@ def albedo_detail(
         painted = paint.contradicted(surface, target, weight)
         target = target + surface.of_vertices(painted)
     if geometry is not None:
+        target -= light_rest(geometry, surface, target, weight, shown.feature)[:, None]
         seen_tone = unseen_tone(geometry, surface, target, weight, shown.feature)
         target = target - surface.of_vertices(seen_tone)
         tone = tone + seen_tone

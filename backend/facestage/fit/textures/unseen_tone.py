@@ -23,15 +23,17 @@ def unseen_tone(
     target: Float[np.ndarray, "pixels 3"],
     weight: Float[np.ndarray, " pixels"],
     feature: Float[np.ndarray, " pixels"],
+    scale: float = SCALE,
 ) -> Float[np.ndarray, "vertices 3"]:
     """What is to be added to the model's log albedo so that its tone is that of the skin seen: a
     screened membrane over the skin, 0 on all else.
 
     Minimises sum_p w_p |x(p) - y_p|^2 + k int |grad x|^2 + k / REACH^2 int |x - y|^2 with y the
     mean of ``target`` (log of photo over model, at the pixels' ``surface``) and k that of a length
-    of SCALE where pixels are seen well: the screened Poisson equation (Bhat 2008, "Fourier
-    Analysis of the 2D Screened Poisson Equation for Gradient Domain Problems", eq. 3) with
-    no gradient of its own, so that the model's details stay as they are. ``feature`` as of Shown.
+    of ``scale`` (metres) where pixels are seen well: the screened Poisson equation (Bhat 2008,
+    "Fourier Analysis of the 2D Screened Poisson Equation for Gradient Domain Problems", eq. 3)
+    with no gradient of its own, so that the model's details stay as they are. ``feature`` as of
+    Shown.
     """
     result = np.zeros((len(geometry.mean), 3))
     weight = weight / (1.0 + (feature / FEATURE_MAX) ** 2)
@@ -51,7 +53,7 @@ def unseen_tone(
         axis=1,
     )[used]
     density = np.average(seen / mass, weights=seen)
-    stiffness = density * SCALE**2
+    stiffness = density * scale**2
     system = sp.diags(seen + stiffness / REACH**2 * mass) + stiffness * laplacian
     result[used] = middle + splu(system.tocsc()).solve(right)
     return result
