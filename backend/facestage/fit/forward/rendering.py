@@ -4,24 +4,27 @@ map.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.contract.face_model import SKIN
 from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.face.state import State
 from facestage.fit.forward.one_light import OneLightImages
 from facestage.fit.forward.reflectance import Skin
 from facestage.fit.forward.scattered_picture import LatticeLight
-from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+from facestage.fit.forward.shading import ForwardModel, Surface, sample_bilinear
 from facestage.fit.forward.surface_frame import FrameField
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
 RAY_BUDGET = 2.5e7
 BLOCK_POINTS = 100_000
+# Of eyes and of what lips leave open, which are few pixels, in shadows full of edges.
+WET_SAMPLES = 12
 PROBE_HEIGHT = 128
 
 
@@ -107,14 +110,13 @@ def render_picture(
                 surface = frames.mapped(
                     surface, forward.uvs(surface), textures.normal, state.rotation
                 )
-            for start in range(0, len(surface.pixels), BLOCK_POINTS):
-                block = surface.part(slice(start, start + BLOCK_POINTS))
+            for block, count in _blocks(forward, surface, each):
                 x, y = block.pixels.astype(int).T
                 uvs = forward.uvs(block)
                 rough = (
                     None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
                 )
-                terms = forward.light_terms(state, block, stage, each, seed + sub, roughness=rough)
+                terms = forward.light_terms(state, block, stage, count, seed + sub, roughness=rough)
                 albedo, c_spec = (
                     sample_bilinear(textures.albedo, uvs),
                     sample_bilinear(textures.specular, uvs),
@@ -129,6 +131,15 @@ def render_picture(
                 coverage[y, x] += 1.0 / grid**2
                 fitted[y, x] += forward.geometry.fitted[block.triangle] / grid**2
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
+
+
+def _blocks(forward: ForwardModel, surface: Surface, samples: int) -> Iterator[tuple[Surface, int]]:
+    """The surface in pieces, with the samples of each."""
+    wet = forward.geometry.triangle_part[surface.triangle] != SKIN
+    for pixels, count in ((~wet, samples), (wet, max(samples, WET_SAMPLES))):
+        index = np.flatnonzero(pixels)
+        for start in range(0, len(index), BLOCK_POINTS):
+            yield surface.part(index[start : start + BLOCK_POINTS]), count
 
 
 def light_probe(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facestage.contract.arrays import Float, Num
+from facestage.contract.arrays import Bool, Float, Num
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
@@ -55,13 +55,28 @@ def closed_teeth(
     height, width = color.shape[:2]
     if min(column.min(), row.min()) < 0 or column.max() >= width or row.max() >= height:
         return 0.0
-    beside = color[row, column].astype(np.float64) / np.maximum(np.median(bare, axis=0), 1e-6)
-    usual = np.median(bare, axis=0) * REC709
-    light = beside @ (usual / max(usual.sum(), 1e-9))
-    red = beside[..., 0] / np.maximum(beside[..., 1], 1e-6)
-    teeth = float(((light > TOOTH_LIGHT) & (red < TOOTH_RED)).mean())
+    light, red = beside_skin(color[row, column], bare)
+    teeth = float(of_teeth(light, red).mean())
     dark = float((light < DARK_LIGHT).mean())
     return _ramp(teeth, *TEETH_SHARE) * _ramp(dark, *DARK_SHARE)
+
+
+def beside_skin(
+    color: Num[np.ndarray, "*points 3"], bare: Num[np.ndarray, "pixels 3"]
+) -> tuple[Float[np.ndarray, "*points"], Float[np.ndarray, "*points"]]:
+    """Luminance, and red over green, of linear ``color`` beside those of ``bare`` skin's median."""
+    usual = np.median(bare, axis=0)
+    beside = color.astype(np.float64) / np.maximum(usual, 1e-6)
+    luminance = usual * REC709
+    light = beside @ (luminance / max(luminance.sum(), 1e-9))
+    return light, beside[..., 0] / np.maximum(beside[..., 1], 1e-6)
+
+
+def of_teeth(
+    light: Float[np.ndarray, "*points"], red: Float[np.ndarray, "*points"]
+) -> Bool[np.ndarray, "*points"]:
+    """What may be a tooth of that which lips leave open, by what :func:`beside_skin` gives."""
+    return (light > TOOTH_LIGHT) & (red < TOOTH_RED)
 
 
 def expression_deviations(model: FaceModel, closed: float) -> Float[np.ndarray, " expressions"]:

@@ -24,7 +24,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
     (0.008, 0.008, 0.008),
 )
 # GAP: relative to the crown
-TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.45, 0.36, 0.30), (0.42, 0.18, 0.16)
+TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.62, 0.52, 0.44), (0.42, 0.18, 0.16)
 MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
 HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et

@@ -32,11 +32,11 @@ UPPER = Row((8.6, 6.6, 7.6, 7.1, 6.8, 10.2, 9.2), (10.2, 9.0, 10.0, 8.8, 8.2, 7.
             (0.0, 0.7, 0.1, 0.6, 0.8, 1.0, 1.2), 0.0, -75.4, 1.0)  # fmt: skip
 LOWER = Row((5.3, 5.9, 6.8, 7.0, 7.1, 11.0, 10.4), (8.6, 9.0, 10.0, 8.8, 8.2, 7.6, 7.2),
             (0.0, 0.0, 0.0, 0.3, 0.5, 0.4, 0.0), 2.2, -75.0, -1.0)  # fmt: skip
-FRONT_Z = 91.6  # of the upper incisors: just behind the lips
-_ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.0, 2.3
+FRONT_Z = 92.4  # of the upper incisors: just behind the lips
+_ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.4, 2.25
 
-_ACROSS = (0.0, 0.08, 0.34, 0.66, 0.92)  # columns of a crown; the first is the gap before it
-_GAP_DEPTH = 0.9
+_ACROSS = (0.0, 0.06, 0.34, 0.66, 0.94)  # columns of a crown; the first is the gap before it
+_GAP_DEPTH = 0.45
 # Rows from the gum over the biting edge to the back: share of the crown's height, mm inward, part.
 GUM_ROWS = 2
 _PROFILE = (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facestage.contract.arrays import Bool, Float
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.contract.face_model import EYES, SKIN, TEETH
 from facestage.contract.files.color import REC709
 from facestage.contract.light_stage import LightStage
@@ -23,7 +23,9 @@ from facestage.fit.forward.reflectance import (
 )
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
+from facestage.fit.given.teeth import beside_skin, of_teeth
 from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
+from facestage.fit.textures.eyes.lip_shadow import out_of_shadow
 from facestage.render.light_terms import PLAIN
 
 LUMINANCE = np.array(REC709)
@@ -38,6 +40,7 @@ LIT_MIN = 0.2
 # The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
 # a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
+SKIN_MIN = 0.9  # of a pixel
 # Share of what surrounds the eyes that may be hidden, as it is by dark glasses.
 HIDDEN_MAX = 0.3
 
@@ -62,13 +65,18 @@ class Known:
     shaded: float = 0.0  # how much darker lids and lashes keep one person's, deviation
 
 
-# Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is off by
-# 0.5 and more. Irises are of any color.
-TEETH_KNOWN = Known(0.25, 0.8, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
+# Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is too deep,
+# by 0.5 and more: only of what the photo surely shows of them is the lightness believed. Irises are
+# of any color.
+TEETH_KNOWN = Known(0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
+TEETH_SEEN = Known(0.45, 0.9, 0.5, 0.9, (0.4, 0.1), (0.15, 0.12), (0.6, 0.95))
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
 SHADED_MAX = 0.3
+# Red over green, of the logarithm, above which what belongs to the teeth is gum.
+GUM_RED = 0.4
+CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
 # Albedo that passes for what surroundings leave of their own in a wet part.
 VEIL = 0.008
 
@@ -80,6 +88,7 @@ class Part:
     name: str
     vertices: Bool[np.ndarray, " vertices"]  # of the rendered mesh
     known: Known
+    known_surely: Known | None = None  # instead, of pixels that surely show it
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,8 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
         of_part[row, geometry.triangles[geometry.triangle_part == part]] = True
     eyes, teeth = of_part
     iris = eyes & (luminance > PUPIL_MAX) & (luminance < IRIS_MAX)
-    parts = [Part("teeth", teeth, TEETH_KNOWN)]
+    gum = geometry.log_albedo[:, 0] - geometry.log_albedo[:, 1] > GUM_RED
+    parts = [Part("teeth", teeth & ~gum, TEETH_KNOWN, TEETH_SEEN)]
     # A model whose eyeballs have one color has no iris to change.
     if iris.any():
         parts += [
@@ -141,7 +151,10 @@ def part_colors(
     change = np.zeros_like(geometry.log_albedo)
     for part, pixels in zip(parts, shown, strict=True):
         if len(pixels.albedo) >= PIXELS_MIN and (open_eyes or part.name == "teeth"):
-            change[part.vertices] = _log_change(part, pixels.out_of(shade))
+            color = _log_change(part, pixels.out_of(shade))
+            change[part.vertices] = color
+            if part.name == "teeth" and pixels.sure:
+                change[part.vertices] += _in_the_open(geometry, part, pixels, color)
     return PartColors(change, shade)
 
 
@@ -152,7 +165,8 @@ class _Pixels:
     albedo: Float[np.ndarray, "_ 3"]  # that they say
     own: Float[np.ndarray, "_ 3"]  # the model's there
     below_lid: Float[np.ndarray, " _"]  # radii of the iris; NaN where that is not known
-    sure: bool  # landmarks chose them
+    sure: bool  # landmarks chose them, or their color did
+    at: Float[np.ndarray, "_ 3"]  # m, on the mean shape
 
     def showing(self, known: Known) -> tuple[float, float]:
         """Between which shares of them, sorted by lightness, they show the part."""
@@ -169,7 +183,9 @@ class _Pixels:
         if clear.sum() < PIXELS_MIN:
             clear[:] = True
         albedo = np.minimum(np.exp(shade * depth)[:, None] * self.albedo, 1.0)
-        return _Pixels(albedo[clear], self.own[clear], self.below_lid[clear], self.sure)
+        return _Pixels(
+            albedo[clear], self.own[clear], self.below_lid[clear], self.sure, self.at[clear]
+        )
 
 
 def _pixels_by_part(
@@ -178,7 +194,8 @@ def _pixels_by_part(
     """Of each part the pixels inside it."""
     surface = forward.surface(state, _pixels_of_parts(forward, state, look))
     if not parts or not len(surface.pixels):
-        return [_Pixels(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), False) for _ in parts]
+        none = np.zeros((0, 3))
+        return [_Pixels(none, none, np.zeros(0), False, none) for _ in parts]
     eye = forward.geometry.triangle_part[surface.triangle] == EYES
     rough = np.where(eye, EYE_ROUGHNESS, WET_ROUGHNESS)
     c_spec = np.where(eye, EYE_SPECULAR, WET_SPECULAR)
@@ -188,19 +205,33 @@ def _pixels_by_part(
     column, row = surface.pixels.astype(int).T
     albedo = np.clip(albedo_seen(look.color[row, column], diffuse, specular), 1e-3, 1.0)
     below = np.full(len(albedo), np.nan) if look.eyes is None else look.eyes.below_lid[row, column]
+    at = np.einsum("pi,pix->px", surface.weights, forward.geometry.mean[surface.corners])
+    tooth = _like_teeth(look, row, column)
     light, result = diffuse.mean(axis=1), []
     for part in parts:
         inside, own = part.vertices[surface.corners].all(axis=1), image.albedo
         seen = None if look.eyes is None else look.eyes.part(part.name)
         sure = seen is not None and int((eye & seen[row, column]).sum()) >= PIXELS_MIN
+        if part.name == "teeth" and int((inside & tooth).sum()) >= PIXELS_MIN:
+            sure, inside = True, inside & tooth
         if seen is not None and sure:
             inside = eye & seen[row, column]
             logs = forward.geometry.log_albedo[part.vertices]
             own = np.tile(np.exp(np.median(logs, axis=0)), (len(albedo), 1))
         lit = light > LIT_MIN * (np.percentile(light[inside], 90) if inside.any() else 0.0)
         chosen = inside & lit
-        result.append(_Pixels(albedo[chosen], own[chosen], below[chosen], sure))
+        result.append(_Pixels(albedo[chosen], own[chosen], below[chosen], sure, at[chosen]))
     return result
+
+
+def _like_teeth(
+    look: Look, row: Int[np.ndarray, " pixels"], column: Int[np.ndarray, " pixels"]
+) -> Bool[np.ndarray, " pixels"]:
+    """Whether pixels are as light and as little red, beside the skin, as teeth are."""
+    bare = look.color[look.usable & (look.skin > SKIN_MIN)]
+    if not len(bare):
+        return np.zeros(len(row), bool)
+    return of_teeth(*beside_skin(look.color[row, column], bare))
 
 
 def _pixels_of_parts(
@@ -233,6 +264,8 @@ def _lid_shade(pixels: _Pixels) -> float | None:
 def _log_change(part: Part, pixels: _Pixels) -> Float[np.ndarray, " 3"]:
     """What to add to the part's log albedo, whose pattern stays."""
     known, own = part.known, pixels.own
+    if pixels.sure and part.known_surely is not None:
+        known = part.known_surely
     logs = np.log(pixels.albedo / own)
     lightness = logs.mean(axis=1)
     low, high = np.quantile(lightness, pixels.showing(known))
@@ -261,6 +294,21 @@ def _log_change(part: Part, pixels: _Pixels) -> Float[np.ndarray, " 3"]:
     return result
 
 
+def _in_the_open(
+    geometry: FaceGeometry, teeth: Part, pixels: _Pixels, color: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "teeth 1"]:
+    """What to add to the log albedo of ``teeth`` beside their ``color``: what the lips' shadow has
+    wrong, as far as teeth may be that light or dark.
+    """
+    own = pixels.own * np.exp(color)
+    lighter = np.log((pixels.albedo @ LUMINANCE) / (own @ LUMINANCE))
+    added = out_of_shadow(geometry.mean[teeth.vertices], pixels.at, lighter)
+    luminance = np.log(np.exp(geometry.log_albedo[teeth.vertices] + color) @ LUMINANCE)
+    # What is painted darker than most of the crowns, gaps and the back, stays so.
+    low, high = np.log([TEETH_SEEN.low, TEETH_SEEN.high]) - np.quantile(luminance, CROWN)
+    return np.clip(added, min(low, 0.0), max(high, 0.0))[:, None]
+
+
 def _behind_glasses(forward: ForwardModel, state: State, look: Look) -> bool:
     """Whether much of what surrounds the eyes is hidden: what shows there is no eye's color."""
     around = look.usable[forward.box(state, forward.geometry.triangle_part == EYES)]
@@ -271,7 +319,7 @@ def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:
     """Whether what lies where the model has the white of its eyes, is paler than the
     skin.
     """
-    skin = look.color[look.usable & (look.skin > 0.9)]
+    skin = look.color[look.usable & (look.skin > SKIN_MIN)]
     if len(white) < PIXELS_MIN or not len(skin):
         return False
     red, _, blue = np.maximum(np.median(skin, axis=0), 1e-6)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.contract.face_model import EYES
+from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.light_stage import LightStage
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import (
@@ -116,6 +116,37 @@ def test_teeth_keep_to_what_teeth_can_be(face: PaintedFace, smiling: State):
         "teeth",
     )[0]
     assert -0.7 < found[2] - found[0] < -0.1
+
+
+def test_white_teeth_are_found_and_gums_stay(face: PaintedFace, smiling: State):
+    """Teeth as light as the photo shows them: before, a seventh of the way."""
+    geometry = face.forward.geometry
+    change = np.zeros_like(geometry.log_albedo)
+    change[geometry.triangles[geometry.triangle_part == TEETH]] = 0.3
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    teeth = by_name(face, found, "teeth")
+    print("log change of the teeth", np.quantile(teeth, (0.1, 0.5, 0.9)).round(2))
+    assert np.median(teeth) == pytest.approx(0.3, abs=0.08)
+    crown = next(part for part in parts_of(geometry) if part.name == "teeth").vertices
+    gums = np.unique(geometry.triangles[geometry.triangle_part == TEETH])
+    gums = gums[~crown[gums]]
+    assert len(gums) > 100 and not found[gums].any()
+
+
+def test_the_lips_shadow_is_taken_off_the_teeth(face: PaintedFace, smiling: State):
+    """One side of the teeth is darker in the photo than light on the mesh says."""
+    geometry = face.forward.geometry
+    change = np.zeros_like(geometry.log_albedo)
+    crown = next(part for part in parts_of(geometry) if part.name == "teeth").vertices
+    left = geometry.mean[:, 0] > 0.008
+    change[crown & left] = -0.3
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    y, x = np.mgrid[:SIDE, :SIDE]
+    surface = face.forward.surface(smiling, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5)
+    shown = np.bincount(surface.corners.ravel(), minlength=len(left)) >= 8
+    sides = [np.median(found[crown & shown & side]) for side in (left, ~left)]
+    print("left and right", np.round(sides, 2))
+    assert sides[1] - sides[0] == pytest.approx(0.3, abs=0.12)
 
 
 def test_the_model_s_own_colors_stay(face: PaintedFace, smiling: State):
