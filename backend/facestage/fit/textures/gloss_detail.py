@@ -51,6 +51,10 @@ class GlossStep:
     specular_known: Float[np.ndarray, "size size"]
     roughness_known: Float[np.ndarray, "size size"]
 
+    def within(self, seen: Float[np.ndarray, "size size"]) -> GlossStep:
+        """The same where ``seen`` (0..1) is 1; elsewhere nothing changes, and nothing is known."""
+        return GlossStep(**{name: seen * values for name, values in vars(self).items()})
+
 
 def gloss_step(
     texels: Bool[np.ndarray, "size size"],
@@ -126,6 +130,18 @@ def gloss_beyond(
     share = np.where(gloss > 0, np.clip(beyond, 0, 1), 0).max(axis=1, keepdims=True)
     field = Field(texels, shown.uvs, weight, share, SMOOTHNESS, SHRINKAGE / density)
     return np.clip(solve_field(field)[0][..., 0], 0, 1)
+
+
+def gloss_seen(
+    texels: Bool[np.ndarray, "size size"], shown: Shown
+) -> Float[np.ndarray, "size size"]:
+    """0..1, which of ``texels`` the photo shows, whether they shine or not: a highlight at the
+    border of what is seen must not go on for the length over which gloss is alike.
+    """
+    density = max(float(texels.sum()) / max(len(shown.uvs), 1), 1.0)
+    nothing = np.zeros((len(shown.uvs), 1))
+    field = Field(texels, shown.uvs, shown.clear, nothing, SMOOTHNESS, SHRINKAGE / density)
+    return np.clip(solve_field(field)[1], 0, 1)
 
 
 def _residual(shown: Shown) -> tuple[Float[np.ndarray, "pixels 3"], Float[np.ndarray, "pixels 3"]]:

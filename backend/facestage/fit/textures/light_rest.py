@@ -10,9 +10,9 @@ from facestage.fit.forward.shading import Surface
 from facestage.fit.textures.unseen_tone import unseen_tone
 
 SCALE = 0.008  # metres: what is smaller may be a scar or a spot
-# Log albedo above that of all seen skin, about as much as skin varies by over such lengths: from
-# there on more and more is a highlight that the fitted lights lack.
-LIGHTER = 0.07
+# Log albedo above that of all seen skin from which on more and more is a highlight that the fitted
+# lights lack.
+LIGHTER = 0.1
 
 
 def light_rest(

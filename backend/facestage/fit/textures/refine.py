@@ -30,7 +30,7 @@ from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import Look, part_colors
-from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
+from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, light_on, what_is_shown
@@ -227,13 +227,14 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
         by_roughness = np.zeros_like(by_roughness)
     texels = halved(small.skin)
     found = gloss_step(texels, shown, by_specular, by_roughness)
+    seen = gloss_seen(texels, shown)
     if "specular" in freeze:
-        return found
+        return found.within(seen)
     # What there is of it with what was found, and what has to go of that.
     change = sample_bilinear(found.specular, shown.uvs)
     beyond = gloss_beyond(texels, shown.with_gloss(change, np.zeros_like(change)))
     whole = resampled(fitted.state.specular, len(texels)) + found.specular
-    return replace(found, specular=found.specular - beyond * np.maximum(whole, 0))
+    return replace(found, specular=found.specular - beyond * np.maximum(whole, 0)).within(seen)
 
 
 def _gloss_textures(

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from facestage.contract import brdf
+from facestage.fit.forward.reflectance import by_c_spec
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.textures.atlas import Atlas
-from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_step
+from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
 from facestage.fit.textures.shown import Shown
 from reference.painted_face import C_SPEC, ROUGHNESS, PaintedFace, painted_face
 
@@ -112,6 +113,28 @@ def test_changed_gloss_is_the_picture_that_is_traced_again(face: PaintedFace):
     np.testing.assert_allclose(
         changed.diffuse * changed.albedo + changed.specular, changed.image.color, rtol=1e-6
     )
+
+
+def test_gloss_ends_where_what_is_seen_ends(face: PaintedFace):
+    """A highlight at the border of the seen half is not drawn out over the other."""
+    place = face.surface.of_vertices(face.forward.geometry.mean)
+    there = face.uv_blob(TEXELS, highlight(face), 0.02)
+    photo, plain = face.photo(specular=0.5 * there)
+    border = place[np.argmax(plain.specular.sum(axis=1)), 0]
+    clear = (place[:, 0] > border).astype(float)
+    shown = face.shown(photo, clear=clear)
+    texels = Atlas.build(face.forward.geometry, TEXELS)
+    found = gloss_step(texels.skin, shown, by_c_spec(shown.image.specular), 0 * photo)
+    seen = gloss_seen(texels.skin, shown)
+    x = texels.bake(face.forward.geometry.mean)[..., 0]
+    for side, least, most in ((clear > 0, 0.95, 1.0), (place[:, 0] < border - 0.015, 0.0, 0.2)):
+        at = sample_bilinear(seen, shown.uvs[side])
+        print(f"seen {at.mean():.2f} on {side.mean():.2f} of the face")
+        assert least <= at.mean() <= most
+    unseen = texels.skin & (x < border - 0.015)
+    before, after = (np.abs(step.specular[unseen]).sum() for step in (found, found.within(seen)))
+    print(f"drawn out over the unseen: {before:.2f}, then {after:.2f}")
+    assert after < 0.4 * before
 
 
 def test_gloss_that_outshines_the_photo_goes(face: PaintedFace):
