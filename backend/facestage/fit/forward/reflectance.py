@@ -25,7 +25,7 @@ from facestage.fit.face.light_parameters import CHANNELS
 # and on eyes as sharp as few shadow rays allow: at the teeth's roughness they veil an iris by as
 # much light as all that a dark one sends back.
 WET_SPECULAR, WET_ROUGHNESS = 0.5, 0.3
-EYE_SPECULAR, EYE_ROUGHNESS = 0.25, 0.2
+EYE_SPECULAR, EYE_ROUGHNESS = 0.35, 0.1
 # What the surface reflects of light that comes from everywhere alike, at c_spec = 1: what does not
 # enter the skin (contract/brdf.py).
 UNIFORM = 1.0 - brdf.K_DIFFUSE

@@ -28,6 +28,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
+from facestage.fit.textures.eyes.iris_size import iris_size
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
@@ -125,7 +126,12 @@ def refine(
         shade = None
         if parts.lid_shade is not None:
             shade = LidShade.of(problem.geometry, fitted.state, parts.lid_shade)
-        eyes = eye_picture(problem.geometry, vertices, shade)
+        eyes = eye_picture(
+            problem.geometry,
+            vertices,
+            shade,
+            iris_size(problem.geometry, fitted.state, problem.landmarks),
+        )
     del shown  # what the largest maps need memory for
     logs = atlas.bake(vertices)
     if detail is not None:

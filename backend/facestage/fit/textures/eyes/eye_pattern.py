@@ -57,17 +57,20 @@ def eye_albedo(
     iris: Float[np.ndarray, " 3"],
     white: Float[np.ndarray, " 3"],
     seed: int = 0,
+    size: float = 1.0,
 ) -> Float32[np.ndarray, "texels 3"]:
     """Linear albedo of points of the front of an eyeball.
 
     ``across``: metres from its axis, to its left and up. ``iris``: of the iris, its pattern
-    apart; ``white``: of the white where most of it shows.
+    apart; ``white``: of the white where most of it shows. ``size`` of the iris and its pupil, as a
+    share of what it is on the model.
     """
     radius, angle = np.hypot(*across.T), np.arctan2(across[:, 1], across[:, 0])
     vessels = map_coordinates(
         _vessels(seed), (across[:, ::-1].T / REACH + 1) * 0.5 * (WHITE_PX - 1), order=1
     )
     blush = _smooth((radius - 0.0072) / 0.005)
+    radius = radius / size
     log_white = (
         np.log(white) + np.log1p(-vessels[:, None] * VESSELS) + np.log1p(-blush[:, None] * BLUSH)
     )

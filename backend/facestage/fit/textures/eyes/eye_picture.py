@@ -83,9 +83,10 @@ def eye_picture(
     geometry: FaceGeometry,
     log_albedo: Float[np.ndarray, "vertices 3"],
     shade: LidShade | None = None,
+    iris_size: float = 1.0,
 ) -> Float32[np.ndarray, "height width 3"] | None:
     """Linear albedo, row 0 at the top of :func:`eye_box`, in the colors that ``log_albedo`` has,
-    below the ``shade`` of the lids.
+    below the ``shade`` of the lids; ``iris_size`` as a share of the model's.
 
     Texels that show nothing repeat the nearest that does. None: the model has no such eyes.
     """
@@ -110,7 +111,7 @@ def eye_picture(
     found = np.zeros((len(across), 3), np.float32)
     for number in range(len(SIDES)):
         own = side == number
-        found[own] = eye_albedo(across[own], colors.iris, colors.white, number)
+        found[own] = eye_albedo(across[own], colors.iris, colors.white, number, iris_size)
         if shade is not None:
             found[own] *= np.exp(shade.log_change(across[own], number))[:, None]
     picture = np.zeros((height * width, 3), np.float32)

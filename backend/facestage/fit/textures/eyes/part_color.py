@@ -36,7 +36,7 @@ PIXELS_MIN = 6  # with fewer, nothing is changed
 # Of the logarithm: one pixel beside another may show half a lid, or a reflection.
 PIXEL_SIGMA = 0.4
 # Irradiance, relative to the part's brightest tenth, below which a pixel says little.
-LIT_MIN = 0.2
+LIT_MIN = 0.1
 # The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
 # a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
@@ -69,7 +69,7 @@ class Known:
 # by 0.5 and more: only of what the photo surely shows of them is the lightness believed. Irises are
 # of any color.
 TEETH_KNOWN = Known(0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
-TEETH_SEEN = Known(0.45, 0.9, 0.5, 0.9, (0.4, 0.1), (0.15, 0.12), (0.6, 0.95))
+TEETH_SEEN = Known(0.45, 0.85, 0.5, 0.9, (0.4, 0.1), (0.15, 0.12), (0.6, 0.95))
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
@@ -77,6 +77,8 @@ SHADED_MAX = 0.3
 # Red over green, of the logarithm, above which what belongs to the teeth is gum.
 GUM_RED = 0.4
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
+# Most of the lips' shadow that goes, of the logarithm: more looks patchy in other light.
+EVENED_MAX = 0.2
 # Albedo that passes for what surroundings leave of their own in a wet part.
 VEIL = 0.008
 
@@ -306,7 +308,8 @@ def _in_the_open(
     luminance = np.log(np.exp(geometry.log_albedo[teeth.vertices] + color) @ LUMINANCE)
     # What is painted darker than most of the crowns, gaps and the back, stays so.
     low, high = np.log([TEETH_SEEN.low, TEETH_SEEN.high]) - np.quantile(luminance, CROWN)
-    return np.clip(added, min(low, 0.0), max(high, 0.0))[:, None]
+    low, high = max(min(low, 0.0), -EVENED_MAX), min(max(high, 0.0), EVENED_MAX)
+    return np.clip(added, low, high)[:, None]
 
 
 def _behind_glasses(forward: ForwardModel, state: State, look: Look) -> bool:
