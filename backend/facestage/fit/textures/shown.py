@@ -13,7 +13,7 @@ from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.problem import Problem
-from facestage.fit.given.skin_mask import brow_pixels
+from facestage.fit.given.skin_mask import brow_pixels, opening_share
 from facestage.fit.textures.creases import crease_depth
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
@@ -161,12 +161,14 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     # Every pixel between those that are looked at, too.
     face[row, column] = True
     face = binary_dilation(face, np.ones((step, step))) if step > 1 else face
-    skin = (problem.paintable * problem.clear(face) * ~fitted.hidden)[row, column]
+    # Teeth on lips that hang too low, and whites on lids, are no skin either.
+    width, height = problem.photograph.size
+    opened = opening_share((height, width), problem.landmarks)
+    skin = (problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened))[row, column]
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
     photo = problem.photograph.color[row, column].astype(np.float64)
-    width, height = problem.photograph.size
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
     return Shown(
         image=image,

@@ -15,11 +15,14 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.given.skin_mask import opening_share
 from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.refine import Refined, refine, texture_size
+from facestage.fit.textures.shown import what_is_shown
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.fitted import Fitted
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.small_fit import SMALL
 from reference.synthetic_case import Case
 from reference.synthetic_scene import Scene
@@ -104,6 +107,29 @@ def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
     basis = np.exp(atlas.bake(scene.forward.log_albedo(scene.state)))
     prior = (found.coverage[..., 0] == 0) & atlas.skin & (shown == 0)
     assert np.abs(np.log(found.textures.albedo[prior] / basis[prior])).max(initial=0.0) < 0.1
+
+
+def test_teeth_that_the_photo_shows_on_fitted_lips_are_not_painted(scene: Scene, problem: Problem):
+    """Lips that part where the fitted ones are shut: what is white between them is no skin."""
+    landmarks, photo = problem.landmarks, problem.photograph
+    ring = list(scheme_of(landmarks.scheme).openings[0])
+    points = landmarks.points.copy()
+    middle = points[ring].mean(axis=0)
+    points[ring] = middle + (points[ring] - middle) * [0.8, 0.0]
+    half = len(ring) // 2
+    points[ring[1:half], 1] -= 5.0
+    points[ring[half + 1 :], 1] += 5.0
+    opened = replace(landmarks, points=points)
+    between = opening_share((photo.mask.shape[0], photo.mask.shape[1]), opened)
+    color = np.where(between[..., None] > 0, photo.color.max(), photo.color)
+    given = replace(problem, landmarks=opened, photograph=replace(photo, color=color))
+    shown = what_is_shown(given, scene.forward, at_truth(scene, problem))
+    assert shown is not None
+    column, row = shown.image.surface.pixels.astype(int).T
+    inside, outside = between[row, column] == 1, between[row, column] == 0
+    print(f"{inside.sum()} pixels between the lips, weights up to {shown.clear[inside].max()}")
+    assert inside.sum() > 20
+    assert not shown.clear[inside].any() and shown.clear[outside].mean() > 0.5
 
 
 def test_the_texture_s_size_follows_the_face():
