@@ -443,6 +443,18 @@ def test_albedo():
     assert lips[0] / lips[1] > 1.2 * cheek[0] / cheek[1]
 
 
+def test_ears_are_a_little_redder_than_the_skin_beside_them():
+    m = model()
+    ears, face = m.regions["ears"], np.setdiff1d(m.regions["face"], m.regions["ears"])
+    away = cKDTree(m.vertices[ears]).query(m.vertices[face])[0]
+    beside = face[(away > 5 * MM) & (away < 30 * MM)]
+    ear, cheek = (np.median(np.log(m.albedo_mean[each]), axis=0) for each in (ears, beside))
+    redder, darker = (ear - cheek)[0] - (ear - cheek)[1], (cheek - ear).mean()
+    print(f"ears: log red over green {redder:.3f} above the cheek's, darker by {darker:.3f}")
+    assert 0.02 < redder < 0.07
+    assert darker < 0.07
+
+
 def test_hair_thins_without_an_edge():
     """From the scalp to the skin in steps that no one sees, also beside the ears."""
     masks = Masks(assemble())
