@@ -76,6 +76,7 @@ class Photograph:
     clipped: np.ndarray  # (h, w, 3) bool: saturated
     color_space: str = SRGB  # what the file's numbers were taken for
     focal: FocalPrior | None = None  # what the file says of its lens
+    developed: bool = True  # somebody chose its exposure: its white is 1
 
     @property
     def size(self) -> tuple[int, int]:
@@ -249,7 +250,9 @@ def _read_exr(path: Path) -> Photograph:
     if matrix is not None:
         color = color @ matrix.T.astype(np.float32)
     name = LINEAR_REC709 if matrix is None else "linear, by its chromaticities"
-    return Photograph(np.maximum(color, 0.0), mask, np.zeros(color.shape, bool), name)
+    return Photograph(
+        np.maximum(color, 0.0), mask, np.zeros(color.shape, bool), name, developed=False
+    )
 
 
 def write_exr(path: Path, image: np.ndarray) -> None:

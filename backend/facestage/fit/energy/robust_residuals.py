@@ -28,6 +28,7 @@ class RobustResiduals(Placed):
 
     name: ClassVar[str]  # of its energy
     components: ClassVar[int] = 1
+    cauchy_scale: ClassVar[float] = CAUCHY_SCALE
     weight: float
     share: np.ndarray | float
 
@@ -43,13 +44,13 @@ class RobustResiduals(Placed):
         self, residuals: Float[np.ndarray, " residuals"]
     ) -> Float[np.ndarray, " residuals"]:
         """The weights without ``weight``, equal within an observation."""
-        weights = self.share / (1.0 + self._squared(residuals) / CAUCHY_SCALE**2)
+        weights = self.share / (1.0 + self._squared(residuals) / self.cauchy_scale**2)
         return np.repeat(weights, self.components)
 
     def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
         """The Cauchy energy that :meth:`robust_weights` belong to, without ``weight``."""
-        losses = self.share * np.log1p(self._squared(residuals) / CAUCHY_SCALE**2)
-        return 0.5 * CAUCHY_SCALE**2 * float(losses.sum())
+        losses = self.share * np.log1p(self._squared(residuals) / self.cauchy_scale**2)
+        return 0.5 * self.cauchy_scale**2 * float(losses.sum())
 
     def _squared(
         self, residuals: Float[np.ndarray, " residuals"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from facestage.fit.energy.breadth_term import BreadthTerm
+from facestage.fit.energy.exposure_term import ExposureTerm
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.lid_term import LidTerm
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -10,6 +11,7 @@ from facestage.fit.energy.pin_term import PinTerm
 from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.silhouette import SilhouetteTerm
 from facestage.fit.energy.term import Term
+from facestage.fit.energy.tone_term import ToneTerm
 from facestage.fit.energy.whites_term import WhitesTerm
 
 TERMS: tuple[type[Term], ...] = (
@@ -20,6 +22,8 @@ TERMS: tuple[type[Term], ...] = (
     PinTerm,
     SilhouetteTerm,
     WhitesTerm,
+    ExposureTerm,
+    ToneTerm,
     PhotoTerm,
 )
 
