@@ -4,10 +4,11 @@ python tools/derive_expressions.py ict:PATH [NAME ...]
 
 Warps the built-in head onto the mean face of ICT-FaceKit by the landmarks that both have, takes
 from there how its expressions of the same name move the skin, and finds the Gaussian pulls
-(models/head/expression_table.py) that say so best, each begun where the table has it. Prints for
-each expression how much of the motion the table leaves, before and after, and the pulls that leave
-least. The table holds them, but for rolled lips, which would go through the teeth, and the lips of
-puffed cheeks, which would part; nobody else needs to run this.
+(models/head/expression_table.py) that say so best, each begun where the table has it; a new pull is
+written there with a move of zero first. The lips count as much as the rest of the face, and one
+side as much as both together. Prints for each expression how much of the motion the table leaves,
+before and after, and the pulls that leave least. The table holds them, but for the lips of puffed
+cheeks, which would part; nobody else needs to run this.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from facestage.contract.face_model import FaceModel
-from facestage.models.head.assemble import assemble
+from facestage.models.head import mouth
+from facestage.models.head.assemble import HeadMesh, assemble
 from facestage.models.head.default_head import build_default_model
 from facestage.models.head.expression_table import BOTH, ONE_SIDED, Fold, Muscle
 from facestage.models.head.expressions import pulled
@@ -34,7 +36,10 @@ SCHEME = "mediapipe478"
 JAW = 15.0  # mm by which what the jaw carries lies apart from what it does not, so that lips part
 RADII = 5.0, 30.0  # mm, of a pull
 DRIFT = 12.0  # mm that a pull's centre may move from where it was
-SPARE = 0.02  # share of the motion's energy for which a pull may be as large as the largest motion
+SPARE = 0.005  # share of the motion's energy for which a pull may be as large as the largest motion
+LIPS = 0.5  # how much lips and skin beside them count of the whole; by its area a tenth
+BESIDE = 6.0  # mm from the lips over which that falls off
+TOUCHING, AROUND = 2.0, 4.0  # mm of lip before the teeth, all of those around it
 
 
 def places(model: FaceModel) -> np.ndarray:
@@ -88,20 +93,51 @@ def _motion(model: FaceModel, name: str) -> np.ndarray | None:
     return sum(model.expression_basis[names.index(n)].astype(np.float64) for n in found) / MM
 
 
+def counted(mesh: HeadMesh, face: np.ndarray) -> np.ndarray:
+    """How much each of the face's vertices counts, 1 in all: as the skin around it, and the lips
+    by ``LIPS``.
+    """
+    points = mesh.vertices[face]
+    # Lips have thousands of vertices.
+    skin = cKDTree(points).query(points, k=9)[0][:, -1] ** 2
+    lips = mesh.vertices[mesh.loops["mouth"][len(mouth.OUTER_LOOPS) : mouth.LIP_LOOPS].ravel()]
+    near = skin * np.exp(-((cKDTree(lips).query(points)[0] / BESIDE) ** 2))
+    return (1 - LIPS) * skin / skin.sum() + LIPS * near / near.sum()
+
+
+def before_teeth(mesh: HeadMesh, face: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """The motion (m, 3) of the face's vertices, no further back than ``TOUCHING`` before the teeth
+    that they come to lie before.
+    """
+    teeth = mesh.vertices[np.concatenate([mesh.teeth["upper"], mesh.teeth["lower"]])]
+    points = mesh.vertices[face]
+    near = cKDTree(teeth[:, :2]).query_ball_point((points + motion)[:, :2], AROUND)
+    front = np.array([teeth[k, 2].max() if k else -np.inf for k in near])
+    result = motion.copy()
+    result[:, 2] = np.maximum(motion[:, 2], np.minimum(front + TOUCHING - points[:, 2], 0.0))
+    return result
+
+
 def refined(
     masks: Masks,
     pulls: tuple[Muscle | Fold, ...],
-    side: str | None,
-    target: np.ndarray,
+    targets: dict[str | None, np.ndarray],
     face: np.ndarray,
     count: np.ndarray,
 ) -> tuple[Muscle | Fold, ...]:
-    """The pulls with centres, radii and moves that come nearest to the motion (m, 3) of the face's
+    """The pulls with centres, radii and moves that come nearest to the motions (m, 3) of the face's
     vertices, each counted ``count`` (m,).
-    """  # fmt: skip
+
+    ``targets``: by the side that is pulled, None for both sides together.
+    """
+
+    def all_pulled(these: tuple[Muscle | Fold, ...]) -> np.ndarray:
+        return np.concatenate([pulled(masks, these, side)[face] for side in targets])
+
     muscles = [pull for pull in pulls if isinstance(pull, Muscle)]
     folds = tuple(pull for pull in pulls if isinstance(pull, Fold))
-    rest = target - pulled(masks, folds, side)[face]
+    rest = np.concatenate(list(targets.values())) - all_pulled(folds)
+    count = np.tile(count, len(targets))
     start = np.array([[*m.center, *m.radii] for m in muscles], np.float64)
     middle = start[:, 0] == 0  # such a pull stays on the midline
     low = np.column_stack([start[:, :2] - DRIFT, np.full((len(start), 2), RADII[0])])
@@ -116,7 +152,7 @@ def refined(
         shapes = []
         for muscle, (x, y, rx, ry) in zip(muscles, values.reshape(-1, 4), strict=True):
             one = replace(muscle, center=(x, y), radii=(rx, ry), move=(1.0, 1.0, 1.0))
-            shapes.append(pulled(masks, (one,), side)[face])
+            shapes.append(all_pulled((one,)))
         design = np.stack(shapes, axis=-1) * root[..., None]  # (m, 3, k)
         found, left = [], []
         for axis in range(3):
@@ -159,24 +195,30 @@ def main() -> None:
     masks = Masks(mesh)
     face = np.intersect1d(head.regions["narrow_face"], np.flatnonzero(masks.front > 0.5))
     wanted = motions(head, other, face)
-    # Vertices stand for the skin around them: lips have thousands.
-    spacing = cKDTree(mesh.vertices[face]).query(mesh.vertices[face], k=9)[0][:, -1]
-    count = spacing**2 / (spacing**2).sum()
+    count = counted(mesh, face)
     for table, side in ((ONE_SIDED, "left"), (BOTH, None)):
         for stem, pulls in table.items():
             name = stem if side is None else stem + "Left"
             lids = stem.startswith("eye")  # these turn about the eyeball
             if name not in wanted or lids or stem not in (arguments.names or [stem]):
                 continue
-            target = wanted[name]
+            # Most smiles are of both sides, whose tails meet on the lips.
+            targets = {side: wanted[name]}
+            if side is None:
+                targets[side] = before_teeth(mesh, face, wanted[name])
+            else:
+                targets[None] = wanted[name] + wanted[stem + "Right"]
             for title, these in (
-                ("now", pulls), ("best", refined(masks, pulls, side, target, face, count)),
+                ("now", pulls), ("best", refined(masks, pulls, targets, face, count)),
             ):  # fmt: skip
-                said = pulled(masks, these, side)[face]
-                energy = (count[:, None] * target**2).sum()
-                left = (count[:, None] * (said - target) ** 2).sum() / energy
-                gain = (count[:, None] * said * target).sum() / energy
-                print(f"{stem}: {title} leaves {left:.2f} of the motion, goes {gain:.2f} as far")
+                print(f"{stem}: {title}")
+                for each, target in targets.items():
+                    said = pulled(masks, these, each)[face]
+                    energy = (count[:, None] * target**2).sum()
+                    left = (count[:, None] * (said - target) ** 2).sum() / energy
+                    gain = (count[:, None] * said * target).sum() / energy
+                    sides = each or "both sides"
+                    print(f"    {sides}: leaves {left:.3f} of the motion, goes {gain:.2f} as far")
             for pull in these:
                 print(f"        {pull!r},")
 

@@ -51,6 +51,12 @@ class Masks:
     @cached_property
     def below_mouth(self) -> np.ndarray:
         """1 on what the lower jaw carries, 0 above; steps at the mouth line, blends beside it."""
+        return self._below_mouth(rounding=0.75, held=0.0)
+
+    def _below_mouth(self, rounding: float, held: float) -> np.ndarray:
+        """The larger the ``rounding``, the further from the corners the lips begin to part; the
+        corners are ``held`` up as if they lay so many mm higher.
+        """
         x, y = self.points[:, 0], self.points[:, 1].copy()
         _, line, _ = mouth.lip_lines(x)
         loops = self.mesh.loops["mouth"]
@@ -60,11 +66,13 @@ class Masks:
         for ring, row in enumerate([*loops[1:], *self.mesh.bag]):
             # Nearer the mouth line the two sides part more sharply.
             sharp = smoothstep(np.array((ring + 1.0) / 6.0)) if ring < 6 else 1.0
-            fade = np.clip(1 - (x[row] / (mouth.MOUTH_HALF_WIDTH * 1.01)) ** 2, 0, 1) ** 0.75
-            inside = ring >= mouth.LIP_LOOPS
+            fade = np.clip(1 - (x[row] / (mouth.MOUTH_HALF_WIDTH * 1.01)) ** 2, 0, 1) ** rounding
+            # The bag of the mouth keeps to the skin that it lies behind.
+            inside = mouth.LIP_LOOPS <= ring < mouth.SKIN_LOOPS
             rest = line[row] if inside else y[row]
             y[row] = np.where(sign == 0, line[row], rest + sign * sharp * 12.0 * fade)
         half_width = 9.0 + 0.45 * np.maximum(np.abs(x) - mouth.MOUTH_HALF_WIDTH, 0.0)
+        line = line - held * np.exp(-(((np.abs(x) - mouth.MOUTH_HALF_WIDTH) / 8.0) ** 2))
         below = smoothstep(0.5 + (line - y) / (2 * half_width))
         below[self.mesh.teeth["upper"]] = 0.0
         below[self.mesh.teeth["lower"]] = 1.0
@@ -74,12 +82,16 @@ class Masks:
     @cached_property
     def jaw(self) -> np.ndarray:
         """How much of the jaw's motion each vertex follows: 1 on chin and lower teeth, fading into
-        cheek and neck.
+        cheek and neck. The upper lip is drawn along a little, more beside the corners.
         """
         y, z = self.points[:, 1], self.points[:, 2]
         throat = smoothstep((z * 0.75 + y + 150.0) / 70.0)
         behind = smoothstep((z + 8.0) / 34.0)
-        weight = self.below_mouth * throat * behind
+        below = self._below_mouth(rounding=1.2, held=3.0)
+        aside = self.points[:, 0] / mouth.MOUTH_HALF_WIDTH
+        drawn = (0.08 + 0.17 * np.minimum(aside**2, 1.0)) * np.exp(-np.maximum(aside**2 - 1.0, 0.0))
+        drawn = drawn * np.exp(-(((y - mouth.MOUTH_CORNER_Y) / 16.0) ** 2)) * self.front
+        weight = (below + (1 - below) * drawn) * throat * behind
         weight[self.mesh.teeth["lower"]] = 1.0
         weight[self.mesh.tongue] = 0.8
         for side in SIDES:

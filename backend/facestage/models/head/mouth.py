@@ -97,13 +97,17 @@ def _shrunk(border: np.ndarray, share: float) -> np.ndarray:
 
 
 def tongue(rows: int = 9, columns: int = 10) -> np.ndarray:
-    """(rows, columns, 3) mm: closed rings round the tongue from its root to its tip."""
+    """(rows, columns, 3) mm: closed rings round the tongue from its root to its tip.
+
+    Its back lies as high as the teeth meet, the tip behind the lower incisors: from before, an open
+    mouth shows it above the lower teeth.
+    """
     along = np.linspace(0, 1, rows)
     angle = 2 * np.pi * np.arange(columns) / columns
-    half_width = 15.5 * np.sqrt(np.clip(1 - (0.97 * along) ** 3, 0, 1))
-    half_height = 5.0 * np.sqrt(np.clip(1 - (0.95 * along) ** 2, 0, 1))
-    center_y = -84.5 + 1.5 * np.sin(np.pi * along)
-    center_z = 46.0 + 33.0 * along
+    half_width = 17.0 * np.sqrt(np.clip(1 - (0.97 * along) ** 3, 0, 1))
+    half_height = 6.0 * np.sqrt(np.clip(1 - (0.95 * along) ** 2, 0, 1))
+    center_y = -82.5 + 5.0 * np.sin(np.pi * np.clip(0.2 + 0.8 * along, 0, 1))
+    center_z = 46.0 + 37.0 * along
     x = half_width[:, None] * np.cos(angle)
     y = center_y[:, None] + half_height[:, None] * np.sin(angle)
     return np.stack([x, y, np.broadcast_to(center_z[:, None], x.shape)], axis=-1)

@@ -17,7 +17,8 @@ class Row:
     """One dental arch, from the midline to the second molar; mm.
 
     inset: how far the row stands behind the upper one. edge: height of the incisal edge. rise: of
-    each biting edge above (upper row) or below (lower row) the incisal one.
+    each biting edge above (upper row) or below (lower row) the incisal one. lean: how far the
+    front teeth's gums stand back, by mm from their edges.
     """
 
     widths: tuple[float, ...]
@@ -26,12 +27,13 @@ class Row:
     inset: float
     edge: float
     away: float  # the direction of the gum: 1 up, -1 down
+    lean: float = 0.0
 
 
 UPPER = Row((8.6, 6.6, 7.6, 7.1, 6.8, 10.2, 9.2), (10.2, 9.0, 10.0, 8.8, 8.2, 7.6, 7.2),
             (0.0, 0.7, 0.1, 0.6, 0.8, 1.0, 1.2), 0.0, -75.4, 1.0)  # fmt: skip
 LOWER = Row((5.3, 5.9, 6.8, 7.0, 7.1, 11.0, 10.4), (8.6, 9.0, 10.0, 8.8, 8.2, 7.6, 7.2),
-            (0.0, 0.0, 0.0, 0.3, 0.5, 0.4, 0.0), 2.2, -75.0, -1.0)  # fmt: skip
+            (0.0, 0.0, 0.1, 0.6, 0.9, 1.0, 0.8), 2.8, -73.6, -1.0, 0.3)  # fmt: skip
 FRONT_Z = 92.4  # of the upper incisors: just behind the lips
 _ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.4, 2.25
 
@@ -79,6 +81,7 @@ def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
         bulge = 0.5 * (1 - middle) + _GAP_DEPTH * gap * (share < 1.0)
         point = np.stack([arch[:, 0], edge + up, arch[:, 1]], axis=-1)
         point[:, [0, 2]] += (depth + bulge)[:, None] * inward
+        point[:, 2] -= row.lean * np.abs(up) * np.abs(inward[:, 1])
         rows.append(point)
     return np.stack(rows), gap
 
