@@ -163,7 +163,7 @@ def _eye_shapes(masks: Masks, side: str) -> dict[str, np.ndarray]:
     follow_up = lids.close_lids(masks, side, -0.22, 0.10)
     return {
         "eyeBlink": lids.close_lids(masks, side, 1.0, 1.0),
-        "eyeSquint": lids.close_lids(masks, side, 0.36, 0.8),
+        "eyeSquint": lids.close_lids(masks, side, 0.04, 1.2),
         "eyeWide": lids.close_lids(masks, side, -0.34, -0.12),
         "eyeLookDown": lids.look(masks, side, 0, -25) + follow_down,
         "eyeLookUp": lids.look(masks, side, 0, 22) + follow_up,

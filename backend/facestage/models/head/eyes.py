@@ -9,8 +9,8 @@ import numpy as np
 from facestage.models.head.base_surface import BaseSurface
 from facestage.models.head.features import EYE_CENTER, EYE_RADIUS, add_features, smooth_maximum
 
-INNER_CORNER = np.array([17.0, -2.4])
-OUTER_CORNER = np.array([46.0, 0.2])
+INNER_CORNER = np.array([17.0, -2.2])
+OUTER_CORNER = np.array([45.7, -0.6])
 LID_THICKNESS = 1.2
 LID_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
 
@@ -59,10 +59,10 @@ def lid_curve(count: int) -> np.ndarray:
     along = 0.6 * along + 0.4 * (0.5 - 0.5 * np.cos(np.pi * along))
     chord = INNER_CORNER + along[:, None] * (OUTER_CORNER - INNER_CORNER)
     lower = chord - np.stack(
-        [np.zeros(half + 1), 4.7 * np.sin(np.pi * along**1.1) ** 1.02], axis=-1
+        [np.zeros(half + 1), 3.6 * np.sin(np.pi * along**0.95) ** 1.02], axis=-1
     )
     upper = chord + np.stack(
-        [np.zeros(half + 1), 6.1 * np.sin(np.pi * along**0.88) ** 1.05], axis=-1
+        [np.zeros(half + 1), 6.5 * np.sin(np.pi * along**0.88) ** 1.25], axis=-1
     )
     return np.concatenate([lower[:-1], upper[:0:-1]])
 

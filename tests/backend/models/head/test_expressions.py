@@ -161,3 +161,32 @@ def test_closed_mouths_stay_closed(name):
     moved = pulled(masks(), pulls()[name], None)
     apart = np.abs((moved[above[:m]] - moved[below[:m]])[:, 1])
     assert apart.max() < 1.0, f"{name} parts the lips by {apart.max():.1f} mm"
+
+
+# Of MediaPipe's points: the middle of the left eye's upper and lower lid, and its corners.
+UPPER_LID, LOWER_LID, EYE_CORNERS = 386, 374, (362, 263)
+
+
+def test_a_squint_lifts_the_lower_lid_and_leaves_the_upper_one():
+    """As scanned people's does; one that draws the upper lid down makes slits of smiling eyes."""
+    default = build_default_model()
+    names = default.expression_names
+    moved = landmarks(default, default.expression_basis[names.index("eyeSquintLeft")])[:, 1]
+    print(f"upper {moved[UPPER_LID]:+.1f} mm, lower {moved[LOWER_LID]:+.1f} mm")
+    assert moved[LOWER_LID] > 1.8
+    assert abs(moved[UPPER_LID]) < 0.8
+
+
+def test_eyes_are_open_as_wide_as_scanned_people_s(ict_facekit: FaceModel):
+    """In shares of their length, about; and the middle of the opening lies above its corners."""
+    found = []
+    for model in (build_default_model(), ict_facekit):
+        points = landmarks(model, model.vertices)
+        length = np.linalg.norm(np.subtract(*points[list(EYE_CORNERS)]))
+        corners = points[list(EYE_CORNERS), 1].mean()
+        lids = points[[UPPER_LID, LOWER_LID], 1]
+        found.append(((lids[0] - lids[1]) / length, (lids.mean() - corners) / length))
+    (ours, above), (theirs, above_theirs) = found
+    print(f"open by {ours:.3f} ({theirs:.3f}), middle above {above:.3f} ({above_theirs:.3f})")
+    assert ours == pytest.approx(theirs, abs=0.06)
+    assert above == pytest.approx(above_theirs, abs=0.02)
