@@ -134,8 +134,8 @@ def test_white_teeth_are_found_and_gums_stay(face: PaintedFace, smiling: State):
 
 
 def test_the_lips_shadow_is_taken_off_the_teeth(face: PaintedFace, smiling: State):
-    """One side of the teeth is darker in the photo than light on the mesh says; lower teeth, most of
-    which lips hide, say little of it.
+    """One side of the teeth is darker in the photo than light on the mesh says; of the lower teeth
+    lips hide most, so that they say little of it.
     """
     geometry = face.forward.geometry
     change = np.zeros_like(geometry.log_albedo)
