@@ -6,7 +6,7 @@ that is lighter than anybody's. The lightest is only half as light again as the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -71,6 +71,11 @@ class ToneTerm(Term):
         if not setup.moves(("albedo",)):
             return None
         return cls(tone_of(setup.problem.geometry, setup.problem.job.weights.prior))
+
+    def beside_another(self, shared: frozenset[str]) -> Self:
+        """What is known of the person counts once."""
+        weight = 0.0 if "albedo" in shared else self.tone.weight
+        return replace(self, tone=replace(self.tone, weight=weight))
 
     def at(self, state: State, evaluation: Evaluation | None = None) -> Tone:
         """Everywhere the same."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.files.color import REC709
-from facestage.fit.energy.tone_term import SIGMA, Tone, tone_of
+from facestage.fit.energy.tone_term import SIGMA, Tone, ToneTerm, tone_of
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -73,3 +73,12 @@ def test_the_mean_face_is_within(start: State):
     tone: Tone = tone_of(geometry())
     low, high = tone.limits
     assert low + 1.0 < skin(start) < high - 0.2
+
+
+def test_a_person_s_skin_counts_once(start: State):
+    term, state = ToneTerm(tone_of(geometry())), toned(start, -1.0)
+    alone = term.at(state).weighed(state).energies["tone"]
+    assert alone > 0.5
+    for shared, energy in ((frozenset({"albedo"}), 0.0), (frozenset({"identity"}), alone)):
+        beside = term.beside_another(shared).at(state).weighed(state)
+        assert beside.energies["tone"] == energy == beside.robust["tone"]
