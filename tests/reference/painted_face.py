@@ -75,6 +75,7 @@ class PaintedFace:
             doubt=np.zeros(len(photo)),
             feature=np.zeros(len(photo)),
             crease=np.zeros(len(photo)),
+            face_px=float(np.ptp(self.surface.pixels[:, 1])),
             shift_px=1,
         )
 

@@ -77,6 +77,7 @@ class Photograph:
     color_space: str = SRGB  # what the file's numbers were taken for
     focal: FocalPrior | None = None  # what the file says of its lens
     developed: bool = True  # somebody chose its exposure: its white is 1
+    tinted: bool = False  # its hue is none of the photo's, see fit/given/black_and_white.py
 
     @property
     def size(self) -> tuple[int, int]:

@@ -32,6 +32,7 @@ from facestage.contract.pins import Pins
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
+from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.metrics import white_level
@@ -414,9 +415,12 @@ def read_problem(
     fit_focal = job.camera is None and "focal" not in job.freeze
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
     window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
+    shown = window.photograph(photograph)
+    if job.white_balance is None:
+        shown = as_seen_in_color(shown, window.landmarks(landmarks))
     return Problem(
         job,
-        window.photograph(photograph),
+        shown,
         window.camera(camera),
         window.landmarks(landmarks),
         geometry,

@@ -24,6 +24,7 @@ TEETH_SHARE, DARK_SHARE = (0.25, 0.4), (0.27, 0.2)
 SAMPLES = 24
 # Pixels between the lips below which their borders are all that is seen.
 OPENING_MIN = 4.0
+LIP_SHADOW = 1.0  # pixels below the upper lip that are dark before teeth too
 SKIN_MIN = 0.9
 # Standard deviation of the weight that opens a jaw whose teeth are seen closed.
 CLOSED_SIGMA = 0.04
@@ -47,7 +48,8 @@ def closed_teeth(
     shown = (landmarks.counted & landmarks.visible)[across].all()
     if not (shown and len(bare) and np.isfinite([upper, lower]).all()):
         return 0.0
-    if np.linalg.norm(upper - lower, axis=1).min() < OPENING_MIN:
+    opening = np.linalg.norm(upper - lower, axis=1)
+    if opening.min() < OPENING_MIN:
         return 0.0
     way = (np.arange(SAMPLES) + 0.5) / SAMPLES
     points = upper + way[:, None, None] * (lower - upper)
@@ -57,7 +59,7 @@ def closed_teeth(
         return 0.0
     light, red = beside_skin(color[row, column], bare)
     teeth = float(of_teeth(light, red).mean())
-    dark = float((light < DARK_LIGHT).mean())
+    dark = float((light < DARK_LIGHT).mean() - LIP_SHADOW / opening.mean())
     return _ramp(teeth, *TEETH_SHARE) * _ramp(dark, *DARK_SHARE)
 
 

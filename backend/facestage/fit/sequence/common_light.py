@@ -12,6 +12,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import UNKNOWNS
+from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.window import Window
 from facestage.fit.sequence.actor import Actor
@@ -74,7 +75,7 @@ def _view(actor: Actor, photograph: Photograph, landmarks: Landmarks) -> View:
     window = Window.of(*photograph.size, landmarks)
     problem = Problem(
         job,
-        window.photograph(photograph),
+        as_seen_in_color(window.photograph(photograph), window.landmarks(landmarks)),
         window.camera(actor.camera),
         window.landmarks(landmarks),
         actor.geometry,

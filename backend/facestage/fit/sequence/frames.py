@@ -13,6 +13,7 @@ from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTer
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
+from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import face_size_px, skin_weight
 from facestage.fit.given.window import Window
@@ -108,7 +109,8 @@ class Cut:
     def of(cls, photograph: Photograph, landmarks: Landmarks, face_px: float = FACE_PX) -> Cut:
         """Around the ``landmarks`` of a whole frame, with so many pixels along the face."""
         window = _window(photograph.size, landmarks, face_px)
-        return cls(window, window.photograph(photograph), window.landmarks(landmarks))
+        points = window.landmarks(landmarks)
+        return cls(window, as_seen_in_color(window.photograph(photograph), points), points)
 
 
 @dataclass(frozen=True, eq=False)

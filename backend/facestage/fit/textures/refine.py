@@ -120,6 +120,7 @@ def refine(
             photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2),
             problem.skin,
             EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),
+            photo.tinted,
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
         vertices = vertices + parts.log_change

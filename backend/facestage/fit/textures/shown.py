@@ -53,6 +53,7 @@ class Shown:
     feature: Float[np.ndarray, " pixels"]
     # by how much log radiance lies below that beside a dark line, see creases.py
     crease: Float[np.ndarray, " pixels"]
+    face_px: float  # how large the face is
     shift_px: int  # how far the fitted face may be off
     rougher: Float[np.ndarray, " pixels"] | None = None  # than the state's skin, see with_gloss
 
@@ -179,6 +180,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.maximum(painted, BROW_DEPARTURE * brow_share(brows, photo, image.color)),
         crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
+        face_px=problem.face_size_px,
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )
 

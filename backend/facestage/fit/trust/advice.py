@@ -54,6 +54,8 @@ def _uncolored(problem: Problem, fitted: Fitted) -> str:
     """What a fit says that does not know what is the light's color and what the skin's; else
     empty.
     """
+    if problem.photograph.tinted:
+        return "; the photo is black and white: its skin has the usual hue"
     doubt = fitted.color
     if doubt is None or doubt.skin < COLOR_MENTIONED:
         return ""

@@ -9,11 +9,13 @@ import pytest
 
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
+from facestage.fit.forward import rendering
 from facestage.fit.forward.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.forward.rendering import Textures, light_probe, render_picture
 from facestage.fit.given.problem import select_lights
 from facestage.fit.given.skin_mask import face_pixels, skin_weight
 from facestage.fit.textures.atlas import Atlas
+from reference.painted_face import painted_face
 from reference.synthetic_scene import Scene
 
 
@@ -94,6 +96,27 @@ def test_the_picture_is_the_forward_model_averaged(scene: Scene, textures: Textu
     )
     assert inside.sum() > 1500 and error.mean() < 0.01 * color.max()
     assert not picture.color[picture.coverage == 0].any()
+
+
+def test_penumbras_are_as_smooth_as_many_rays_make_them(
+    renderer: str, monkeypatch: pytest.MonkeyPatch
+):
+    """One ray for each light and part of a pixel leaves grain where a shadow ends."""
+    face = painted_face(texels=64, key_side=0.3)
+    box = face.forward.box(face.state)
+    pixels = (box[0].stop - box[0].start) * (box[1].stop - box[1].start)
+    monkeypatch.setattr(rendering, "RAY_BUDGET", 5 * pixels * len(face.stage))
+    plain = Textures(np.full((16, 16, 3), 0.5, np.float32), np.zeros((16, 16), np.float32))
+    given = face.forward, face.state, face.stage, plain
+    reference = render_picture(*given, seed=7, samples=64)
+    inside = reference.fitted
+    errors = {}
+    for name, samples in (("budget", None), ("one ray", 1)):
+        picture = render_picture(*given, seed=3, samples=samples)
+        assert picture.samples == 1
+        errors[name] = np.sqrt(((picture.color - reference.color)[inside] ** 2).mean())
+    print("root mean square error", errors)
+    assert errors["budget"] < 0.55 * errors["one ray"]
 
 
 def test_relit_pictures_are_linear_in_the_light(scene: Scene, textures: Textures):

@@ -65,6 +65,17 @@ def test_teeth_are_closed_where_they_fill_the_opening(scheme: str, rows: list, e
     assert closed_teeth(color, skin, mouth(scheme)) == expected
 
 
+def test_the_shade_of_the_lip_does_not_open_a_small_mouth():
+    """Of seven rows of pixels, two are in it and count as dark, before teeth too."""
+    color, skin = np.full((SIZE, SIZE, 3), SKIN), np.ones((SIZE, SIZE))
+    skin[TOP : TOP + 7] = 0.0
+    color[TOP : TOP + 2], color[TOP + 2 : TOP + 7] = DARK, TOOTH
+    small = mouth(height=7)
+    assert closed_teeth(color, skin, small) > 0.9
+    color[TOP : TOP + 4] = DARK
+    assert closed_teeth(color, skin, small) == 0.0
+
+
 def test_exposure_does_not_matter():
     color, skin = painted((0.0, TOOTH), (0.75, DARK))
     found = closed_teeth(color, skin, mouth())

@@ -101,6 +101,7 @@ class Look:
     usable: Bool[np.ndarray, "height width"]  # not masked, hidden or saturated
     skin: Float[np.ndarray, "height width"]  # 0..1
     eyes: EyesSeen | None = None  # what landmarks know of them
+    tinted: bool = False  # it has no hue of its own
 
 
 def parts_of(geometry: FaceGeometry) -> list[Part]:
@@ -146,14 +147,14 @@ def part_colors(
     )
     open_eyes = (
         white is not None
-        and _eyes_open(white.albedo, look)
+        and (white.sure or _eyes_open(white.albedo, look))
         and not _behind_glasses(forward, state, look)
     )
     shade = _lid_shade(white) if white is not None and open_eyes else None
     change = np.zeros_like(geometry.log_albedo)
     for part, pixels in zip(parts, shown, strict=True):
         if len(pixels.albedo) >= PIXELS_MIN and (open_eyes or part.name == "teeth"):
-            color = _log_change(part, pixels.out_of(shade))
+            color = _log_change(part, pixels.out_of(shade), look.tinted)
             change[part.vertices] = color
             if part.name == "teeth" and pixels.sure:
                 change[part.vertices] += _in_the_open(geometry, part, pixels, color)
@@ -263,8 +264,10 @@ def _lid_shade(pixels: _Pixels) -> float | None:
     return shade_depth(lit - lightness[known], pixels.below_lid[known])
 
 
-def _log_change(part: Part, pixels: _Pixels) -> Float[np.ndarray, " 3"]:
-    """What to add to the part's log albedo, whose pattern stays."""
+def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, " 3"]:
+    """What to add to the part's log albedo, whose pattern stays, and its hue where the photo is
+    ``tinted``.
+    """
     known, own = part.known, pixels.own
     if pixels.sure and part.known_surely is not None:
         known = part.known_surely
@@ -284,12 +287,17 @@ def _log_change(part: Part, pixels: _Pixels) -> Float[np.ndarray, " 3"]:
         + np.square([known.seen[0], np.hypot(known.seen[1], veiled)])
         + PIXEL_SIGMA**2 / showing.sum() * np.array([1.0, 0.1])
     )
+    if tinted:
+        trust[1] = 0.0
     level = trust[0] * change.mean()
     color = np.median(np.log(own), axis=0) + level + trust[1] * (change - change.mean())
     if part.name == "iris":
         # Melanin is red before green before blue, what scatters the other way round: no iris is
         # purple, and none is greener than both.
         color[1] = np.clip(color[1], *sorted(color[[0, 2]]))
+    else:
+        # Whites and teeth are yellowish, never bluish: that is light which the stage lacks.
+        color[2] = min(color[2], color[0])
     luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)

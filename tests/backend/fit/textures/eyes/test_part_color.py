@@ -248,6 +248,44 @@ def test_lids_over_the_fitted_iris_are_left_out(face: PaintedFace, smiling: Stat
     assert errors["landmarks"] < 0.4 < 0.8 < errors["mesh"]
 
 
+def test_dark_eyes_between_narrow_lids_are_found(face: PaintedFace, smiling: State):
+    """Their whites, in the shade and tinted by the lids, look like skin; landmarks know better."""
+    geometry = face.forward.geometry
+    parts = {part.name: part.vertices for part in parts_of(geometry)}
+    change = np.zeros_like(geometry.log_albedo)
+    change[parts["white"]] = np.log([0.12, 0.08, 0.055]) - geometry.log_albedo[parts["white"]]
+    change[parts["iris"]] = np.log([0.02, 0.014, 0.01]) - geometry.log_albedo[parts["iris"]]
+    look = picture(face, smiling, change)
+    known = replace(look, eyes=seen_eyes(face, smiling))
+    guessed, found = (
+        by_name(face, part_colors(face.forward, smiling, face.stage, each), "iris")[0]
+        for each in (look, known)
+    )
+    true = change[parts["iris"]].mean(axis=0)
+    print("iris", found.round(2), "true", true.round(2), "without landmarks", guessed.round(2))
+    assert not guessed.any() and np.abs(found - true).mean() < 0.45
+
+
+def test_whites_and_teeth_are_not_blue(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    look = picture(face, smiling, np.zeros_like(geometry.log_albedo))
+    blue = replace(look, color=look.color * [0.7, 1.0, 1.4], eyes=seen_eyes(face, smiling))
+    found = geometry.log_albedo + part_colors(face.forward, smiling, face.stage, blue)
+    for name in ("white", "teeth"):
+        red, _, other = np.median(by_name(face, found, name), axis=0)
+        assert other <= red + 1e-6
+
+
+def test_a_tinted_photo_says_no_hue(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    change = np.zeros_like(geometry.log_albedo)
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change[iris] = np.log(BLUE) - geometry.log_albedo[iris].mean(axis=0)
+    look = replace(picture(face, smiling, change), tinted=True)
+    found = by_name(face, part_colors(face.forward, smiling, face.stage, look), "iris")[0]
+    assert np.ptp(found) < 0.02 and abs(found.mean() - change[iris][0].mean()) < 0.2
+
+
 def test_the_shade_of_the_lid_is_no_color(face: PaintedFace, smiling: State):
     geometry = face.forward.geometry
     look = picture(face, smiling, np.zeros_like(geometry.log_albedo))

@@ -1,0 +1,73 @@
+"""What the photo shows finer than any light could paint, where the light itself is little known.
+
+A wrong light, a shadow in the wrong place or a shape without its folds is wrong over regions: there
+the photo says nothing of the skin's tone, and what is seen of it counts little. What lies within
+some millimetres of its surroundings is skin all the same: wrinkles, pores, moles, the line of the
+lips. Without it such regions are blurred, and a face is another's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from facestage.contract.arrays import Float
+from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.textures.texel_field import Field, solve_field
+
+# Deviation of the mean that a pixel is compared with, as a share of the face.
+SURROUNDINGS = 0.03
+# Radiance that logarithms are taken above, as a share of the mean.
+DARK_SHARE = 0.02
+# Of the logarithm: departures beyond are a highlight, or a shadow in another place.
+LIGHTER_MAX, DARKER_MAX = 0.25, 0.8
+# Confidence that makes both count alike, and what a pixel has that tells of what is fine alone.
+ALIKE, FINE_WEIGHT = 0.01, 0.04
+COARSE = 256  # texels along the atlas that hold the rest
+
+
+def log_ratio(
+    photo: Float[np.ndarray, "pixels 3"], rendered: Float[np.ndarray, "pixels 3"]
+) -> Float[np.ndarray, "pixels 3"]:
+    """Log radiance of the ``photo`` over what is ``rendered``, both above a dark floor."""
+    floor = DARK_SHARE * max(float(rendered.mean()), 1e-9)
+    return np.log(np.maximum(photo, 0) + floor) - np.log(np.maximum(rendered, 0) + floor)
+
+
+def departures(
+    pixels: Float[np.ndarray, "pixels 2"],
+    values: Float[np.ndarray, "pixels channels"],
+    clear: Float[np.ndarray, " pixels"],
+    face_px: float,
+) -> Float[np.ndarray, "pixels channels"]:
+    """``values`` without what they are on the average of the ``clear`` (0..1) pixels around."""
+    spaces = np.diff(np.unique(pixels[:, 0]))
+    step = float(spaces.min()) if len(spaces) else 1.0
+    column, row = np.rint((pixels - pixels.min(axis=0)) / step).astype(int).T
+    sums = np.zeros((row.max() + 1, column.max() + 1, values.shape[1] + 1), np.float32)
+    sums[row, column, :-1] = clear[:, None] * values
+    sums[row, column, -1] = clear
+    reach = SURROUNDINGS * face_px / step
+    sums = gaussian_filter(sums, (reach, reach, 0), truncate=2.5)[row, column]
+    return np.asarray(values - sums[:, :-1] / np.maximum(sums[:, -1:], 1e-6))
+
+
+def with_fine_detail(
+    field: Field, fine: Float[np.ndarray, "pixels 3"], clear: Float[np.ndarray, " pixels"]
+) -> Field:
+    """``field`` whose pixels of little weight say how ``fine`` detail departs from the smooth
+    solution; ``clear`` 0..1 of each of its pixels shows it.
+    """
+    smooth = field
+    while len(smooth.texels) > COARSE and len(smooth.texels) % 2 == 0:
+        smooth = smooth.halved()
+    found, _ = solve_field(smooth)
+    around = np.stack([sample_bilinear(each, field.uvs) for each in np.moveaxis(found, 2, 0)], -1)
+    own = (field.weight / (field.weight + ALIKE))[:, None]
+    return replace(
+        field,
+        values=own * field.values + (1 - own) * (around + fine),
+        weight=np.maximum(field.weight, FINE_WEIGHT * clear),
+    )
