@@ -1,0 +1,128 @@
+"""The dark line of the lashes along the upper lid's border, on the skin.
+
+It is half a millimetre to a millimetre and a half wide, in a photo a pixel or two, beside the gap
+between lid and eyeball, where a fitted mesh is off by as much: texels of the photo leave it out,
+and an eye without it looks bare. Where it runs, landmarks of the face model know; how dark it is,
+the photo says along its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.spatial import cKDTree
+
+from facestage.contract.arrays import Float, Float32
+from facestage.contract.face_model import FaceModel
+from facestage.contract.files.color import REC709
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.lids import seen_lids
+from facestage.fit.textures.atlas import Atlas
+from facestage.models.anatomy.landmark_schemes import scheme_of
+
+SCHEME = "mediapipe478"
+# In shares of the eye's width, above the landmarks of the upper lid: where the line lies, and the
+# skin of the lid that it is compared with.
+LINE, LID = (0.0, 0.05), (0.08, 0.14)
+SAMPLES = 6
+WIDTH_MIN = 10.0  # pixels of an eye, below which its lashes are not seen
+# Of the logarithm: the shade of any lid's border, which is no lash, and the darkest line.
+SHADE, DARKEST = 0.25, 1.4
+# Metres: how far the line goes on the lid, and on its rim, which lashes hide; and where skin is
+# that of the lid.
+HALF_WIDTH, RIM, LID_SKIN = 0.0021, 0.003, (0.003, 0.005)
+STEP = 0.0001  # between points of the border
+# Share of the way from the inner corner over which the line begins.
+BEGINS = (0.08, 0.35)
+DARK = 1e-3  # luminance, as a share of the photo's brightest, below which it counts as this
+
+
+def lash_depth(color: Float[np.ndarray, "height width 3"], landmarks: Landmarks) -> float:
+    """By how much the line of the lashes is darker than the lid above it, of the logarithm; 0 where
+    a photo of linear ``color`` does not show it.
+    """
+    luminance = color @ np.array(REC709)
+    floor = DARK * max(float(luminance.max()), 1e-9)
+    found = []
+    for lids in seen_lids(landmarks):
+        if lids is None or lids.width < WIDTH_MIN:
+            continue
+        upper = landmarks.points[lids.pairs[:, 0]]
+
+        def along(
+            share: tuple[float, float],
+            upper: Float[np.ndarray, "lid 2"] = upper,
+            step: Float[np.ndarray, " 2"] = lids.width * lids.across,
+        ) -> Float[np.ndarray, "samples lid"]:
+            at = upper + np.linspace(*share, SAMPLES)[:, None, None] * step
+            # Pixel centres are at halves in the points, at whole numbers here.
+            values = map_coordinates(luminance, (at - 0.5)[..., ::-1].T, order=1, mode="nearest")
+            return np.log(np.maximum(values.T, floor))
+
+        found.append(float(np.median(np.median(along(LID), axis=0) - along(LINE).min(axis=0))))
+    if not found:
+        return 0.0
+    return float(np.clip(np.mean(found) - SHADE, 0.0, DARKEST))
+
+
+def upper_borders(
+    model: FaceModel,
+) -> list[tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, " points"]]]:
+    """Of each eye points of the upper lid's border on the mean face, and how much of a line of
+    lashes is there, 0..1; nothing for models that do not know the border.
+    """
+    if SCHEME not in model.landmarks:
+        return []
+    vertices, weights = model.landmark_vertices(SCHEME)
+    result = []
+    for number, eye in enumerate(scheme_of(SCHEME).eyes):
+        inner = eye.corners[1 - number]  # the first eye is the picture's left one
+        at = np.array([*eye.corners, *(pair[0] for pair in eye.lids)])
+        points = np.einsum("mi,mix->mx", weights[at], model.vertices[vertices[at]])
+        from_inner = np.abs(points[:, 0] - points[list(at).index(inner), 0])
+        points = points[np.argsort(from_inner)]
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        along = np.arange(0.0, length[-1], STEP)
+        line = np.stack([np.interp(along, length, each) for each in points.T], axis=1)
+        share = (along / length[-1] - BEGINS[0]) / (BEGINS[1] - BEGINS[0])
+        result.append((line, np.clip(share, 0.0, 1.0)))
+    return result
+
+
+def draw_lash_line(
+    log_albedo: Float32[np.ndarray, "size size 3"],
+    atlas: Atlas,
+    model: FaceModel,
+    mean: Float[np.ndarray, "vertices 3"],
+    depth: float,
+) -> None:
+    """Darken the ``log_albedo`` of an atlas along the upper lids' borders by ``depth``.
+
+    What is as dark there already stays. ``mean``: the rendered mesh's vertices on the mean face.
+    """
+    borders = upper_borders(model) if depth > 0 else []
+    if not borders:
+        return
+    low = np.min([line.min(axis=0) for line, _ in borders], axis=0) - LID_SKIN[1]
+    high = np.max([line.max(axis=0) for line, _ in borders], axis=0) + LID_SKIN[1]
+    places, texels = [], []
+    for rows, there in atlas.baked(mean):
+        covered = np.flatnonzero(atlas.covered[rows])
+        near = ((there > low) & (there < high)).all(axis=1) & atlas.skin[rows].ravel()[covered]
+        places.append(there[near])
+        texels.append(covered[near] + rows.start * atlas.size)
+    place, texel = np.concatenate(places), np.concatenate(texels)
+    values = log_albedo.reshape(-1, 3)
+    for line, share in borders:
+        distance, nearest = cKDTree(line).query(place, distance_upper_bound=LID_SKIN[1])
+        here = np.isfinite(distance)
+        own, away, strength = texel[here], distance[here], share[nearest[here]]
+        above = place[here, 1] > line[nearest[here], 1]
+        lid = above & (away > LID_SKIN[0])
+        if not lid.any():
+            continue
+        usual = float(np.median(values[own[lid]].mean(axis=1)))
+        already = np.maximum(usual - values[own].mean(axis=1), 0.0)
+        wide = np.where(above, HALF_WIDTH, RIM)
+        wanted = depth * strength * np.exp(-((away / wide) ** 4))
+        values[own] -= np.maximum(wanted - already, 0.0)[:, None]
