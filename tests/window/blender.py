@@ -239,6 +239,15 @@ class Blender:
         """Press what is labelled ``text`` in the sidebar or in ``box``, as a hand would."""
         self.press(*self.find(text, box))
 
+    def open_tab(self) -> None:
+        """Show Facestage's tab of the sidebar, without a click: it may not be drawn yet."""
+        self.settle()
+        self.do(
+            "sidebar = next(each for each in bpy.context.area.regions if each.type == 'UI')\n"
+            "sidebar.active_panel_category = 'Facestage'\n"
+        )
+        self.settle()
+
     def press(self, x: int, y: int, button: int = 1) -> None:
         """Press a mouse button at a place of the screen."""
         self._run("xdotool", "mousemove", str(x), str(y))

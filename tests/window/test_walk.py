@@ -88,6 +88,7 @@ def photo(blender: Blender) -> Path:
 def test_the_sidebar_has_a_tab_with_the_steps(blender: Blender):
     blender.do("bpy.context.area.spaces.active.show_region_ui = True")
     blender.press(1000, 800)  # away from the splash screen
+    blender.settle()
     blender.press(1308, 262)  # the tab, whose letters stand upright
     blender.shot("sidebar")
     for step in ("1 Photo", "2 Light Stage", "3 Face", "4 Fit", "5 Result"):

@@ -84,10 +84,7 @@ def test_a_performance_is_imported_and_its_panel_has_the_refit(blender: Blender,
     )
     blender.idle()
     blender.press(1000, 800)
-    blender.do(
-        "sidebar = next(each for each in bpy.context.area.regions if each.type == 'UI')\n"
-        "sidebar.active_panel_category = 'Facestage'\n"
-    )
+    blender.open_tab()
     blender.do(f"bpy.ops.facestage.import_performance('EXEC_DEFAULT', directory={str(folder)!r})")
     blender.scroll(40)
     blender.click("Expression")

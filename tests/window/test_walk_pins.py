@@ -66,7 +66,7 @@ def landmarks(blender: Blender) -> np.ndarray:
     blender.do("bpy.ops.facestage.build_rig('INVOKE_DEFAULT')")
     blender.idle()
     blender.press(1000, 800)
-    blender.press(1308, 262)  # Facestage's tab
+    blender.open_tab()
     return np.array(
         blender.do(
             "import json\n"
