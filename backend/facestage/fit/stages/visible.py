@@ -67,7 +67,8 @@ class VisiblePhoto:
 
     def unpainted_at(self, height: int, width: int, state: State) -> np.ndarray:
         """(height, width) bool, the pixels that show no skin of the face of ``state``: what is
-        hidden, and what is dark above the middle of its landmarks; dark skin below is a beard.
+        hidden, and what is dark above the middle of its landmarks; dark skin below is a beard, also
+        where it meets the shadow of the nose or of glasses.
         """
         hidden, dark = self.hidden_at(height, width), self.dark_at(height, width)
         labels, count = label(dark)
@@ -79,7 +80,9 @@ class VisiblePhoto:
         )
         centres = np.array(center_of_mass(dark, labels, np.arange(1, count + 1)))[:, ::-1] + 0.5
         above = (centres - middle) @ up[:2] > 0
-        return np.asarray(hidden | np.isin(labels, 1 + np.flatnonzero(above)))
+        y, x = np.mgrid[:height, :width] + 0.5
+        upper = (x - middle[0]) * up[0] + (y - middle[1]) * up[1] > 0
+        return np.asarray(hidden | (np.isin(labels, 1 + np.flatnonzero(above)) & upper))
 
 
 def resized_mask(mask: np.ndarray | None, height: int, width: int) -> np.ndarray:

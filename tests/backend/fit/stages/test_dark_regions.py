@@ -153,6 +153,19 @@ def test_dark_skin_below_the_middle_is_painted_as_a_beard_is(scene: Scene):
     assert unpainted[95 - above[1], above[0]] and not unpainted[95 - below[1], below[0]]
 
 
+def test_a_beard_that_meets_a_shadow_is_painted(scene: Scene):
+    """Glasses, the shadow of the nose and a mustache, dark all the way."""
+    landmarks = scene.landmarks()
+    problem = SimpleNamespace(landmarks=landmarks, camera=scene.state.camera)
+    visible = VisiblePhoto(cast(Any, problem))
+    middle = landmarks.points.mean(axis=0)
+    row, column = int(middle[1]), int(middle[0])
+    visible.dark = np.zeros((96, 96), bool)
+    visible.dark[row - 20 : row + 13, column - 4 : column + 5] = True
+    unpainted = visible.unpainted_at(96, 96, scene.state)
+    assert unpainted[row - 15, column] and not unpainted[row + 10, column]
+
+
 def test_a_region_that_is_explained_by_now_counts_again(
     scene: Scene, picture: tuple[np.ndarray, np.ndarray]
 ):
