@@ -74,6 +74,9 @@ IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
 SHADED_MAX = 0.3
+# Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no blue,
+# what is taken off for reflections leaves none.
+BROWNEST = np.array([0.0, 0.8, 1.4])
 # Red over green, of the logarithm, above which what belongs to the teeth is gum.
 GUM_RED = 0.4
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
@@ -295,6 +298,7 @@ def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, 
         # Melanin is red before green before blue, what scatters the other way round: no iris is
         # purple, and none is greener than both.
         color[1] = np.clip(color[1], *sorted(color[[0, 2]]))
+        color = np.maximum(color, color[0] - BROWNEST)
     else:
         # Whites and teeth are yellowish, never bluish: that is light which the stage lacks.
         color[2] = min(color[2], color[0])

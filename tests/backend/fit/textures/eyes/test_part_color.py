@@ -20,7 +20,7 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.textures.eyes.eye_picture import eye_picture
 from facestage.fit.textures.eyes.lid_shade import faded
-from facestage.fit.textures.eyes.part_color import Look, parts_of
+from facestage.fit.textures.eyes.part_color import BROWNEST, Look, parts_of
 from facestage.fit.textures.eyes.part_color import part_colors as found_colors
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
@@ -264,6 +264,19 @@ def test_dark_eyes_between_narrow_lids_are_found(face: PaintedFace, smiling: Sta
     true = change[parts["iris"]].mean(axis=0)
     print("iris", found.round(2), "true", true.round(2), "without landmarks", guessed.round(2))
     assert not guessed.any() and np.abs(found - true).mean() < 0.45
+
+
+def test_brown_eyes_are_not_orange(face: PaintedFace, smiling: State):
+    """A photo without any blue in them."""
+    geometry = face.forward.geometry
+    change = np.zeros_like(geometry.log_albedo)
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change[iris] = np.log([0.06, 0.02, 0.001]) - geometry.log_albedo[iris]
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    red, green, blue = (geometry.log_albedo + found)[iris].mean(axis=0)
+    print("iris", np.exp([red, green, blue]).round(3))
+    assert red > green > blue and red - blue < BROWNEST[2] + 0.01
+    assert red - green < BROWNEST[1] + 0.01
 
 
 def test_whites_and_teeth_are_not_blue(face: PaintedFace, smiling: State):
