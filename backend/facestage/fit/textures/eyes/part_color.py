@@ -74,8 +74,8 @@ IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
 SHADED_MAX = 0.3
-# Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no blue,
-# what is taken off for reflections leaves none.
+# Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no
+# blue, what is taken off for reflections leaves none.
 BROWNEST = np.array([0.0, 0.8, 1.4])
 # Red over green, of the logarithm, above which what belongs to the teeth is gum.
 GUM_RED = 0.4
