@@ -41,8 +41,9 @@ LIT_MIN = 0.1
 # a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
 SKIN_MIN = 0.9  # of a pixel
-# Share of what surrounds the eyes that may be hidden, as it is by dark glasses.
-HIDDEN_MAX = 0.3
+# Share of what surrounds the eyes that may be hidden, as it is by dark glasses; and where landmarks
+# find eyes that show, as between lids that are made up.
+HIDDEN_MAX, HIDDEN_MAX_SURELY = 0.3, 0.6
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def part_colors(
     open_eyes = (
         white is not None
         and (white.sure or _eyes_open(white.albedo, look))
-        and not _behind_glasses(forward, state, look)
+        and not _behind_glasses(forward, state, look, white.sure)
     )
     shade = _lid_shade(white) if white is not None and open_eyes else None
     change = np.zeros_like(geometry.log_albedo)
@@ -324,10 +325,11 @@ def _in_the_open(
     return np.clip(added, low, high)[:, None]
 
 
-def _behind_glasses(forward: ForwardModel, state: State, look: Look) -> bool:
+def _behind_glasses(forward: ForwardModel, state: State, look: Look, sure: bool) -> bool:
     """Whether much of what surrounds the eyes is hidden: what shows there is no eye's color."""
     around = look.usable[forward.box(state, forward.geometry.triangle_part == EYES)]
-    return around.size > 0 and float(around.mean()) < 1 - HIDDEN_MAX
+    most = HIDDEN_MAX_SURELY if sure else HIDDEN_MAX
+    return around.size > 0 and float(around.mean()) < 1 - most
 
 
 def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:

@@ -20,7 +20,13 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.textures.eyes.eye_picture import eye_picture
 from facestage.fit.textures.eyes.lid_shade import faded
-from facestage.fit.textures.eyes.part_color import BROWNEST, Look, parts_of
+from facestage.fit.textures.eyes.part_color import (
+    BROWNEST,
+    HIDDEN_MAX,
+    HIDDEN_MAX_SURELY,
+    Look,
+    parts_of,
+)
 from facestage.fit.textures.eyes.part_color import part_colors as found_colors
 from reference.painted_face import SIDE, PaintedFace, painted_face
 
@@ -205,6 +211,27 @@ def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: Stat
     blue, none = (
         by_name(face, part_colors(face.forward, smiling, face.stage, each), "iris")
         for each in (look, hidden)
+    )
+    assert blue.any() and not none.any()
+
+
+def test_eyes_between_painted_lids_are_found(face: PaintedFace, smiling: State):
+    """Half of what surrounds them is hidden, and landmarks find their own pixels."""
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
+    look = picture(face, smiling, change)
+    rows, columns = face.forward.box(smiling, geometry.triangle_part == EYES)
+    skin = np.argwhere(look.skin[rows, columns] > 0.5) + [rows.start, columns.start]
+    usable = look.usable.copy()
+    usable[tuple(skin[::2].T)] = False
+    share = 1 - usable[rows, columns].mean()
+    assert HIDDEN_MAX < share < HIDDEN_MAX_SURELY
+    hidden = replace(look, usable=usable)
+    none, blue = (
+        by_name(face, part_colors(face.forward, smiling, face.stage, each), "iris")
+        for each in (hidden, replace(hidden, eyes=seen_eyes(face, smiling)))
     )
     assert blue.any() and not none.any()
 
