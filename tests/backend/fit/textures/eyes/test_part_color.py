@@ -223,7 +223,7 @@ def test_eyes_between_painted_lids_are_found(face: PaintedFace, smiling: State):
     change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
     look = picture(face, smiling, change)
     rows, columns = face.forward.box(smiling, geometry.triangle_part == EYES)
-    skin = np.argwhere(look.skin[rows, columns] > 0.5) + [rows.start, columns.start]
+    skin = np.argwhere(look.skin[rows, columns] > 0.5) + np.array([rows.start, columns.start])
     usable = look.usable.copy()
     usable[tuple(skin[::2].T)] = False
     share = 1 - usable[rows, columns].mean()
