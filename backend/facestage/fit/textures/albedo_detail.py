@@ -122,12 +122,13 @@ def albedo_detail(
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
     there = np.zeros(1) if painted is None else surface.of_vertices(painted)
-    field = with_fine_detail(field, *fine_detail(shown, there, doubts))
+    field, told = with_fine_detail(field, *fine_detail(shown, there, doubts))
     coarse = None
     for found, known in solved_levels(field):
         if half_mirror is not None and len(found) == len(half_mirror):
             coarse = found, known
-    seen = (known > KNOWN) & atlas.skin
+    # A texel of which only what is fine is known may be darker or lighter.
+    seen = (np.minimum(known, told) > KNOWN) & atlas.skin
     if half_mirror is None or coarse is None or not seen.any():
         return AlbedoDetail(
             _on_basis(found, known, painted, tone, atlas), seen, np.zeros_like(seen), tone

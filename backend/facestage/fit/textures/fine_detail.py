@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Float, Float32
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.textures.texel_field import Field, solve_field
 
@@ -56,18 +56,21 @@ def departures(
 
 def with_fine_detail(
     field: Field, fine: Float[np.ndarray, "pixels 3"], clear: Float[np.ndarray, " pixels"]
-) -> Field:
+) -> tuple[Field, Float32[np.ndarray, "size size"]]:
     """``field`` whose pixels of little weight say how ``fine`` detail departs from the smooth
-    solution; ``clear`` 0..1 of each of its pixels shows it.
+    solution, and 0..1 how much of a texel was known without; ``clear`` 0..1 of each of its pixels
+    shows it.
     """
     smooth = field
     while len(smooth.texels) > COARSE and len(smooth.texels) % 2 == 0:
         smooth = smooth.halved()
-    found, _ = solve_field(smooth)
+    found, known = solve_field(smooth)
     around = np.stack([sample_bilinear(each, field.uvs) for each in np.moveaxis(found, 2, 0)], -1)
     own = (field.weight / (field.weight + ALIKE))[:, None]
+    times = len(field.texels) // len(known)
+    known = np.repeat(np.repeat(known, times, axis=0), times, axis=1)
     return replace(
         field,
         values=own * field.values + (1 - own) * (around + fine),
         weight=np.maximum(field.weight, FINE_WEIGHT * clear),
-    )
+    ), known

@@ -47,6 +47,10 @@ def test_wrinkles_show_where_nothing_is_believed_of_the_light(face: PaintedFace)
     strength = float(there[facing] @ true[facing] / (true[facing] @ true[facing]))
     print(f"lines: correlation {alike:.2f}, {strength:.2f} of their depth")
     assert alike > 0.75 and 0.2 < strength < 1.1
+    # Its tone is not known for all that: several photos are not averaged by it.
+    assert found.seen.mean() < 0.01
+    sure = albedo_detail(face.atlas, face.shown(photo), None, geometry=face.forward.geometry)
+    assert sure.seen.mean() > 0.1
 
 
 def test_a_wrong_light_is_not_painted(face: PaintedFace):
