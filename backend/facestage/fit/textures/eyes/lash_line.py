@@ -13,7 +13,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from facestage.contract.arrays import Float, Float32
-from facestage.contract.face_model import FaceModel
+from facestage.contract.face_model import EYES, FaceModel
 from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.lids import seen_lids
@@ -31,6 +31,7 @@ SHADE, DARKEST = 0.25, 1.4
 # Metres: how far the line goes on the lid, and on its rim, which lashes hide; and where skin is
 # that of the lid.
 HALF_WIDTH, RIM, LID_SKIN = 0.0021, 0.003, (0.003, 0.005)
+ON_EYEBALL = 0.002  # from it a lid's border lies, the most
 STEP = 0.0001  # between points of the border
 # Share of the way from the inner corner over which the line begins.
 BEGINS = (0.08, 0.35)
@@ -69,10 +70,13 @@ def upper_borders(
     model: FaceModel,
 ) -> list[tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, " points"]]]:
     """Of each eye points of the upper lid's border on the mean face, and how much of a line of
-    lashes is there, 0..1; nothing for models that do not know the border.
+    lashes is there, 0..1; nothing for models that do not know the border, or whose landmarks, made
+    for another mesh, do not lie where lids meet eyeballs.
     """
-    if SCHEME not in model.landmarks:
+    eyeballs = np.unique(model.triangles[model.triangle_part == EYES])
+    if SCHEME not in model.landmarks or not len(eyeballs):
         return []
+    eyeball = cKDTree(model.vertices[eyeballs])
     vertices, weights = model.landmark_vertices(SCHEME)
     result = []
     for number, eye in enumerate(scheme_of(SCHEME).eyes):
@@ -82,6 +86,8 @@ def upper_borders(
         from_inner = np.abs(points[:, 0] - points[list(at).index(inner), 0])
         points = points[np.argsort(from_inner)]
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        if np.median(eyeball.query(points)[0]) > ON_EYEBALL:
+            continue
         along = np.arange(0.0, length[-1], STEP)
         line = np.stack([np.interp(along, length, each) for each in points.T], axis=1)
         share = (along / length[-1] - BEGINS[0]) / (BEGINS[1] - BEGINS[0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facestage.contract.face_model import EYES
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas
@@ -80,6 +81,11 @@ def test_the_borders_run_from_the_inner_corners(geometry: FaceGeometry):
         assert 0.025 < length < 0.05
     nameless = replace(geometry.model, landmarks={})
     assert upper_borders(nameless) == []
+    # Landmarks carried over from another mesh lie millimetres off.
+    skin = geometry.model.triangle_part != EYES
+    vertices = geometry.model.vertices.copy()
+    vertices[np.unique(geometry.model.triangles[~skin])] += [0.0, 0.0, -0.005]
+    assert upper_borders(replace(geometry.model, vertices=vertices)) == []
 
 
 def test_the_line_is_drawn_where_the_lashes_grow_and_once(geometry: FaceGeometry):
