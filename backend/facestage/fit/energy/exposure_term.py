@@ -28,6 +28,8 @@ from facestage.fit.face.state import State
 # deviation of its logarithm: ten photographs of people, at believable albedos of their skin, have
 # 0.7 to 2.2 (docs/skin-tone.md).
 EXPOSED, SIGMA = 1.4, 0.4
+# Of light that is too bright: far brighter photos are thrown away.
+BRIGHTER_SCALE = 2.2
 FAINT = 0.01  # of a photo this dark nobody chose the exposure
 # Normals that the camera sees, from straight on to a slant.
 SLANTS, TURNS = np.linspace(0.0, np.radians(80.0), 9), np.linspace(0.0, 2 * np.pi, 16, False)
@@ -38,7 +40,7 @@ class Exposure(RobustResiduals):
     """What light would make of a white card, beside what photos are exposed for."""
 
     name: ClassVar = "exposure"
-    cauchy_scale: ClassVar = 1.5  # some are exposed for a face, dark or light, alone
+    cauchy_scale: ClassVar = 1.5  # some are exposed for a face before a window
 
     lights: LightParameters
     by_light: Float[np.ndarray, " lights"]  # radiance of the card, of a light of radiance 1
@@ -52,6 +54,18 @@ class Exposure(RobustResiduals):
     def residuals(self, state: State) -> Float[np.ndarray, " 1"]:
         """Of the logarithm of its luminance."""
         return np.array([np.log(self._card(state) / EXPOSED) / SIGMA])
+
+    def robust_weights(self, residuals: Float[np.ndarray, " 1"]) -> Float[np.ndarray, " 1"]:
+        """As :class:`RobustResiduals` has them, but for light that is too bright."""
+        return np.asarray(self.share / (1.0 + np.square(residuals / self._scale(residuals))))
+
+    def robust_energy(self, residuals: Float[np.ndarray, " 1"]) -> float:
+        """The energy that :meth:`robust_weights` belong to."""
+        scale = self._scale(residuals)
+        return 0.5 * scale**2 * float(self.share * np.log1p((residuals / scale) ** 2).sum())
+
+    def _scale(self, residuals: Float[np.ndarray, " 1"]) -> float:
+        return self.cauchy_scale if residuals[0] <= 0 else BRIGHTER_SCALE
 
     def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "1 unknowns"]:
         """Derivative of :meth:`residuals`; lamps and face stand as at the phase's start."""

@@ -127,3 +127,17 @@ def test_light_of_known_brightness_needs_no_guess(known: tuple[Problem, State], 
     fixed = replace(problem, stage=stage)
     lights = fixed.lights.from_radiance(radiance)
     assert exposure(fixed, replace(state, lights=lights)) is None
+
+
+def test_photos_before_a_window_are_believed_sooner_than_burnt_ones(known: tuple[Problem, State]):
+    problem, state = known
+    found = exposure(problem, state)
+    assert found is not None
+    dark, bright = (found.robust_weights(np.array([each])) for each in (-2.0, 2.0))
+    assert 0 < dark < bright < found.share
+    assert found.robust_energy(np.array([-2.0])) < found.robust_energy(np.array([2.0]))
+    # The weights are the energy's: its slope is residual times weight.
+    for at in (-2.0, 0.5, 2.0):
+        ends = (found.robust_energy(np.array([at + h])) for h in (1e-5, -1e-5))
+        slope = np.subtract(*ends) / 2e-5
+        assert slope == pytest.approx(at * float(found.robust_weights(np.array([at]))[0]), rel=1e-5)
