@@ -138,6 +138,6 @@ def test_photos_before_a_window_are_believed_sooner_than_burnt_ones(known: tuple
     assert found.robust_energy(np.array([-2.0])) < found.robust_energy(np.array([2.0]))
     # The weights are the energy's: its slope is residual times weight.
     for at in (-2.0, 0.5, 2.0):
-        ends = (found.robust_energy(np.array([at + h])) for h in (1e-5, -1e-5))
-        slope = np.subtract(*ends) / 2e-5
+        above, below = (found.robust_energy(np.array([at + h])) for h in (1e-5, -1e-5))
+        slope = (above - below) / 2e-5
         assert slope == pytest.approx(at * float(found.robust_weights(np.array([at]))[0]), rel=1e-5)
