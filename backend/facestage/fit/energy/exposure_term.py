@@ -55,17 +55,9 @@ class Exposure(RobustResiduals):
         """Of the logarithm of its luminance."""
         return np.array([np.log(self._card(state) / EXPOSED) / SIGMA])
 
-    def robust_weights(self, residuals: Float[np.ndarray, " 1"]) -> Float[np.ndarray, " 1"]:
-        """As :class:`RobustResiduals` has them, but for light that is too bright."""
-        return np.asarray(self.share / (1.0 + np.square(residuals / self._scale(residuals))))
-
-    def robust_energy(self, residuals: Float[np.ndarray, " 1"]) -> float:
-        """The energy that :meth:`robust_weights` belong to."""
-        scale = self._scale(residuals)
-        return 0.5 * scale**2 * float(self.share * np.log1p((residuals / scale) ** 2).sum())
-
-    def _scale(self, residuals: Float[np.ndarray, " 1"]) -> float:
-        return self.cauchy_scale if residuals[0] <= 0 else BRIGHTER_SCALE
+    def scales(self, residuals: Float[np.ndarray, " 1"]) -> Float[np.ndarray, " 1"]:
+        """Another one for light that is too bright."""
+        return np.where(residuals > 0, BRIGHTER_SCALE, self.cauchy_scale)
 
     def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "1 unknowns"]:
         """Derivative of :meth:`residuals`; lamps and face stand as at the phase's start."""

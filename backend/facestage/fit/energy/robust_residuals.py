@@ -40,17 +40,24 @@ class RobustResiduals(Placed):
     def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "residuals unknowns"]:
         """The derivative of :meth:`residuals`."""
 
+    def scales(
+        self, residuals: Float[np.ndarray, " residuals"]
+    ) -> Float[np.ndarray, " observations"] | float:
+        """Of the Cauchy loss, for each observation or for all; alike within an observation."""
+        return self.cauchy_scale
+
     def robust_weights(
         self, residuals: Float[np.ndarray, " residuals"]
     ) -> Float[np.ndarray, " residuals"]:
         """The weights without ``weight``, equal within an observation."""
-        weights = self.share / (1.0 + self._squared(residuals) / self.cauchy_scale**2)
+        weights = self.share / (1.0 + self._squared(residuals) / self.scales(residuals) ** 2)
         return np.repeat(weights, self.components)
 
     def robust_energy(self, residuals: Float[np.ndarray, " residuals"]) -> float:
         """The Cauchy energy that :meth:`robust_weights` belong to, without ``weight``."""
-        losses = self.share * np.log1p(self._squared(residuals) / self.cauchy_scale**2)
-        return 0.5 * self.cauchy_scale**2 * float(losses.sum())
+        squares = np.square(self.scales(residuals))
+        losses = self.share * squares * np.log1p(self._squared(residuals) / squares)
+        return 0.5 * float(losses.sum())
 
     def _squared(
         self, residuals: Float[np.ndarray, " residuals"]

@@ -154,7 +154,9 @@ def _grainy(
     surface = forward.surface(state, pixels + 0.5)
     for start in range(0, len(surface.pixels), BLOCK_POINTS):
         block = surface.part(np.arange(start, min(start + BLOCK_POINTS, len(surface.pixels))))
-        terms = forward.light_terms(state, block, stage, 1, seed, Asked(specular=False))
+        terms = forward.light_terms(
+            state, block, stage, 1, seed, Asked(specular=False), bounced=False
+        )
         light = by_albedo(forward.shade(state, block, terms, radiance=stage.radiance).diffuse)
         x, y = block.pixels.astype(int).T
         mean = light.mean(axis=1)

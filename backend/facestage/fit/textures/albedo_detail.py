@@ -12,14 +12,8 @@ from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
-from facestage.fit.textures.fine_detail import (
-    DARK_SHARE,
-    DARKER_MAX,
-    LIGHTER_MAX,
-    departures,
-    log_ratio,
-    with_fine_detail,
-)
+from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, in_doubt, pigment_share
+from facestage.fit.textures.fine_detail import fine_detail, with_fine_detail
 from facestage.fit.textures.hair_shade import bared
 from facestage.fit.textures.light_rest import light_rest
 from facestage.fit.textures.painted_features import Paint
@@ -47,31 +41,12 @@ FEATURE_HUE = 0.3  # departure from which on all of the hue is believed: lips, b
 # By how much the hue of a face's bare skin varies at most (root mean square): where the photo shows
 # more, its colors were made stronger, or its light is not known.
 HUE_VARIES = 0.09
-# Of what is fine: shares of the doubts that an edge of shading lies elsewhere, and of the
-# highlights'; and the largest change of hue.
-FINE_SHIFT, FINE_CAUTION, FINE_CHROMA_MAX = 1.0, 3.0, 0.15
 # Per photo pixel of full confidence: tie of neighbouring texels, and of each texel to the albedo
 # basis.
 SMOOTHNESS, SHRINKAGE = 0.08, 0.003
-# How much skin differs from the albedo basis, and beyond how many times the doubt of its shading it
-# surely does. Beside a highlight what is too bright is more likely more of it.
-PIGMENT_SIGMA, PLAIN_FACTOR, HIGHLIGHT_PLAIN_FACTOR = 0.06, 1.0, 3.0
 # Tie of a texel that the photo does not show to its mirror image, in units of its tie to the basis.
 SYMMETRY = 20.0
 KNOWN = 0.5  # share of the answer that is not the basis', from which on a texel counts as known
-
-
-@dataclass(frozen=True)
-class Doubts:
-    """What of shading and highlights may be wrong."""
-
-    # Shares of the change over a shift by a landmark's error.
-    shading_shift: float = 0.3
-    highlight_shift: float = 0.4
-    highlight: float = 0.2  # share of the highlight itself
-
-
-DOUBTS = Doubts()
 
 
 @dataclass(frozen=True)
@@ -121,7 +96,7 @@ def albedo_detail(
     # texels per pixel: the tie is per pixel
     density = max(float(atlas.skin.sum()) / max(len(target), 1), 1.0)
     field = Field(atlas.skin, shown.uvs, weight, target, SMOOTHNESS, SHRINKAGE / density)
-    there = np.zeros(1) if painted is None else surface.of_vertices(painted)
+    there = None if painted is None else surface.of_vertices(painted)
     field, told = with_fine_detail(field, *fine_detail(shown, there, doubts))
     coarse = None
     for found, known in solved_levels(field):
@@ -224,50 +199,10 @@ def albedo_observations(
 
     target = _with_skins_hue(shown, target, confidence)
     body = np.maximum(skin.mean(axis=1), 1e-9)
-    shading, highlight = _in_doubt(shown, body, doubts)
+    shading, highlight = in_doubt(shown, body, doubts)
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
     confidence *= pigment_share(brightness, np.hypot(shading, shown.doubt), highlight, sigma)
     return confidence, target * pigment_share(brightness, shading, highlight, sigma)[:, None]
-
-
-def _in_doubt(
-    shown: Shown, body: Float[np.ndarray, " pixels"], doubts: Doubts
-) -> tuple[Float[np.ndarray, " pixels"], Float[np.ndarray, " pixels"]]:
-    """Of the logarithm, what of shading and of highlights may be wrong at each pixel; ``body``: the
-    radiance that is not gloss.
-    """
-    gloss, matte = shown.specular.mean(axis=1), shown.diffuse.mean(axis=1)
-    shading = doubts.shading_shift * shown.change_over_shift(matte) / np.maximum(matte, 1e-9)
-    moved = doubts.highlight_shift * shown.change_over_shift(gloss)
-    return shading, np.hypot(doubts.highlight * gloss, moved) / body
-
-
-def fine_detail(
-    shown: Shown, painted: Float[np.ndarray, ...], doubts: Doubts = DOUBTS
-) -> tuple[Float[np.ndarray, "pixels 3"], Float[np.ndarray, " pixels"]]:
-    """By how much log albedo departs from what it is around, whatever the light, and 0..1 how
-    clearly each pixel shows that. ``painted``: log albedo that is taken off the basis there.
-    """
-    diffuse, specular = shown.diffuse, shown.specular
-    body, gloss = np.maximum((diffuse * shown.albedo).mean(axis=1), 1e-9), specular.mean(axis=1)
-    surface, rendered = shown.image.surface, shown.image.color
-    floor = DARK_SHARE * max(float(rendered.mean()), 1e-9)
-    matte = np.log(diffuse.mean(axis=1) + floor)[:, None]
-    ratio = log_ratio(shown.photo, rendered) + painted
-    fine, edges = (
-        departures(surface.pixels, each, shown.weight, shown.face_px) for each in (ratio, matte)
-    )
-    # Light that changes evenly is no detail, wherever it lies.
-    shading = FINE_SHIFT * shown.change_over_shift(edges[:, 0])
-    highlight = FINE_CAUTION * _in_doubt(shown, body, doubts)[1]
-    sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
-    fine = fine * pigment_share(fine.mean(axis=1), shading, highlight, sigma)[:, None]
-    brightness = fine.mean(axis=1, keepdims=True)
-    hue = np.clip(fine - brightness, -FINE_CHROMA_MAX, FINE_CHROMA_MAX)
-    fine = np.clip(brightness, -DARKER_MAX, LIGHTER_MAX) + hue
-    seen = shown.photo.mean(axis=1)
-    lit = seen / (seen + floor)
-    return fine, shown.weight * (body / (body + gloss)) ** 2 * lit**2
 
 
 def _with_skins_hue(
@@ -296,26 +231,6 @@ def _with_skins_hue(
         + usual
         + believed * (hue - usual) * np.maximum(own, 1 - plain)[:, None]
     )
-
-
-def pigment_share(
-    brightness: Float[np.ndarray, " pixels"],
-    shading: Float[np.ndarray, " pixels"],
-    highlight: Float[np.ndarray, " pixels"],
-    sigma: Float[np.ndarray, " pixels"] | float = PIGMENT_SIGMA,
-) -> Float[np.ndarray, " pixels"]:
-    """0..1, how much of a residual of the log albedo is more likely pigment than wrong
-    shading.
-
-    What is small may be either; what is many times larger than the doubt of ``shading`` and
-    ``highlight`` can only be pigment. ``sigma``: how much pigment varies.
-    """
-    common = sigma**2 / (sigma**2 + shading**2 + highlight**2)
-    factor = np.where(brightness > 0, HIGHLIGHT_PLAIN_FACTOR, PLAIN_FACTOR)
-    plain = brightness**2 / (
-        brightness**2 + (PLAIN_FACTOR * shading) ** 2 + (factor * highlight) ** 2 + 1e-12
-    )
-    return np.maximum(common, plain)
 
 
 def painted(log_albedo: Float[np.ndarray, "size size 3"]) -> Float32[np.ndarray, "size size 3"]:

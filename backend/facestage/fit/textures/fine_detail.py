@@ -15,25 +15,51 @@ from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Float, Float32
 from facestage.fit.forward.shading import sample_bilinear
+from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, in_doubt, pigment_share
+from facestage.fit.textures.shown import Shown, lattice
 from facestage.fit.textures.texel_field import Field, solve_field
 
 # Deviation of the mean that a pixel is compared with, as a share of the face.
 SURROUNDINGS = 0.03
 # Radiance that logarithms are taken above, as a share of the mean.
 DARK_SHARE = 0.02
-# Of the logarithm: departures beyond are a highlight, or a shadow in another place.
-LIGHTER_MAX, DARKER_MAX = 0.25, 0.8
+# Of the logarithm: departures beyond are a highlight, or a shadow in another place; and of hue.
+LIGHTER_MAX, DARKER_MAX, CHROMA_MAX = 0.25, 0.8, 0.15
+# Shares of the doubts that an edge of shading lies elsewhere, and of the highlights'.
+SHIFT, CAUTION = 1.0, 3.0
 # Confidence that makes both count alike, and what a pixel has that tells of what is fine alone.
 ALIKE, FINE_WEIGHT = 0.01, 0.04
 COARSE = 256  # texels along the atlas that hold the rest
 
 
-def log_ratio(
-    photo: Float[np.ndarray, "pixels 3"], rendered: Float[np.ndarray, "pixels 3"]
-) -> Float[np.ndarray, "pixels 3"]:
-    """Log radiance of the ``photo`` over what is ``rendered``, both above a dark floor."""
+def fine_detail(
+    shown: Shown, painted: Float[np.ndarray, "pixels 3"] | None, doubts: Doubts = DOUBTS
+) -> tuple[Float[np.ndarray, "pixels 3"], Float[np.ndarray, " pixels"]]:
+    """By how much log albedo departs from what it is around, whatever the light, and 0..1 how
+    clearly each pixel shows that. ``painted``: log albedo that is taken off the basis there.
+    """
+    diffuse, specular = shown.diffuse, shown.specular
+    body, gloss = np.maximum((diffuse * shown.albedo).mean(axis=1), 1e-9), specular.mean(axis=1)
+    surface, rendered = shown.image.surface, shown.image.color
     floor = DARK_SHARE * max(float(rendered.mean()), 1e-9)
-    return np.log(np.maximum(photo, 0) + floor) - np.log(np.maximum(rendered, 0) + floor)
+    matte = np.log(diffuse.mean(axis=1) + floor)[:, None]
+    ratio = np.log(np.maximum(shown.photo, 0) + floor) - np.log(np.maximum(rendered, 0) + floor)
+    if painted is not None:
+        ratio = ratio + painted
+    fine, edges = (
+        departures(surface.pixels, each, shown.weight, shown.face_px) for each in (ratio, matte)
+    )
+    # Light that changes evenly is no detail, wherever it lies.
+    shading = SHIFT * shown.change_over_shift(edges[:, 0])
+    highlight = CAUTION * in_doubt(shown, body, doubts)[1]
+    sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
+    fine = fine * pigment_share(fine.mean(axis=1), shading, highlight, sigma)[:, None]
+    brightness = fine.mean(axis=1, keepdims=True)
+    hue = np.clip(fine - brightness, -CHROMA_MAX, CHROMA_MAX)
+    fine = np.clip(brightness, -DARKER_MAX, LIGHTER_MAX) + hue
+    seen = shown.photo.mean(axis=1)
+    lit = seen / (seen + floor)
+    return fine, shown.weight * (body / (body + gloss)) ** 2 * lit**2
 
 
 def departures(
@@ -43,13 +69,12 @@ def departures(
     face_px: float,
 ) -> Float[np.ndarray, "pixels channels"]:
     """``values`` without what they are on the average of the ``clear`` (0..1) pixels around."""
-    spaces = np.diff(np.unique(pixels[:, 0]))
-    step = float(spaces.min()) if len(spaces) else 1.0
-    column, row = np.rint((pixels - pixels.min(axis=0)) / step).astype(int).T
+    place, spacing = lattice(pixels)
+    column, row = place.T
     sums = np.zeros((row.max() + 1, column.max() + 1, values.shape[1] + 1), np.float32)
     sums[row, column, :-1] = clear[:, None] * values
     sums[row, column, -1] = clear
-    reach = SURROUNDINGS * face_px / step
+    reach = SURROUNDINGS * face_px / spacing
     sums = gaussian_filter(sums, (reach, reach, 0), truncate=2.5)[row, column]
     return np.asarray(values - sums[:, :-1] / np.maximum(sums[:, -1:], 1e-6))
 

@@ -10,13 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Int
-from facestage.fit.textures.albedo_detail import (
-    ALBEDO_MIN,
-    DOUBTS,
-    PIGMENT_SIGMA,
-    SHRINKAGE,
-    SMOOTHNESS,
-)
+from facestage.fit.textures.albedo_detail import ALBEDO_MIN, SHRINKAGE, SMOOTHNESS
+from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA
 from facestage.fit.textures.shown import Shown
 from facestage.fit.textures.texel_field import (
     Field,

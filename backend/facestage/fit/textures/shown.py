@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 from facestage.contract import brdf
-from facestage.contract.arrays import Bool, Float
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
@@ -106,10 +106,7 @@ class Shown:
         step = int(np.ceil(np.sqrt(len(self.uvs) / pixels)))
         if step == 1 or image.spread is not None:
             return self
-        first = image.surface.pixels.min(axis=0)
-        # The pixels that are looked at are a lattice already, of a large photo every second.
-        spaces = np.diff(np.unique(image.surface.pixels[:, 0]))
-        place = np.rint((image.surface.pixels - first) / spaces.min()).astype(int)
+        place, _ = lattice(image.surface.pixels)
         kept = (place % step == 0).all(axis=1)
         image = replace(
             image,
@@ -141,6 +138,15 @@ class Shown:
         return (
             maximum_filter(high, width, mode="nearest") - minimum_filter(low, width, mode="nearest")
         )[row, column]
+
+
+def lattice(pixels: Float[np.ndarray, "pixels 2"]) -> tuple[Int[np.ndarray, "pixels 2"], float]:
+    """Columns and rows of ``pixels`` among those that are looked at, and how far these are apart:
+    of a large photo every second is.
+    """
+    spaces = np.diff(np.unique(pixels[:, 0]))
+    spacing = float(spaces.min()) if len(spaces) else 1.0
+    return np.rint((pixels - pixels.min(axis=0)) / spacing).astype(int), spacing
 
 
 def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Shown | None:

@@ -14,9 +14,11 @@ from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.black_and_white import SKIN_HUE, as_seen_in_color, is_black_and_white
 from facestage.fit.given.problem import read_problem
 from facestage.fit.given.skin_mask import opening_share
+from facestage.fit.sequence.frames import Cut
 from facestage.images.image_io import Photograph
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.synthetic_case import Case
+from reference.synthetic_scene import Scene
 
 SIZE = 120
 RED = np.array([0.3, 0.0, 0.0])
@@ -95,3 +97,11 @@ def test_a_job_s_photo_is_seen_in_color_unless_its_grey_is_known(case: Case, tmp
     assert "usual hue" in problem.read_from_photo()["color"]
     known = read_problem(replace(job, white_balance=(1.0, 1.0, 1.0)))
     assert not known.photograph.tinted
+
+
+def test_frames_of_a_black_and_white_film_are_seen_in_color_too(scene: Scene):
+    height, width = 96, 96
+    light = np.random.default_rng(1).uniform(0.1, 0.9, (height, width, 1)).repeat(3, axis=2)
+    cut = Cut.of(photo(light), scene.landmarks())
+    assert cut.photograph.tinted
+    assert not Cut.of(photo(light + RED), scene.landmarks()).photograph.tinted

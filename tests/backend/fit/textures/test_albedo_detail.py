@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from facestage.fit.forward.shading import sample_bilinear
-from facestage.fit.textures.albedo_detail import HUE_VARIES, Doubts, albedo_detail, pigment_share
+from facestage.fit.textures.albedo_detail import HUE_VARIES, albedo_detail
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.doubts import Doubts, pigment_share
 from facestage.fit.textures.symmetry import mirrored_texels
 from reference.painted_face import PaintedFace, moved_by_a_pixel, painted_face
 

@@ -79,11 +79,11 @@ def test_the_border_of_what_is_seen_does_not_show(face: PaintedFace):
         steps[name] = np.abs(found.log_albedo[unseen] - OLIVE).mean()
     print(f"unseen from the photo's tone: {steps['with']:.4f}, without {steps['without']:.4f}")
     assert steps["with"] < 0.02 < 0.05 < steps["without"]
-    # What is seen stays as it is, but for skin in shadow, whose tone is hardly seen.
+    # What is seen stays as it is.
     found, before = (albedo_detail(face.atlas, shown, None, geometry=g) for g in (geometry, None))
     change = np.abs(found.log_albedo - before.log_albedo)[found.seen]
     print(f"seen: changed by {change.mean():.4f}")
-    assert change.mean() < 0.02 and np.median(change) < 0.005
+    assert change.mean() < 0.01
 
 
 def test_nothing_seen_is_no_tone(face: PaintedFace):

@@ -48,22 +48,29 @@ def lash_depth(color: Float[np.ndarray, "height width 3"], landmarks: Landmarks)
     for lids in seen_lids(landmarks):
         if lids is None or lids.width < WIDTH_MIN:
             continue
-        upper = landmarks.points[lids.pairs[:, 0]]
-
-        def along(
-            share: tuple[float, float],
-            upper: Float[np.ndarray, "lid 2"] = upper,
-            step: Float[np.ndarray, " 2"] = lids.width * lids.across,
-        ) -> Float[np.ndarray, "samples lid"]:
-            at = upper + np.linspace(*share, SAMPLES)[:, None, None] * step
-            # Pixel centres are at halves in the points, at whole numbers here.
-            values = map_coordinates(luminance, (at - 0.5)[..., ::-1].T, order=1, mode="nearest")
-            return np.log(np.maximum(values.T, floor))
-
-        found.append(float(np.median(np.median(along(LID), axis=0) - along(LINE).min(axis=0))))
+        upper, up = landmarks.points[lids.pairs[:, 0]], lids.width * lids.across
+        lid, line = (_along(luminance, upper, up, share, floor) for share in (LID, LINE))
+        found.append(float(np.median(np.median(lid, axis=0) - line.min(axis=0))))
     if not found:
         return 0.0
     return float(np.clip(np.mean(found) - SHADE, 0.0, DARKEST))
+
+
+def _along(
+    luminance: Float[np.ndarray, "height width"],
+    points: Float[np.ndarray, "points 2"],
+    up: Float[np.ndarray, " 2"],
+    shares: tuple[float, float],
+    floor: float,
+) -> Float[np.ndarray, "samples points"]:
+    """Log luminance, above a ``floor``, from one share of the way ``up`` from the points to
+    another.
+    """
+    at = points + np.linspace(*shares, SAMPLES)[:, None, None] * up
+    # Pixel centres are at halves in the points, at whole numbers here.
+    places = np.moveaxis(at - 0.5, -1, 0)[::-1]
+    values = map_coordinates(luminance, places, order=1, mode="nearest")
+    return np.asarray(np.log(np.maximum(values, floor)))
 
 
 def upper_borders(

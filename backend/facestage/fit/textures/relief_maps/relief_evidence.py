@@ -11,7 +11,8 @@ from facestage.contract.arrays import Bool, Float
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import Image
 from facestage.fit.forward.surface_frame import FrameField
-from facestage.fit.textures.albedo_detail import DOUBTS, LIT_FULL
+from facestage.fit.textures.albedo_detail import LIT_FULL
+from facestage.fit.textures.doubts import in_doubt
 from facestage.fit.textures.shown import Shown
 
 MILLIMETRES = 1e3
@@ -187,11 +188,9 @@ def _weight(shown: Shown, doubted: float) -> Float[np.ndarray, " pixels"]:
     """Inverse variance of a pixel's residual by all that is neither pigment nor height: the doubts
     that hold the albedo back.
     """
-    matte, gloss = shown.diffuse.mean(axis=1), shown.specular.mean(axis=1)
+    matte = shown.diffuse.mean(axis=1)
     body = np.maximum((shown.diffuse * shown.albedo).mean(axis=1), 1e-9)
-    shading = DOUBTS.shading_shift * shown.change_over_shift(matte) / np.maximum(matte, 1e-9)
-    moved = DOUBTS.highlight_shift * shown.change_over_shift(gloss)
-    highlight = np.hypot(DOUBTS.highlight * gloss, moved) / body
+    shading, highlight = in_doubt(shown, body)
     lit = matte / max(float(np.percentile(matte, 90)), 1e-9)
     variance = NOISE**2 + doubted**2 * (shading**2 + highlight**2 + shown.doubt**2)
     return shown.weight * np.minimum(lit / LIT_FULL, 1.0) ** 3 / variance

@@ -82,6 +82,15 @@ def by_name(face: PaintedFace, values: np.ndarray, name: str) -> np.ndarray:
     return values[part.vertices]
 
 
+def blue_eyes(face: PaintedFace, state: State) -> Look:
+    """The face with BLUE irises."""
+    geometry = face.forward.geometry
+    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
+    change = np.zeros_like(geometry.log_albedo)
+    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
+    return picture(face, state, change)
+
+
 def test_blue_eyes_are_found(face: PaintedFace, smiling: State):
     geometry = face.forward.geometry
     change = np.zeros_like(geometry.log_albedo)
@@ -199,12 +208,8 @@ def test_closed_and_masked_eyes_are_not_painted(face: PaintedFace, smiling: Stat
 
 def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: State):
     """Where much around the eyes is hidden, what shows between is not theirs."""
-    geometry = face.forward.geometry
-    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
-    change = np.zeros_like(geometry.log_albedo)
-    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
-    look = picture(face, smiling, change)
-    rows, columns = face.forward.box(smiling, geometry.triangle_part == EYES)
+    look = blue_eyes(face, smiling)
+    rows, columns = face.forward.box(smiling, face.forward.geometry.triangle_part == EYES)
     usable = look.usable.copy()
     usable[rows, columns] &= look.skin[rows, columns] < 0.5
     hidden = replace(look, usable=usable)
@@ -217,12 +222,8 @@ def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: Stat
 
 def test_eyes_between_painted_lids_are_found(face: PaintedFace, smiling: State):
     """Half of what surrounds them is hidden, and landmarks find their own pixels."""
-    geometry = face.forward.geometry
-    iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
-    change = np.zeros_like(geometry.log_albedo)
-    change[iris] = np.log(BLUE) - geometry.log_albedo[iris]
-    look = picture(face, smiling, change)
-    rows, columns = face.forward.box(smiling, geometry.triangle_part == EYES)
+    look = blue_eyes(face, smiling)
+    rows, columns = face.forward.box(smiling, face.forward.geometry.triangle_part == EYES)
     skin = np.argwhere(look.skin[rows, columns] > 0.5) + np.array([rows.start, columns.start])
     usable = look.usable.copy()
     usable[tuple(skin[::2].T)] = False
