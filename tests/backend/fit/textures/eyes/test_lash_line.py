@@ -43,7 +43,7 @@ def picture(darker: float, width: float = 60.0) -> np.ndarray:
     """
     color = np.full((SIZE, SIZE, 3), [0.5, 0.35, 0.28])
     border = round(100 - width / 8)
-    color[border - 3 : border] *= np.exp(-darker)
+    color[border - max(1, round(width / 20)) : border] *= np.exp(-darker)
     return color
 
 
@@ -61,7 +61,8 @@ def test_no_line_is_darker_than_lashes_are():
 
 
 def test_nothing_is_said_of_eyes_that_are_small_or_hidden():
-    assert lash_depth(picture(0.9, 8.0), eyes(8.0)) == 0.0
+    assert lash_depth(picture(3.0, 12.0), eyes(12.0)) > 0.3
+    assert lash_depth(picture(3.0, 8.0), eyes(8.0)) == 0.0
     hidden = eyes()
     assert lash_depth(picture(0.9), replace(hidden, visible=np.zeros(478, bool))) == 0.0
     assert lash_depth(np.zeros((SIZE, SIZE, 3)), eyes()) == 0.0
