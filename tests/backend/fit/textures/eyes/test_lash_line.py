@@ -61,7 +61,7 @@ def test_no_line_is_darker_than_lashes_are():
 
 
 def test_nothing_is_said_of_eyes_that_are_small_or_hidden():
-    assert lash_depth(picture(3.0, 12.0), eyes(12.0)) > 0.3
+    assert lash_depth(picture(3.0, 14.0), eyes(14.0)) > 0.3
     assert lash_depth(picture(3.0, 8.0), eyes(8.0)) == 0.0
     hidden = eyes()
     assert lash_depth(picture(0.9), replace(hidden, visible=np.zeros(478, bool))) == 0.0
