@@ -181,14 +181,14 @@ def _label(axes: Any, ends: Sequence[tuple[float, float, str, str]], beside: boo
     placed: list[tuple[float, float]] = []
     for x, y, text, color in sorted(ends, key=lambda end: end[1]):
         across, height = (float(value) for value in axes.transData.transform((x, y)))
-        wanted = height
-        moved = True
-        while moved:
-            moved = False
-            for other_across, other in placed:
-                near = not beside or abs(other_across - across) < LABEL_WIDTH
-                if near and abs(other - wanted) < LABEL_STEP:
-                    wanted, moved = other + LABEL_STEP, True
+        wanted = free_height(
+            height,
+            [
+                other
+                for other_across, other in placed
+                if not beside or abs(other_across - across) < LABEL_WIDTH
+            ],
+        )
         placed.append((across, wanted))
         axes.annotate(
             text,
@@ -203,6 +203,18 @@ def _label(axes: Any, ends: Sequence[tuple[float, float, str, str]], beside: boo
             if wanted > height + 1
             else None,
         )
+
+
+def free_height(height: float, taken: Sequence[float]) -> float:
+    """The lowest place from ``height`` upward where a label is LABEL_STEP away from those
+    ``taken``, in pixels.
+    """
+    # From the lowest upward, each once: what moves the label up cannot bring it near a lower one,
+    # however the sum is rounded.
+    for other in sorted(taken):
+        if abs(other - height) < LABEL_STEP:
+            height = other + LABEL_STEP
+    return height
 
 
 def picture_name(kind: str, case: str) -> str:

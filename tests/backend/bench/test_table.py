@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
-from facestage.bench.charts import pareto_front
+from facestage.bench.charts import LABEL_STEP, free_height, pareto_front
 from facestage.bench.table import (
     PSNR,
     SIMILARITY,
@@ -22,6 +25,9 @@ def run(family: str, contender: str, *points: tuple[float, float, float | None])
     return [Row("c", family, contender, s, "joint", db, mm, mm + 1) for s, mm, db in points]
 
 
+ROUNDED_DOWN = next(
+    place for place in np.linspace(241, 255).tolist() if (place + LABEL_STEP) - place < LABEL_STEP
+)
 OURS = run(
     "ours", "Facestage", (1, 3.0, None), (2, 1.9, 26), (3, 2.2, 29), (4, 1.6, 31), (5, 1.4, 31.5)
 )
@@ -106,3 +112,15 @@ def test_pareto_front():
     points = [(1, 3.0), (2, 2.0), (2, 2.5), (3, 2.5), (5, 1.0)]
     assert pareto_front(points, lower_is_better=True) == [(1, 3.0), (2, 2.0), (5, 1.0)]
     assert pareto_front(points, lower_is_better=False) == [(1, 3.0)]
+
+
+@given(st.floats(0, 1000), st.lists(st.floats(0, 1000), max_size=8))
+# A step above this place is less than a step away from it, as floats are rounded.
+@example(ROUNDED_DOWN, [ROUNDED_DOWN])
+def test_a_label_takes_the_lowest_free_place(height, taken):
+    place = free_height(height, taken)
+    assert place >= height
+    assert all(abs(other - place) > LABEL_STEP - 1e-9 for other in taken)
+    below = [height, *(other + LABEL_STEP for other in taken)]
+    lower = [low for low in below if height <= low < place - 1e-9]
+    assert all(any(abs(other - low) < LABEL_STEP for other in taken) for low in lower)

@@ -13,6 +13,8 @@ def firm_cholesky(matrix: np.ndarray, first: float = 1e-10) -> tuple[np.ndarray,
     """Lower factor of a symmetric ``matrix`` (n, n) of unit diagonal, for scipy's cho_solve.
 
     The diagonal grows until rounding allows a factor: by ``first``, then by ten times as much, ...
+
+    Raises LinAlgError where no diagonal would do: ``matrix`` is not finite.
     """
     extra = 0.0
     while True:
@@ -20,6 +22,8 @@ def firm_cholesky(matrix: np.ndarray, first: float = 1e-10) -> tuple[np.ndarray,
             grown = matrix + extra * np.eye(len(matrix)) if extra else matrix
             return cho_factor(grown, lower=True, check_finite=False)
         except LinAlgError:
+            if not np.isfinite(matrix).all():
+                raise
             extra = max(10 * extra, first)
 
 

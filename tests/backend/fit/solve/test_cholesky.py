@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import cho_solve
+from scipy.linalg import LinAlgError, cho_solve
 
 from facestage.fit.solve.cholesky import firm_cholesky, with_ridge
 
@@ -31,3 +31,8 @@ def test_the_first_growth_is_the_callers():
 def test_a_ridge_is_a_share_of_the_largest_eigenvalue():
     np.testing.assert_allclose(with_ridge(np.diag([2.0, 8.0]), 0.25), np.diag([4.0, 10.0]))
     assert (with_ridge(np.zeros((2, 2)), 0.25).diagonal() > 0).all()
+
+
+def test_what_is_not_finite_has_no_factor():
+    with pytest.raises(LinAlgError):
+        firm_cholesky(np.array([[1.0, np.inf], [np.inf, 1.0]]))

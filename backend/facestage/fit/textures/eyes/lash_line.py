@@ -30,7 +30,7 @@ WIDTH_MIN = 10.0  # pixels of an eye, below which its lashes are not seen
 SHADE, DARKEST = 0.25, 1.4
 # Metres: how far the line goes on the lid, and on its rim, which lashes hide; and where skin is
 # that of the lid.
-HALF_WIDTH, RIM, LID_SKIN = 0.0021, 0.003, (0.003, 0.005)
+HALF_WIDTH, RIM, LID_SKIN = 0.0014, 0.003, (0.0022, 0.004)
 ON_EYEBALL = 0.002  # from it a lid's border lies, the most
 STEP = 0.0001  # between points of the border
 # Share of the way from the inner corner over which the line begins.
