@@ -35,6 +35,7 @@ from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
 from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.fineness import USUAL, Fineness
+from facestage.fit.given.lash_depth import lash_depth
 from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import (
@@ -122,6 +123,11 @@ class Problem:
     def closed_teeth(self) -> float:
         """0 to 1, how surely closed teeth are seen between the lips."""
         return closed_teeth(self.photograph.color, self.skin, self.landmarks)
+
+    @cached_property
+    def lash_depth(self) -> float:
+        """By how much the line of the lashes is darker than the lids, of the logarithm."""
+        return lash_depth(self.photograph.color, self.landmarks)
 
     @cached_property
     def paintable(self) -> np.ndarray:

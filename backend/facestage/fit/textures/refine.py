@@ -29,7 +29,7 @@ from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, pa
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.eyes.iris_size import iris_size
-from facestage.fit.textures.eyes.lash_line import draw_lash_line, lash_depth
+from facestage.fit.textures.eyes.lash_line import draw_lash_line
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
@@ -138,8 +138,8 @@ def refine(
     logs = atlas.bake(vertices)
     if detail is not None:
         logs += detail.log_albedo
-        depth = lash_depth(problem.photograph.color, problem.landmarks)
-        draw_lash_line(logs, atlas, problem.geometry.model, problem.geometry.mean, depth)
+        model, mean = problem.geometry.model, problem.geometry.mean
+        draw_lash_line(logs, atlas, model, mean, problem.lash_depth)
         # Beyond the seams too, where lookups between texels reach.
         atlas.spread(logs)
     albedo = painted(logs)

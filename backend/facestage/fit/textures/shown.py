@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+from scipy.ndimage import binary_dilation, map_coordinates, maximum_filter, minimum_filter
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float, Int
-from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pixels
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import brow_pixels, opening_share
 from facestage.fit.textures.creases import crease_depth
+from facestage.fit.textures.lids_beside import LidsBeside, lids_beside
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
@@ -28,10 +29,14 @@ PIXELS_ACROSS = 1000.0
 # Cosine between the view and the skin below which a pixel is not looked at, and above which it
 # counts in full.
 GRAZING, FACING = 0.15, 0.45
-# Log albedo of black hair below that of light skin: how far a brow may depart from the skin.
-BROW_DEPARTURE = 2.0
-# By how much, in log radiance, what is darker than skin may be a brow, and surely is one.
-BROW_DARKER = 0.3, 0.7
+# Log albedo of black hair below that of light skin: how far a brow may depart from the skin; and of
+# lashes, which are in their own shade.
+BROW_DEPARTURE, LASH_DEPARTURE = 2.0, 4.0
+# Depth of the line of the lashes in the photo from which on its lids may, and surely do, have one:
+# shadows of bare lids are as deep as the first.
+LASHES_DARKER = 0.4, 0.7
+# By how much, in log radiance, what is darker than skin may be hair, and surely is.
+HAIR_DARKER = 0.3, 0.7
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         return None
     terms = light_on(problem, forward, fitted, surface)
     image = forward.shade(fitted.state, surface, terms, radiance=np.eye(3))
+    width, height = problem.photograph.size
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
     face = np.zeros(problem.paintable.shape, bool)
@@ -169,26 +175,58 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     face[row, column] = True
     face = binary_dilation(face, np.ones((step, step))) if step > 1 else face
     # Teeth on lips that hang too low, and whites on lids, are no skin either.
-    width, height = problem.photograph.size
     opened = opening_share((height, width), problem.landmarks)
-    skin = (problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened))[row, column]
+    skin = problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened)
+    lids = _lids(problem, forward, fitted, surface.pixels)
+    place = surface.pixels + lids.shift
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
-    photo = problem.photograph.color[row, column].astype(np.float64)
+    photo = _read(problem.photograph.color, place)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
     return Shown(
         image=image,
         uvs=forward.uvs(surface),
         photo=photo,
-        clipped=problem.photograph.clipped[row, column],
-        clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
+        clipped=_read(problem.photograph.clipped, place) > 0,
+        clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * _read(skin, place),
         doubt=_shading_doubt(problem, fitted)[row, column],
-        feature=np.maximum(painted, BROW_DEPARTURE * brow_share(brows, photo, image.color)),
+        feature=np.maximum.reduce(
+            [
+                painted,
+                BROW_DEPARTURE * hair_share(brows, photo, image.color),
+                LASH_DEPARTURE * lids.lashes * hair_share(lids.lashes > 0, photo, image.color),
+            ]
+        ),
         crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
         face_px=problem.face_size_px,
         shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
     )
+
+
+def _lids(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, pixels: Float[np.ndarray, "pixels 2"]
+) -> LidsBeside:
+    """Lids that show no line of lashes need no place for it: the fit is as sure as landmarks."""
+    share = _ramp(problem.lash_depth, LASHES_DARKER)
+    if not share:
+        return LidsBeside(np.zeros(pixels.shape), np.zeros(len(pixels)))
+    on_face = landmark_pixels(forward.geometry, problem.landmarks, fitted.state)
+    lids = lids_beside(pixels, problem.landmarks, on_face, problem.face_size_px)
+    return LidsBeside(share * lids.shift, share * lids.lashes)
+
+
+def _read(picture: np.ndarray, place: Float[np.ndarray, "pixels 2"]) -> np.ndarray:
+    """(pixels, ...) float64, a ``picture`` (height, width, ...) between its pixels, whose centres
+    are at halves.
+    """
+    at = (place - 0.5).T[::-1]
+    channels = np.atleast_3d(picture)
+    read = [
+        map_coordinates(channels[..., k], at, np.float64, order=1, mode="nearest")
+        for k in range(channels.shape[2])
+    ]
+    return np.stack(read, axis=1).reshape(len(place), *picture.shape[2:])
 
 
 def light_on(
@@ -221,18 +259,21 @@ def light_on(
     return LightTerms.joined(parts)
 
 
-def brow_share(
-    brows: Bool[np.ndarray, " pixels"],
+def hair_share(
+    where: Bool[np.ndarray, " pixels"],
     photo: Float[np.ndarray, "pixels 3"],
     rendered: Float[np.ndarray, "pixels 3"],
 ) -> Float[np.ndarray, " pixels"]:
-    """0..1, how surely a pixel shows a brow: it lies where ``brows`` may be, and is darker than
-    bare skin is ``rendered`` under the same light.
+    """0..1, how surely a pixel shows a brow or lashes: it lies ``where`` they may be, and is darker
+    than bare skin is ``rendered`` under the same light.
     """
     seen, expected = photo.mean(axis=1), rendered.mean(axis=1)
     darker = np.log(np.maximum(expected, 1e-9)) - np.log(np.maximum(seen, 1e-9))
-    share = (darker - BROW_DARKER[0]) / (BROW_DARKER[1] - BROW_DARKER[0])
-    return np.where(brows, np.clip(share, 0.0, 1.0), 0.0)
+    return np.where(where, _ramp(darker, HAIR_DARKER), 0.0)
+
+
+def _ramp(values: np.ndarray | float, ends: tuple[float, float]) -> np.ndarray:
+    return np.asarray(np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "height width"]:
