@@ -35,7 +35,7 @@ class Lids:
 
 def seen_lids(landmarks: Landmarks) -> list[Lids | None]:
     """Of each eye of the landmarks' scheme; None where not all of it shows."""
-    points, counted = landmarks.points, landmarks.counted & landmarks.visible
+    points, counted = landmarks.points, landmarks.counted
     found: list[Lids | None] = []
     for eye in scheme_of(landmarks.scheme).eyes:
         pairs = np.array(eye.lids)

@@ -45,7 +45,7 @@ def closed_teeth(
     across = across[len(across) // 3 : len(across) - len(across) // 3]
     bare = color[skin > SKIN_MIN]
     upper, lower = landmarks.points[across].transpose(1, 0, 2)
-    shown = (landmarks.counted & landmarks.visible)[across].all()
+    shown = landmarks.counted[across].all()
     if not (shown and len(bare) and np.isfinite([upper, lower]).all()):
         return 0.0
     opening = np.linalg.norm(upper - lower, axis=1)

@@ -15,7 +15,7 @@ from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import brow_pixels, opening_share
 from facestage.fit.textures.creases import crease_depth
-from facestage.fit.textures.lids_beside import LidsBeside, lids_beside
+from facestage.fit.textures.lids_beside import lids_beside
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
@@ -32,9 +32,6 @@ GRAZING, FACING = 0.15, 0.45
 # Log albedo of black hair below that of light skin: how far a brow may depart from the skin; and of
 # lashes, which are in their own shade.
 BROW_DEPARTURE, LASH_DEPARTURE = 2.0, 4.0
-# Depth of the line of the lashes in the photo from which on its lids may, and surely do, have one:
-# shadows of bare lids are as deep as the first.
-LASHES_DARKER = 0.4, 0.7
 # By how much, in log radiance, what is darker than skin may be hair, and surely is.
 HAIR_DARKER = 0.3, 0.7
 
@@ -176,20 +173,26 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     face = binary_dilation(face, np.ones((step, step))) if step > 1 else face
     # Teeth on lips that hang too low, and whites on lids, are no skin either.
     opened = opening_share((height, width), problem.landmarks)
-    skin = problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened)
-    lids = _lids(problem, forward, fitted, surface.pixels)
-    place = surface.pixels + lids.shift
+    lids = lids_beside(
+        surface.pixels,
+        problem.landmarks,
+        landmark_pixels(forward.geometry, problem.landmarks, fitted.state),
+        problem.face_size_px,
+        problem.lash_depth,
+    )
+    beside = surface.pixels, lids.shift
+    skin = _read(problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened), *beside)
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
-    photo = _read(problem.photograph.color, place)
+    photo = _read(problem.photograph.color, *beside)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
     return Shown(
         image=image,
         uvs=forward.uvs(surface),
         photo=photo,
-        clipped=_read(problem.photograph.clipped, place) > 0,
-        clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * _read(skin, place),
+        clipped=_read(problem.photograph.clipped, *beside) > 0,
+        clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.maximum.reduce(
             [
@@ -204,29 +207,22 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     )
 
 
-def _lids(
-    problem: Problem, forward: ForwardModel, fitted: Fitted, pixels: Float[np.ndarray, "pixels 2"]
-) -> LidsBeside:
-    """Lids that show no line of lashes need no place for it: the fit is as sure as landmarks."""
-    share = _ramp(problem.lash_depth, LASHES_DARKER)
-    if not share:
-        return LidsBeside(np.zeros(pixels.shape), np.zeros(len(pixels)))
-    on_face = landmark_pixels(forward.geometry, problem.landmarks, fitted.state)
-    lids = lids_beside(pixels, problem.landmarks, on_face, problem.face_size_px)
-    return LidsBeside(share * lids.shift, share * lids.lashes)
-
-
-def _read(picture: np.ndarray, place: Float[np.ndarray, "pixels 2"]) -> np.ndarray:
-    """(pixels, ...) float64, a ``picture`` (height, width, ...) between its pixels, whose centres
-    are at halves.
+def _read(
+    picture: np.ndarray, pixels: Float[np.ndarray, "pixels 2"], shift: Float[np.ndarray, "pixels 2"]
+) -> np.ndarray:
+    """(pixels, ...) float64, a ``picture`` (height, width, ...) as far beside ``pixels``, whose
+    centres are at halves, as the ``shift``, between its own.
     """
-    at = (place - 0.5).T[::-1]
-    channels = np.atleast_3d(picture)
-    read = [
-        map_coordinates(channels[..., k], at, np.float64, order=1, mode="nearest")
-        for k in range(channels.shape[2])
-    ]
-    return np.stack(read, axis=1).reshape(len(place), *picture.shape[2:])
+    column, row = pixels.astype(int).T
+    read = picture[row, column].astype(np.float64)
+    moved = shift.any(axis=1)
+    at = (pixels[moved] + shift[moved] - 0.5).T[::-1]
+    channels, values = np.atleast_3d(picture), read.reshape(len(pixels), -1)
+    for k in range(values.shape[1]):
+        values[moved, k] = map_coordinates(
+            channels[..., k], at, np.float64, order=1, mode="nearest"
+        )
+    return read
 
 
 def light_on(
@@ -269,11 +265,7 @@ def hair_share(
     """
     seen, expected = photo.mean(axis=1), rendered.mean(axis=1)
     darker = np.log(np.maximum(expected, 1e-9)) - np.log(np.maximum(seen, 1e-9))
-    return np.where(where, _ramp(darker, HAIR_DARKER), 0.0)
-
-
-def _ramp(values: np.ndarray | float, ends: tuple[float, float]) -> np.ndarray:
-    return np.asarray(np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
+    return np.where(where, np.interp(darker, HAIR_DARKER, (0.0, 1.0)), 0.0)
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "height width"]:

@@ -165,31 +165,31 @@ def test_a_photo_is_painted_finer_than_it_was_fitted(scene: Scene, problem: Prob
     assert finer_photo(problem, fitted) == (problem, fitted)  # as large as the photo is
 
 
-@pytest.mark.parametrize(("depth", "share"), [(0.2, 0.0), (0.55, 0.5), (1.2, 1.0)])
+@pytest.mark.parametrize("lashes", [0.0, 0.5, 1.0])
 def test_lids_are_read_beside_where_the_photo_shows_lashes(
-    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch, depth: float, share: float
+    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch, lashes: float
 ):
-    """All of this face is lid, seen four pixels to the right, and all of that is dark."""
+    """All of this face is lid, seen up to four pixels to the right, and all of that is dark."""
     photo = problem.photograph
     clipped = np.random.default_rng(0).uniform(size=photo.color.shape) < 0.5
     problem = replace(problem, photograph=replace(photo, color=0.2 * photo.color, clipped=clipped))
     fitted = at_truth(scene, problem)
     fitted.hidden[:, 50:] = True
-    given = replace(problem)
-    vars(given)["lash_depth"] = depth
+    plain = what_is_shown(problem, scene.forward, fitted)
     monkeypatch.setattr(
         "facestage.fit.textures.shown.lids_beside",
-        lambda pixels, *_: LidsBeside(np.full(pixels.shape, [4.0, 0.0]), np.ones(len(pixels))),
+        lambda pixels, *_: LidsBeside(
+            np.full(pixels.shape, [4 * lashes, 0.0]), np.full(len(pixels), lashes)
+        ),
     )
-    plain = what_is_shown(problem, scene.forward, fitted)
-    shown = what_is_shown(given, scene.forward, fitted)
+    shown = what_is_shown(problem, scene.forward, fitted)
     assert plain is not None and shown is not None
     column, row = shown.image.surface.pixels.astype(int).T
-    beside = np.minimum(column + round(4 * share), problem.photograph.size[0] - 1)
+    beside = np.minimum(column + round(4 * lashes), problem.photograph.size[0] - 1)
     np.testing.assert_allclose(shown.photo, problem.photograph.color[row, beside], rtol=1e-6)
     np.testing.assert_array_equal(shown.clipped, clipped[row, beside])
     assert not shown.clear[beside >= 50].any() and shown.clear[beside == 49].any()
     dark = shown.photo.mean(axis=1) < 0.4 * shown.image.color.mean(axis=1)
     assert dark.any()
-    assert (shown.feature[dark] >= LASH_DEPARTURE * share).all()
-    assert share or np.array_equal(shown.feature, plain.feature)
+    assert (shown.feature[dark] >= LASH_DEPARTURE * lashes).all()
+    assert lashes or np.array_equal(shown.feature, plain.feature)
