@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from facestage.fit.energy.breadth_term import BreadthTerm
 from facestage.fit.energy.exposure_term import ExposureTerm
+from facestage.fit.energy.gaze_term import GazeTerm
 from facestage.fit.energy.landmark_term import LandmarkTerm
 from facestage.fit.energy.lid_term import LidTerm
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -18,6 +19,7 @@ TERMS: tuple[type[Term], ...] = (
     Priors,
     LandmarkTerm,
     LidTerm,
+    GazeTerm,
     BreadthTerm,
     PinTerm,
     SilhouetteTerm,

@@ -1,0 +1,127 @@
+"""Gaze: residuals, Jacobian, where the term is silent, and how far a landmark stage turns eyes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.contract.job import Weights
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.energy.energy import Energy
+from facestage.fit.energy.gaze_term import SIGMA_SHARE, GazeTerm
+from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
+from facestage.fit.energy.priors import Priors
+from facestage.fit.energy.term import Term
+from facestage.fit.face.layout import Layout
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+from facestage.fit.face.unknowns import SHAPE, Known
+from facestage.fit.given.lids import seen_lids
+from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.stages.photo_descent import PhotoDescent
+from facestage.models.anatomy.landmark_schemes import scheme_of
+from reference.landmarked_face import SCHEME, landmarked_face
+from reference.landmarked_face import LandmarkedFace as Face
+
+ASIDE = {"eyeLookOutLeft": 0.9, "eyeLookInRight": 0.9}
+
+
+@pytest.fixture(scope="module")
+def face() -> Face:
+    return landmarked_face()
+
+
+def found_by(face: Face, landmarks: Landmarks) -> GazeTerm:
+    term = GazeTerm.seen(face.geometry, landmarks)
+    assert term is not None
+    return term
+
+
+def places(face: Face, state: State) -> np.ndarray:
+    """(2, 2) where the irises are from the middle of the corners, along the eye and up, in shares
+    of its width.
+    """
+    landmarks = face.landmarks(state)
+    found = []
+    for eye, lids in zip(scheme_of(SCHEME).eyes, seen_lids(landmarks), strict=True):
+        assert lids is not None
+        middle = landmarks.points[list(eye.corners)].mean(axis=0)
+        axes = np.array([[-lids.across[1], lids.across[0]], lids.across])
+        found.append(axes @ (landmarks.points[eye.iris[0]] - middle) / lids.width)
+    return np.array(found)
+
+
+def test_residuals_are_zero_at_the_truth_and_say_how_far_irises_are_off(face: Face):
+    aside = face.with_weights(**ASIDE)
+    term = found_by(face, face.landmarks(aside))
+    assert np.abs(term.residuals(aside)).max() < 1e-9
+    # Eyes, corners, axes: the mean of the corners is their middle.
+    off = term.residuals(face.state).reshape(2, 2, 2).mean(axis=1) * SIGMA_SHARE
+    expected = places(face, face.state) - places(face, aside)
+    assert np.abs(expected[:, 0]).min() > 0.1
+    np.testing.assert_allclose(off, expected, atol=0.004)
+
+
+@pytest.mark.parametrize("block", ["pose", "focal", "identity", "expression"])
+def test_jacobian_equals_finite_differences(face: Face, block: str):
+    term = found_by(face, face.landmarks(face.with_weights(**ASIDE)))
+    layout, step = Layout(face.state), 1e-5
+    jacobian = term.jacobian(face.state, layout)
+    where = layout.slices[block]
+    for column in range(where.start, where.stop, 5):
+        increment = np.zeros(layout.size)
+        increment[column] = step
+        plus, minus = (
+            term.residuals(layout.apply(face.state, sign * increment)) for sign in (1, -1)
+        )
+        wanted = (plus - minus) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, column], wanted, rtol=1e-5, atol=1e-5)
+
+
+def test_an_eye_that_is_shut_or_hidden_says_nothing(face: Face):
+    landmarks = face.landmarks(face.with_weights(eyeBlinkLeft=1.0))
+    right, _ = scheme_of(SCHEME).eyes
+    assert len(found_by(face, landmarks).apart) == 4
+    hidden = landmarks.visible.copy()
+    hidden[right.iris[0]] = False
+    assert GazeTerm.seen(face.geometry, replace(landmarks, visible=hidden)) is None
+    sparse = Landmarks("ibug68", np.zeros((68, 2)), np.ones(68, bool))
+    assert GazeTerm.seen(face.geometry, sparse) is None
+
+
+@pytest.mark.parametrize(("with_term", "least", "most"), [(True, 0.8, 1.05), (False, 0.2, 0.7)])
+def test_a_landmark_stage_turns_the_eyes(face: Face, with_term: bool, least: float, most: float):
+    """Points alone leave eyes that look aside looking half as far."""
+    model, random = face.geometry.model, np.random.default_rng(5)
+    true = face.with_weights(**ASIDE)
+    landmarks = face.landmarks(true)
+    size = face_size_px(landmarks)
+    # Neighbors err together: the whole face by more than an iris in its eye.
+    noise = random.normal(size=2) + 0.2 * random.normal(size=(478, 2))
+    landmarks = replace(landmarks, points=landmarks.points + LANDMARK_SIGMA_SHARE * size * noise)
+    layout = Layout(face.state)
+    known = Known(
+        LightParameters(np.zeros(1, bool), np.ones((1, 3)), False),
+        face.state.camera.focal_px,
+        expression_box=model.expression_box,
+    )
+    low, high = layout.bounds(known)
+    terms: list[Term] = [
+        Priors(layout, known, Weights()),
+        LandmarkTerm(face.geometry, landmarks, LANDMARK_SIGMA_SHARE * size),
+    ]
+    if with_term:
+        terms.append(found_by(face, landmarks))
+    state = face.state
+    for blocks in (("pose",), SHAPE):
+        held = ~layout.mask(blocks) | layout.mask(("focal",))
+        stage = PhotoDescent("landmarks", blocks, Energy(layout, tuple(terms)), 30, held, low, high)
+        for step in stage.run(state, 0, np.inf):
+            state = step.state
+    straight, there, here = (places(face, each)[:, 0] for each in (face.state, true, state))
+    share = (here - straight) / (there - straight)
+    print(f"of the look aside {share} found")
+    assert (share > least).all()
+    assert (share < most).all()
