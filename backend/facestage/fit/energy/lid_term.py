@@ -12,8 +12,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.pair_distances import PairDistances, pairs_on
-from facestage.fit.energy.term import Setup, Term
+from facestage.fit.energy.pair_distances import SeenPairs, pairs_on
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.given.lids import seen_lids, shutters
 
@@ -27,17 +26,11 @@ INDEPENDENT = 1.75
 
 
 @dataclass(frozen=True, eq=False)
-class LidTerm(PairDistances, Term):
+class LidTerm(SeenPairs):
     """The distances of the lids across the eyes: an eye that begins open may be shut."""
 
     words: ClassVar = {"lids": "Opening of the eyes"}
     name: ClassVar = "lids"
-
-    @classmethod
-    def of(cls, setup: Setup) -> Self | None:
-        """Of every phase, where landmarks know the lids."""
-        landmarks = setup.problem.landmarks_at(setup.factor)
-        return cls.seen(setup.problem.geometry, landmarks, setup.problem.job.weights.landmarks)
 
     @classmethod
     def seen(cls, geometry: FaceGeometry, landmarks: Landmarks, weight: float = 1.0) -> Self | None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from facestage.contract.arrays import Float, Int
+from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.robust_residuals import QuadraticResiduals
+from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -35,6 +39,21 @@ class PairDistances(QuadraticResiduals):
         """Derivative of :meth:`residuals`."""
         first, second = np.split(self.on_face.jacobian(state, layout), 2)
         return np.einsum("pxk,px->pk", first - second, self.along)
+
+
+class SeenPairs(PairDistances, Term):
+    """Pairs that landmarks show whatever the phase."""
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self | None:
+        """Of every phase, where landmarks know the pairs."""
+        landmarks = setup.problem.landmarks_at(setup.factor)
+        return cls.seen(setup.problem.geometry, landmarks, setup.problem.job.weights.landmarks)
+
+    @classmethod
+    @abstractmethod
+    def seen(cls, geometry: FaceGeometry, landmarks: Landmarks, weight: float = 1.0) -> Self | None:
+        """The pairs that ``landmarks`` show; None where they show none."""
 
 
 def pairs_on(

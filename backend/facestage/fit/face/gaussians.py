@@ -60,6 +60,12 @@ def independent(
     return Gaussian(_diagonal(inverse), mean * inverse)
 
 
+def tied(prior: Gaussian, ties: Float[np.ndarray, "ties values"]) -> Gaussian:
+    """``prior`` of values of which the sums ``ties`` are 0, in standard deviations, besides."""
+    operator = sp.vstack([prior.operator, sp.csr_matrix(ties)]).tocsr()
+    return Gaussian(operator, np.concatenate([prior.offset, np.zeros(len(ties))]))
+
+
 def level(count: int, mean: float, sigma: float) -> Gaussian:
     """``count`` values count as one observation of their ``mean``, however many they are."""
     spread = sigma * np.sqrt(count)

@@ -21,7 +21,7 @@ from facestage.contract.arrays import Bool, Float
 from facestage.contract.face_model import FaceModel
 from facestage.contract.light_stage import FAR
 from facestage.contract.parameters import KEPT, TABLE, Values
-from facestage.fit.face.gaussians import Gaussian, Relative, independent, level, smooth
+from facestage.fit.face.gaussians import Gaussian, Relative, independent, level, smooth, tied
 from facestage.fit.face.lamps import spacing
 from facestage.fit.face.light_color import LightPrior
 from facestage.fit.face.light_parameters import LightParameters
@@ -71,6 +71,9 @@ class Known:
     # Standard deviations of those in 0..1: a jaw whose teeth are seen closed has a small one.
     expression_sigma: float | Float[np.ndarray, " expressions"] = EXPRESSION_SIGMA
     white: WhiteBalance | None = None  # what something grey in the photo shows of the light
+    # Sums of expressions' weights that are likely to be 0, in standard deviations: eyes look the
+    # same way.
+    expression_ties: Float[np.ndarray, "ties expressions"] | None = None
 
     @property
     def spacing(self) -> float:
@@ -151,7 +154,8 @@ def _expression_range(known: Known) -> Range:
 
 def _expression_prior(known: Known, count: int) -> Gaussian:
     sigma = np.where(known.expression_box, known.expression_sigma, 1.0)
-    return independent(count, known.expression_mean, sigma)
+    each = independent(count, known.expression_mean, sigma)
+    return each if known.expression_ties is None else tied(each, known.expression_ties)
 
 
 def _light_prior(known: Known, count: int) -> LightPrior:

@@ -26,6 +26,7 @@ from facestage.fit.face.unknowns import BELOW, LAMPS, SHAPE, SKIN, Known, kept_s
 from facestage.fit.face.white_balance import WhiteBalance
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.gaze import looks_apart
 from facestage.fit.given.lids import shut_weights
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.teeth import expression_deviations
@@ -221,6 +222,7 @@ class View:
             shut_weights(problem.geometry.model, problem.landmarks),
             expression_deviations(problem.geometry.model, problem.closed_teeth),
             self._white_balance(state),
+            looks_apart(problem.geometry.model),
         )
 
     def _white_balance(self, state: State) -> WhiteBalance | None:

@@ -8,20 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.breadth_term import SIGMA_SHARE, Breadths, BreadthTerm
-from facestage.fit.energy.energy import Energy
-from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
-from facestage.fit.energy.priors import Priors
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.skin_mask import face_size_px
-from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
-from reference.landmarked_face import SCHEME, LandmarkedFace, landmarked_face
+from reference.landmarked_face import SCHEME, LandmarkedFace, check_jacobian, landmarked_face
 
 PAIRS = scheme_of(SCHEME).breadths
 
@@ -77,17 +69,7 @@ def test_residuals_are_zero_at_the_truth_and_count_what_a_face_is_wider(face: La
 def test_jacobian_equals_finite_differences(face: LandmarkedFace, block: str):
     term = found_by(face, face.landmarks(shaped(face, jaw_angle_width=1.0))).at(face.state)
     assert term is not None
-    layout, step = Layout(face.state), 1e-5
-    jacobian = term.jacobian(face.state, layout)
-    where = layout.slices[block]
-    for column in range(where.start, where.stop, 7):
-        increment = np.zeros(layout.size)
-        increment[column] = step
-        plus, minus = (
-            term.residuals(layout.apply(face.state, sign * increment)) for sign in (1, -1)
-        )
-        wanted = (plus - minus) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, column], wanted, rtol=1e-5, atol=1e-5)
+    check_jacobian(term, face.state, block)
 
 
 def test_a_head_that_is_turned_aside_says_nothing(face: LandmarkedFace):
@@ -119,34 +101,14 @@ def test_a_landmark_stage_leaves_a_wide_face_wide(face: LandmarkedFace):
     """Points alone, hidden at the outline as a detector has them, made it narrower by a fortieth
     of its size.
     """
-    model, random = face.geometry.model, np.random.default_rng(5)
     true = shaped(face, bizygomatic_breadth=2.0, jaw_angle_width=1.5)
-    landmarks = face.landmarks(true)
-    size = face_size_px(landmarks)
     visible = np.ones(478, bool)
     visible[PAIRS] = False
-    noise = random.normal(size=2) + 0.2 * random.normal(size=(478, 2))
-    points = landmarks.points + LANDMARK_SIGMA_SHARE * size * noise
-    landmarks = replace(landmarks, points=points, visible=visible)
-    layout = Layout(face.state)
-    known = Known(
-        LightParameters(np.zeros(1, bool), np.ones((1, 3)), False),
-        face.state.camera.focal_px,
-        expression_box=model.expression_box,
-    )
-    low, high = layout.bounds(known)
-    points_alone = (
-        Priors(layout, known, Weights()),
-        LandmarkTerm(face.geometry, landmarks, LANDMARK_SIGMA_SHARE * size),
-    )
+    landmarks = replace(face.found(true, np.random.default_rng(5)), visible=visible)
+    size = face_size_px(face.landmarks(true))
     off = []
-    for terms in (points_alone, (*points_alone, found_by(face, landmarks))):
-        state = face.state
-        for blocks in (("pose",), SHAPE):
-            held = ~layout.mask(blocks) | layout.mask(("focal",))
-            stage = PhotoDescent("landmarks", blocks, Energy(layout, terms), 30, held, low, high)
-            for step in stage.run(state, 0, np.inf):
-                state = step.state
+    for terms in ((), (found_by(face, landmarks),)):
+        state = face.landmark_stage(landmarks, *terms)
         off.append(float((widths(face.landmarks(state)) - widths(landmarks)).mean()) / size)
     print(f"breadth off by points alone {off[0]:.3f} of the face, with breadths {off[1]:.3f}")
     assert off[0] < -0.02 and abs(off[1]) < 0.01

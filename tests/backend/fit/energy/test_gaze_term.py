@@ -7,22 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.energy import Energy
 from facestage.fit.energy.gaze_term import SIGMA_SHARE, GazeTerm
-from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
-from facestage.fit.energy.priors import Priors
-from facestage.fit.energy.term import Term
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, Known
+from facestage.fit.given.gaze import looks_apart
 from facestage.fit.given.lids import seen_lids
-from facestage.fit.given.skin_mask import face_size_px
-from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
-from reference.landmarked_face import SCHEME, landmarked_face
+from reference.landmarked_face import SCHEME, check_jacobian, landmarked_face
 from reference.landmarked_face import LandmarkedFace as Face
 
 ASIDE = {"eyeLookOutLeft": 0.9, "eyeLookInRight": 0.9}
@@ -67,17 +58,7 @@ def test_residuals_are_zero_at_the_truth_and_say_how_far_irises_are_off(face: Fa
 @pytest.mark.parametrize("block", ["pose", "focal", "identity", "expression"])
 def test_jacobian_equals_finite_differences(face: Face, block: str):
     term = found_by(face, face.landmarks(face.with_weights(**ASIDE)))
-    layout, step = Layout(face.state), 1e-5
-    jacobian = term.jacobian(face.state, layout)
-    where = layout.slices[block]
-    for column in range(where.start, where.stop, 5):
-        increment = np.zeros(layout.size)
-        increment[column] = step
-        plus, minus = (
-            term.residuals(layout.apply(face.state, sign * increment)) for sign in (1, -1)
-        )
-        wanted = (plus - minus) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, column], wanted, rtol=1e-5, atol=1e-5)
+    check_jacobian(term, face.state, block)
 
 
 def test_an_eye_that_is_shut_or_hidden_says_nothing(face: Face):
@@ -94,34 +75,32 @@ def test_an_eye_that_is_shut_or_hidden_says_nothing(face: Face):
 @pytest.mark.parametrize(("with_term", "least", "most"), [(True, 0.8, 1.05), (False, 0.2, 0.7)])
 def test_a_landmark_stage_turns_the_eyes(face: Face, with_term: bool, least: float, most: float):
     """Points alone leave eyes that look aside looking half as far."""
-    model, random = face.geometry.model, np.random.default_rng(5)
     true = face.with_weights(**ASIDE)
-    landmarks = face.landmarks(true)
-    size = face_size_px(landmarks)
-    # Neighbors err together: the whole face by more than an iris in its eye.
-    noise = random.normal(size=2) + 0.2 * random.normal(size=(478, 2))
-    landmarks = replace(landmarks, points=landmarks.points + LANDMARK_SIGMA_SHARE * size * noise)
-    layout = Layout(face.state)
-    known = Known(
-        LightParameters(np.zeros(1, bool), np.ones((1, 3)), False),
-        face.state.camera.focal_px,
-        expression_box=model.expression_box,
-    )
-    low, high = layout.bounds(known)
-    terms: list[Term] = [
-        Priors(layout, known, Weights()),
-        LandmarkTerm(face.geometry, landmarks, LANDMARK_SIGMA_SHARE * size),
-    ]
-    if with_term:
-        terms.append(found_by(face, landmarks))
-    state = face.state
-    for blocks in (("pose",), SHAPE):
-        held = ~layout.mask(blocks) | layout.mask(("focal",))
-        stage = PhotoDescent("landmarks", blocks, Energy(layout, tuple(terms)), 30, held, low, high)
-        for step in stage.run(state, 0, np.inf):
-            state = step.state
+    landmarks = face.found(true, np.random.default_rng(5))
+    terms = (found_by(face, landmarks),) if with_term else ()
+    ties = looks_apart(face.geometry.model)
+    state = face.landmark_stage(landmarks, *terms, expression_ties=ties)
     straight, there, here = (places(face, each)[:, 0] for each in (face.state, true, state))
     share = (here - straight) / (there - straight)
     print(f"of the look aside {share} found")
     assert (share > least).all()
     assert (share < most).all()
+
+
+def test_an_eye_that_does_not_show_looks_where_the_other_one_does(face: Face):
+    model = face.geometry.model
+    true = face.with_weights(**ASIDE)
+    landmarks = face.landmarks(true)
+    left = scheme_of(SCHEME).eyes[1]
+    weights = np.ones(478)
+    weights[[*left.iris, *left.corners]] = 0.0
+    landmarks = replace(landmarks, weights=weights)
+    term = found_by(face, landmarks)
+    assert len(term.apart) == 4
+    straight, there = (places(face, each)[1, 0] for each in (face.state, true))
+    shares = []
+    for ties in (None, looks_apart(model)):
+        state = face.landmark_stage(landmarks, term, expression_ties=ties)
+        shares.append((places(face, state)[1, 0] - straight) / (there - straight))
+    print(f"of the look aside {shares[0]:.2f} found by itself, {shares[1]:.2f} with the other eye")
+    assert shares[0] < 0.1 and shares[1] > 0.5

@@ -7,21 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.contract.job import Weights
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.energy.energy import Energy
-from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
 from facestage.fit.energy.lid_term import PRESSED, SIGMA_SHARE, LidTerm
-from facestage.fit.energy.priors import Priors
-from facestage.fit.face.layout import Layout
-from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
-from facestage.fit.face.unknowns import SHAPE, Known
 from facestage.fit.given.lids import seen_lids, shut_weights, shutters
-from facestage.fit.given.skin_mask import face_size_px
-from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
-from reference.landmarked_face import SCHEME, landmarked_face
+from reference.landmarked_face import SCHEME, check_jacobian, landmarked_face
 from reference.landmarked_face import LandmarkedFace as Face
 
 
@@ -61,17 +52,7 @@ def test_the_loss_is_quadratic(face: Face):
 @pytest.mark.parametrize("block", ["pose", "focal", "identity", "expression"])
 def test_jacobian_equals_finite_differences(face: Face, block: str):
     term = found_by(face, face.landmarks(face.with_weights(eyeBlinkLeft=0.5)))
-    layout, step = Layout(face.state), 1e-5
-    jacobian = term.jacobian(face.state, layout)
-    where = layout.slices[block]
-    for column in range(where.start, where.stop, 7):
-        increment = np.zeros(layout.size)
-        increment[column] = step
-        plus, minus = (
-            term.residuals(layout.apply(face.state, sign * increment)) for sign in (1, -1)
-        )
-        wanted = (plus - minus) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, column], wanted, rtol=1e-5, atol=1e-5)
+    check_jacobian(term, face.state, block)
 
 
 def test_an_eye_that_does_not_show_says_nothing(face: Face):
@@ -112,30 +93,9 @@ def test_a_landmark_stage_brings_lids_together(face: Face, blink: float, least: 
     model, random = face.geometry.model, np.random.default_rng(5)
     true = face.with_weights(eyeBlinkLeft=blink, eyeBlinkRight=blink)
     true = replace(true, identity=0.6 * random.normal(size=len(true.identity)))
-    landmarks = face.landmarks(true)
-    size = face_size_px(landmarks)
-    # Neighbors err together: the whole face by more than a lid against the other.
-    noise = random.normal(size=2) + 0.2 * random.normal(size=(478, 2))
-    landmarks = replace(landmarks, points=landmarks.points + LANDMARK_SIGMA_SHARE * size * noise)
-    layout = Layout(face.state)
-    known = Known(
-        LightParameters(np.zeros(1, bool), np.ones((1, 3)), False),
-        face.state.camera.focal_px,
-        expression_box=model.expression_box,
-        expression_mean=shut_weights(model, landmarks),
-    )
-    low, high = layout.bounds(known)
-    terms = (
-        Priors(layout, known, Weights()),
-        LandmarkTerm(face.geometry, landmarks, LANDMARK_SIGMA_SHARE * size),
-        found_by(face, landmarks),
-    )
-    state = face.state
-    for blocks in (("pose",), SHAPE):
-        held = ~layout.mask(blocks) | layout.mask(("focal",))
-        stage = PhotoDescent("landmarks", blocks, Energy(layout, terms), 30, held, low, high)
-        for step in stage.run(state, 0, np.inf):
-            state = step.state
+    landmarks = face.found(true, random)
+    shut = shut_weights(model, landmarks)
+    state = face.landmark_stage(landmarks, found_by(face, landmarks), expression_mean=shut)
     there, here = opening(face, true), opening(face, state)
     print(f"true opening {there}, found {here}")
     assert all(least < each < most for each in here)

@@ -1,0 +1,66 @@
+"""What ties the looks of both eyes, in models that have them all and in others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facestage.contract.face_model import FaceModel
+from facestage.fit.face.gaussians import independent, tied
+from facestage.fit.given.gaze import APART_SIGMA, looks_apart
+from facestage.models.mesh.skinning import gaze_rotations
+from facestage.models.registry import load_model
+
+# Pairs that look the same way, of the right eye and of the left one.
+TOGETHER = [("Out", "In"), ("In", "Out"), ("Up", "Up"), ("Down", "Down")]
+
+
+@pytest.fixture(scope="module")
+def model() -> FaceModel:
+    return load_model("default")
+
+
+def named(model: FaceModel, **weights: float) -> np.ndarray:
+    return np.array([weights.get(name, 0.0) for name in model.expression_names])
+
+
+@pytest.mark.parametrize(("right", "left"), TOGETHER)
+def test_eyes_that_look_the_same_way_are_free_to(model: FaceModel, right: str, left: str):
+    ties = looks_apart(model)
+    one = named(model, **{f"eyeLook{right}Right": 0.8})
+    both = one + named(model, **{f"eyeLook{left}Left": 0.8})
+    assert np.abs(ties @ both).max() < 1e-12
+    assert np.linalg.norm(ties @ one) == pytest.approx(0.8 / APART_SIGMA)
+
+
+def test_nothing_but_looks_is_tied(model: FaceModel):
+    names = np.array(model.expression_names)[looks_apart(model).any(axis=0)]
+    assert len(names) == 8 and all(name.startswith("eyeLook") for name in names)
+
+
+def test_names_of_other_models_mean_the_same(model: FaceModel):
+    """Turned about the joints by the published convention, both eyes go the same way."""
+    rotations = gaze_rotations()
+    names = [*rotations, *(f"other{k}" for k in range(len(model.expression_names) - 8))]
+    ties = looks_apart(replace(model, expression_names=tuple(names)))
+    for direction in np.eye(3)[:2]:
+        for sign in (1, -1):
+            moves = [max(0.0, sign * float(each @ direction)) for each in rotations.values()]
+            weights = np.zeros(len(names))
+            weights[:8] = np.array(moves) > 0
+            assert weights.sum() == 2
+            assert np.abs(ties @ weights).max() < 1e-12
+
+
+def test_a_model_without_all_looks_has_no_ties(model: FaceModel):
+    names = tuple(name.replace("eyeLookUpLeft", "upwards") for name in model.expression_names)
+    assert looks_apart(replace(model, expression_names=names)).shape == (0, len(names))
+
+
+def test_tied_values_cost_what_their_sums_are_off():
+    prior = tied(independent(3, 0.0, 2.0), np.array([[4.0, -4.0, 0.0]]))
+    np.testing.assert_allclose(prior.residuals(np.array([2.0, 1.0, 4.0])), [1.0, 0.5, 2.0, 4.0])
+    apart = np.array([[16, -16, 0], [-16, 16, 0], [0, 0, 0]])
+    np.testing.assert_allclose(prior.hessian, np.diag([0.25] * 3) + apart)
