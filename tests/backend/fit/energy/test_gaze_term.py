@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import fibonacci_stage
 from facestage.fit.energy.gaze_term import SIGMA_SHARE, GazeTerm
 from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.gaze import looks_apart
 from facestage.fit.given.lids import seen_lids
+from facestage.fit.given.problem import read_problem
+from facestage.fit.stages.passage import walk
+from facestage.fit.stages.phases import default_schedule
+from facestage.fit.stages.view import View
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.landmarked_face import SCHEME, check_jacobian, landmarked_face
 from reference.landmarked_face import LandmarkedFace as Face
+from reference.small_fit import QUICK
 
 ASIDE = {"eyeLookOutLeft": 0.9, "eyeLookInRight": 0.9}
 
@@ -104,3 +114,25 @@ def test_an_eye_that_does_not_show_looks_where_the_other_one_does(face: Face):
         shares.append((places(face, state)[1, 0] - straight) / (there - straight))
     print(f"of the look aside {shares[0]:.2f} found by itself, {shares[1]:.2f} with the other eye")
     assert shares[0] < 0.1 and shares[1] > 0.5
+
+
+@pytest.mark.usefixtures("renderer")
+def test_the_landmark_phases_of_a_fit_turn_both_eyes(face: Face, tmp_path: Path):
+    """One by its iris, and the other, which does not show, with it."""
+    true = face.with_weights(**ASIDE)
+    weights = np.ones(478)
+    weights[[*scheme_of(SCHEME).eyes[1].iris, *scheme_of(SCHEME).eyes[1].corners]] = 0.0
+    landmarks = replace(face.landmarks(true), weights=weights)
+    photo, camera = tmp_path / "photo.png", face.state.camera
+    assert cv2.imwrite(str(photo), np.full((camera.height, camera.width, 3), 150, np.uint8))
+    job = Job(photo, "default", landmarks, camera, stage=fibonacci_stage(4), device="cpu")
+    problem = read_problem(job, fineness=QUICK)
+    view = View(problem, ForwardModel(problem.geometry, problem.lights))
+    phases = default_schedule(job, QUICK.steps_max).landmark_phases
+    state = walk(view, phases, view.start_state(), np.inf)
+    straight = replace(state, expression=np.zeros_like(state.expression))
+    places_of = [places(face, each)[:, 0] for each in (face.state, true, straight, state)]
+    share = (places_of[3] - places_of[2]) / (places_of[1] - places_of[0])
+    print(f"of the look aside {share} found by a fit")
+    assert 0.6 < share[0] < 1.0
+    assert 0.5 < share[1] < 1.0
