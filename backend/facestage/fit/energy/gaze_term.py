@@ -15,8 +15,7 @@ import numpy as np
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.pair_distances import SeenPairs, pairs_on
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.given.lids import seen_lids
-from facestage.models.anatomy.landmark_schemes import scheme_of
+from facestage.fit.given.lids import open_eyes
 
 # How far an iris is off between the corners, as a share of the eye's width, along it and across: on
 # pictures of known faces by 0.021 and 0.018 in the median, and now and then by 0.1.
@@ -35,13 +34,9 @@ class GazeTerm(SeenPairs):
     @classmethod
     def seen(cls, geometry: FaceGeometry, landmarks: Landmarks, weight: float = 1.0) -> Self | None:
         """The irises that ``landmarks`` show in open eyes; None where they show none."""
-        points, scheme = landmarks.points, scheme_of(landmarks.scheme)
-        shut = scheme.behind_closed_lids(points)
-        pairs, along, apart = [], [], []
-        for eye, lids in zip(scheme.eyes, seen_lids(landmarks), strict=True):
+        points, pairs, along, apart = landmarks.points, [], [], []
+        for eye, lids in open_eyes(landmarks):
             centre = eye.iris[0]
-            if lids is None or shut[centre] or not landmarks.counted[centre]:
-                continue
             sideways = np.array([-lids.across[1], lids.across[0]])
             for corner in eye.corners:
                 for axis in (sideways, lids.across):

@@ -12,9 +12,8 @@ import numpy as np
 
 from facestage.contract.arrays import Bool, Float
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.lids import seen_lids
+from facestage.fit.given.lids import open_eyes
 from facestage.fit.given.skin_mask import opening_share
-from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Radii of the iris: between pupil and limbus, and from where on a blurred photo shows only white.
 IRIS_INSIDE, WHITE_OUTSIDE = (0.4, 0.85), 1.2
@@ -37,14 +36,11 @@ class EyesSeen:
     @classmethod
     def of(cls, shape: tuple[int, int], landmarks: Landmarks) -> EyesSeen | None:
         """None for landmarks that know no irises, or only of eyes that are shut or hidden."""
-        points, scheme = landmarks.points, scheme_of(landmarks.scheme)
+        points = landmarks.points
         iris, white = np.zeros(shape, bool), np.zeros(shape, bool)
         below, opened = np.full(shape, np.nan), None
-        shut = scheme.behind_closed_lids(points)
-        for eye, lids in zip(scheme.eyes, seen_lids(landmarks), strict=True):
+        for eye, lids in open_eyes(landmarks):
             at = list(eye.iris)
-            if lids is None or shut[at].any() or not landmarks.counted[at].all():
-                continue
             opened = opening_share(shape, landmarks) > OPEN_MIN if opened is None else opened
             centre = points[at[0]]
             radius = max(float(np.linalg.norm(points[at[1:]] - centre, axis=1).mean()), 1e-6)

@@ -8,6 +8,8 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.face_model import FaceModel
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.lids import open_eyes
 
 # By how much one eye's weight may be beyond the other's: a full look is 22 to 30 degrees.
 APART_SIGMA = 0.15
@@ -25,10 +27,15 @@ _TOWARDS = {
 }
 
 
-def looks_apart(model: FaceModel) -> Float[np.ndarray, "ties expressions"]:
+def looks_apart(
+    model: FaceModel, landmarks: Landmarks
+) -> Float[np.ndarray, "ties expressions"] | None:
     """How much further the left eye looks to the left and up than the right one, by the weights of
-    ``model``, in standard deviations; no rows where it does not have all looks of both eyes.
+    ``model``, in standard deviations; None where it does not have all looks of both eyes, or
+    ``landmarks`` show no iris: looks are then what is left of the lids.
     """
+    if not open_eyes(landmarks):
+        return None
     apart = np.zeros((2, len(model.expression_names)))
     found: set[tuple[str, str]] = set()
     for column, name in enumerate(model.expression_names):
@@ -39,4 +46,4 @@ def looks_apart(model: FaceModel) -> Float[np.ndarray, "ties expressions"]:
         found.add(look)
         left = 1 if match[2] == "L" else -1
         apart[:, column] = [left * each for each in _TOWARDS[look]]
-    return apart / APART_SIGMA if found == set(_TOWARDS) else apart[:0]
+    return apart / APART_SIGMA if found == set(_TOWARDS) else None

@@ -9,7 +9,7 @@ import numpy as np
 from facestage.contract.arrays import Float, Int
 from facestage.contract.face_model import FaceModel
 from facestage.contract.landmarks import Landmarks
-from facestage.models.anatomy.landmark_schemes import scheme_of
+from facestage.models.anatomy.landmark_schemes import Eye, scheme_of
 
 # Mean distance of the lids, in shares of the eye's width, at which the network sees an eye that is
 # shut, and from which on it does not.
@@ -48,6 +48,14 @@ def seen_lids(landmarks: Landmarks) -> list[Lids | None]:
         apart = (points[pairs[:, 0]] - points[pairs[:, 1]]) @ across / width
         found.append(Lids(pairs, across, width, apart))
     return found
+
+
+def open_eyes(landmarks: Landmarks) -> list[tuple[Eye, Lids]]:
+    """The eyes of the landmarks' scheme of which lids and iris show."""
+    shut = scheme_of(landmarks.scheme).behind_closed_lids(landmarks.points)
+    shows = landmarks.counted & ~shut
+    eyes = zip(scheme_of(landmarks.scheme).eyes, seen_lids(landmarks), strict=True)
+    return [(eye, lids) for eye, lids in eyes if lids is not None and shows[list(eye.iris)].all()]
 
 
 @dataclass(frozen=True)

@@ -222,7 +222,7 @@ class View:
             shut_weights(problem.geometry.model, problem.landmarks),
             expression_deviations(problem.geometry.model, problem.closed_teeth),
             self._white_balance(state),
-            looks_apart(problem.geometry.model),
+            looks_apart(problem.geometry.model, problem.landmarks),
         )
 
     def _white_balance(self, state: State) -> WhiteBalance | None:

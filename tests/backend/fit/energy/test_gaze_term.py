@@ -88,7 +88,7 @@ def test_a_landmark_stage_turns_the_eyes(face: Face, with_term: bool, least: flo
     true = face.with_weights(**ASIDE)
     landmarks = face.found(true, np.random.default_rng(5))
     terms = (found_by(face, landmarks),) if with_term else ()
-    ties = looks_apart(face.geometry.model)
+    ties = looks_apart(face.geometry.model, landmarks)
     state = face.landmark_stage(landmarks, *terms, expression_ties=ties)
     straight, there, here = (places(face, each)[:, 0] for each in (face.state, true, state))
     share = (here - straight) / (there - straight)
@@ -109,7 +109,7 @@ def test_an_eye_that_does_not_show_looks_where_the_other_one_does(face: Face):
     assert len(term.apart) == 4
     straight, there = (places(face, each)[1, 0] for each in (face.state, true))
     shares = []
-    for ties in (None, looks_apart(model)):
+    for ties in (None, looks_apart(model, landmarks)):
         state = face.landmark_stage(landmarks, term, expression_ties=ties)
         shares.append((places(face, state)[1, 0] - straight) / (there - straight))
     print(f"of the look aside {shares[0]:.2f} found by itself, {shares[1]:.2f} with the other eye")

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from facestage.contract.face_model import FaceModel
+from facestage.contract.landmarks import Landmarks
 from facestage.fit.face.gaussians import independent, tied
 from facestage.fit.given.gaze import APART_SIGMA, looks_apart
 from facestage.models.mesh.skinning import gaze_rotations
-from facestage.models.registry import load_model
+from reference.landmarked_face import landmarked_face
 
 # Pairs that look the same way, of the right eye and of the left one.
 TOGETHER = [("Out", "In"), ("In", "Out"), ("Up", "Up"), ("Down", "Down")]
@@ -19,7 +20,15 @@ TOGETHER = [("Out", "In"), ("In", "Out"), ("Up", "Up"), ("Down", "Down")]
 
 @pytest.fixture(scope="module")
 def model() -> FaceModel:
-    return load_model("default")
+    return landmarked_face().geometry.model
+
+
+def ties_of(model: FaceModel) -> np.ndarray:
+    """Of a photo that shows both irises."""
+    face = landmarked_face()
+    ties = looks_apart(model, face.landmarks(face.state))
+    assert ties is not None
+    return ties
 
 
 def named(model: FaceModel, **weights: float) -> np.ndarray:
@@ -28,7 +37,7 @@ def named(model: FaceModel, **weights: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("right", "left"), TOGETHER)
 def test_eyes_that_look_the_same_way_are_free_to(model: FaceModel, right: str, left: str):
-    ties = looks_apart(model)
+    ties = ties_of(model)
     one = named(model, **{f"eyeLook{right}Right": 0.8})
     both = one + named(model, **{f"eyeLook{left}Left": 0.8})
     assert np.abs(ties @ both).max() < 1e-12
@@ -36,7 +45,7 @@ def test_eyes_that_look_the_same_way_are_free_to(model: FaceModel, right: str, l
 
 
 def test_nothing_but_looks_is_tied(model: FaceModel):
-    names = np.array(model.expression_names)[looks_apart(model).any(axis=0)]
+    names = np.array(model.expression_names)[ties_of(model).any(axis=0)]
     assert len(names) == 8 and all(name.startswith("eyeLook") for name in names)
 
 
@@ -44,7 +53,7 @@ def test_names_of_other_models_mean_the_same(model: FaceModel):
     """Turned about the joints by the published convention, both eyes go the same way."""
     rotations = gaze_rotations()
     names = [*rotations, *(f"other{k}" for k in range(len(model.expression_names) - 8))]
-    ties = looks_apart(replace(model, expression_names=tuple(names)))
+    ties = ties_of(replace(model, expression_names=tuple(names)))
     for direction in np.eye(3)[:2]:
         for sign in (1, -1):
             moves = [max(0.0, sign * float(each @ direction)) for each in rotations.values()]
@@ -55,8 +64,17 @@ def test_names_of_other_models_mean_the_same(model: FaceModel):
 
 
 def test_a_model_without_all_looks_has_no_ties(model: FaceModel):
+    face = landmarked_face()
     names = tuple(name.replace("eyeLookUpLeft", "upwards") for name in model.expression_names)
-    assert looks_apart(replace(model, expression_names=names)).shape == (0, len(names))
+    assert looks_apart(replace(model, expression_names=names), face.landmarks(face.state)) is None
+
+
+def test_a_photo_that_shows_no_iris_ties_nothing(model: FaceModel):
+    face = landmarked_face()
+    shut = face.landmarks(face.with_weights(eyeBlinkLeft=1.0, eyeBlinkRight=1.0))
+    assert looks_apart(model, shut) is None
+    assert looks_apart(model, face.landmarks(face.with_weights(eyeBlinkLeft=1.0))) is not None
+    assert looks_apart(model, Landmarks("ibug68", np.zeros((68, 2)), np.ones(68, bool))) is None
 
 
 def test_tied_values_cost_what_their_sums_are_off():
