@@ -76,7 +76,9 @@ def test_an_eye_that_is_shut_or_hidden_says_nothing(face: Face):
     right, _ = scheme_of(SCHEME).eyes
     assert len(found_by(face, landmarks).apart) == 4
     hidden = landmarks.visible.copy()
-    hidden[right.iris[0]] = False
+    hidden[right.corners[1]] = False
+    assert GazeTerm.seen(face.geometry, replace(landmarks, visible=hidden)) is None
+    hidden[right.corners[1]], hidden[right.iris[3]] = True, False
     assert GazeTerm.seen(face.geometry, replace(landmarks, visible=hidden)) is None
     sparse = Landmarks("ibug68", np.zeros((68, 2)), np.ones(68, bool))
     assert GazeTerm.seen(face.geometry, sparse) is None
