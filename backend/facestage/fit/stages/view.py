@@ -32,6 +32,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.teeth import expression_deviations
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
+from facestage.fit.stages.exposed_tone import as_light_as_exposed
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase, PhaseName
 from facestage.fit.stages.photo_descent import PhotoDescent
@@ -363,8 +364,9 @@ class View:
         )
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
-        """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
-        what hides the face, and what is darker than light explains.
+        """Before the first photo phase: the skin's tone by the exposure, lights by non-negative
+        least squares, the scale of E_light, what hides the face, and what is darker than light
+        explains.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
@@ -379,6 +381,9 @@ class View:
                 "None of the photo's usable pixels shows the face where the landmarks put it; "
                 "check the landmarks and the photo's alpha mask."
             )
+        albedo = as_light_as_exposed(problem, photo, evaluation)
+        state, scaled = replace(state, albedo=albedo), replace(scaled, albedo=albedo)
+        evaluation = photo.evaluate(scaled, problem.job.seed)
         radiance = initial_lights(evaluation, photo, problem.lights)
         hidden = self.visible.look_for_occluders(photo, evaluation, radiance)
         if hidden.any() and not hidden.all():

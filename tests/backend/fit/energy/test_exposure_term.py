@@ -1,4 +1,4 @@
-"""Photos are exposed so that a white card in the face's light is about white."""
+"""Photos are exposed so that white skin in the face's place is about white."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.contract.light_stage import FROZEN, fibonacci_stage
+from facestage.contract.brdf import matte
+from facestage.contract.light_stage import FROZEN
 from facestage.fit.energy.exposure_term import (
     EXPOSED,
     FAINT,
     SIGMA,
     Exposure,
     ExposureTerm,
-    brightest_card,
+    white_skin,
 )
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -46,32 +47,30 @@ def exposure(problem: Problem, state: State) -> Exposure | None:
     return found[0] if found else None
 
 
-def test_a_card_turns_to_the_lights():
-    """A square light of side s straight before it gives a white L s^2 / (pi d^2)."""
-    stage = fibonacci_stage(1)
-    place = np.array([0.0, 0.0, -5.0])
-    stage = replace(
-        stage,
-        position=(place + np.array([0.6, 0.0, 0.8]))[None],
-        direction=np.array([[-0.6, 0.0, -0.8]]),
-        side=np.array([0.3]),
-    )
-    found = brightest_card(stage, place, np.ones(1))
-    np.testing.assert_allclose(found, [0.09 / np.pi], rtol=0.01)
-    # From behind it lights what the camera sees at a slant, at most.
-    behind = replace(
-        stage, position=(place - [0.0, 0.0, 1.0])[None], direction=np.array([[0.0, 0.0, 1.0]])
-    )
-    assert brightest_card(behind, place, np.ones(1))[0] == 0.0
+def test_white_skin_sends_back_what_does_not_shine_on_it():
+    """Light at a right angle on all of the skin: the radiance is the irradiance over pi, less what
+    the surface keeps from entering.
+    """
+    found = white_skin(np.full((100, 2), [0.3, 0.0]), np.ones(2))
+    np.testing.assert_allclose(found, [matte(1.0, 0.3), 0.0])
+
+
+def test_light_counts_where_the_face_is_lit_well():
+    """Neither a lamp that grazes a tenth of the face says how bright light is, nor does shade."""
+    irradiance = np.zeros((100, 2))
+    irradiance[:70, 0] = 0.3
+    irradiance[:10, 1] = 50.0
+    found = white_skin(irradiance, np.ones(2))
+    np.testing.assert_allclose(found, [matte(1.0, 0.3), 0.0], rtol=1e-9)
 
 
 def test_light_is_as_bright_as_photos_are_exposed_for(known: tuple[Problem, State]):
     problem, state = known
     found = exposure(problem, state)
     assert found is not None
-    card = np.exp(found.residuals(state)[0] * SIGMA) * EXPOSED - FAINT
+    white = np.exp(found.residuals(state)[0] * SIGMA) * EXPOSED - FAINT
     for gain in (1.5, 0.4):
-        other = replace(state, lights=state.lights * (gain * EXPOSED - FAINT) / card)
+        other = replace(state, lights=state.lights * (gain * EXPOSED - FAINT) / white)
         np.testing.assert_allclose(found.residuals(other), [np.log(gain) / SIGMA], rtol=1e-6)
 
 

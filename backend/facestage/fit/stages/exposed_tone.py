@@ -1,0 +1,68 @@
+"""Where skin starts: as light as the photo's exposure says.
+
+Skin twice as dark in light twice as bright is the same matte picture, so a fit hardly leaves the
+tone that it starts from; and dark skin, begun as the mean, is explained as lighter skin in the
+shade. The exposure and the prior of tones say before the first step where to begin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from facestage.contract.arrays import Float
+from facestage.contract.files.color import REC709
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.exposure_term import (
+    EXPOSED,
+    SIGMA,
+    SKIN_MIN,
+    somebody_exposed,
+    white_skin,
+)
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.tone_term import Tone, tone_of
+from facestage.fit.given.problem import Problem
+from facestage.fit.stages.initialize import initial_lights
+
+# Of the logarithm of luminance, among people whose photo may come.
+TONE_SIGMA = 0.7
+TOLERANCE = 0.03
+
+
+def as_light_as_exposed(
+    problem: Problem, photo: PhotoTerm, evaluation: Evaluation
+) -> Float[np.ndarray, " albedos"]:
+    """The albedo's coefficients to start from, each tried under the lights that then explain the
+    photo best. As they are in ``evaluation`` where somebody has given or held them, or nobody has
+    chosen the exposure.
+    """
+    state, image = evaluation.state, evaluation.image
+    if state.albedo.any() or "albedo" in problem.job.freeze or not somebody_exposed(problem):
+        return state.albedo
+    y, x = photo.index(image.surface)
+    skin = (evaluation.base_weight[y, x] > 0) & (photo.photo.skin[y, x] > SKIN_MIN)
+    if not skin.any():
+        return state.albedo
+    tone = tone_of(problem.geometry)
+
+    def unlikely(luminance: float) -> float:
+        there = replace(state, albedo=_coefficients(tone, luminance))
+        albedo = photo.forward.albedo(there, image.surface)
+        tried = replace(evaluation, image=replace(image, albedo=albedo))
+        radiance = initial_lights(tried, photo, problem.lights) @ np.array(REC709)
+        white = float(white_skin(image.terms.diffuse[skin], radiance) @ radiance)
+        exposed = np.log(max(white, 1e-9) / EXPOSED) / SIGMA
+        return float(exposed**2 + ((luminance - tone.mean) / TONE_SIGMA) ** 2)
+
+    found = minimize_scalar(
+        unlikely, bounds=tone.limits, method="bounded", options={"xatol": TOLERANCE}
+    )
+    return _coefficients(tone, float(found.x))
+
+
+def _coefficients(tone: Tone, luminance: float) -> Float[np.ndarray, " albedos"]:
+    """The likeliest ones of skin of this logarithm of ``luminance``."""
+    return tone.by_albedo * (luminance - tone.mean) / float(tone.by_albedo @ tone.by_albedo)

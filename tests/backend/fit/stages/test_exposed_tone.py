@@ -1,0 +1,93 @@
+"""Skin starts as light as the photo's exposure says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facestage.contract.files.color import REC709
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.exposure_term import EXPOSED, white_skin
+from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.tone_term import Tone, tone_of
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.stages.exposed_tone import as_light_as_exposed
+from facestage.fit.stages.phases import PhaseName, Schedule
+from facestage.fit.stages.view import View
+from facestage.models.registry import load_model
+from facestage.stress.scene import EXPOSURE, Scene, exposed, plain_scene, render, write_job
+
+PHASE = Schedule()[PhaseName.LIGHT]
+
+
+@cache
+def tone() -> Tone:
+    return tone_of(FaceGeometry(load_model("default")))
+
+
+def coefficients(luminance: float) -> np.ndarray:
+    """Of skin of this logarithm of luminance, by the first tone alone."""
+    first = np.eye(len(tone().by_albedo))[0]
+    return first * (luminance - tone().mean) / tone().by_albedo[0]
+
+
+def looked_at(problem: Problem, scene: Scene) -> tuple[PhotoTerm, Evaluation]:
+    """The photo beside a face of mean skin in the dark."""
+    lights = np.zeros(problem.lights.size)
+    state = replace(scene.state, lights=lights, albedo=0 * scene.albedo)
+    view = View(problem, ForwardModel(problem.geometry, problem.lights))
+    photo = view.photo_term(PHASE, state)
+    assert photo is not None
+    return photo, photo.evaluate(view.scaled(PHASE, state), 0)
+
+
+def photographed(folder: Path, scene: Scene, exposure: float = EXPOSURE) -> Problem:
+    """A photo of ``scene`` that a camera developed."""
+    folder.mkdir()
+    problem = read_problem(write_job(folder, scene, render(scene, exposure=exposure)))
+    return replace(problem, photograph=replace(problem.photograph, developed=True))
+
+
+def person(folder: Path, luminance: float) -> tuple[Problem, Scene]:
+    """Somebody whose skin has this logarithm of luminance, in a photo that is exposed as usual."""
+    scene = plain_scene(load_model("default"), seed=5, side_px=96)
+    scene = exposed(replace(scene, albedo=coefficients(luminance)))
+    _, evaluation = looked_at(photographed(folder / "metered", scene), scene)
+    radiance = scene.stage.radiance @ np.array(REC709)
+    white = white_skin(evaluation.image.terms.diffuse, radiance) @ radiance
+    return photographed(folder / "usual", scene, EXPOSURE * EXPOSED / white), scene
+
+
+@pytest.mark.parametrize("luminance", [-2.6, -1.1])
+def test_dark_and_light_people_start_near_their_own_skin(
+    renderer: str, tmp_path: Path, luminance: float
+):
+    problem, scene = person(tmp_path, luminance)
+    found = tone().mean + tone().by_albedo @ as_light_as_exposed(
+        problem, *looked_at(problem, scene)
+    )
+    # A fifth of the way is left to the mean: what the prior of tones weighs.
+    assert abs(found - luminance) < 0.35
+    assert abs(found - tone().mean) > 0.5 * abs(luminance - tone().mean)
+
+
+@pytest.mark.parametrize("known", ["linear", "held", "given"])
+def test_skin_stays_where_somebody_knows_better(renderer: str, tmp_path: Path, known: str):
+    problem, scene = person(tmp_path, -2.6)
+    photo, evaluation = looked_at(problem, scene)
+    if known == "linear":
+        problem = replace(problem, photograph=replace(problem.photograph, developed=False))
+    elif known == "held":
+        problem = replace(problem, job=replace(problem.job, freeze=("albedo",)))
+    else:
+        state = replace(evaluation.state, albedo=coefficients(-1.3))
+        evaluation = replace(evaluation, state=state)
+    np.testing.assert_array_equal(
+        as_light_as_exposed(problem, photo, evaluation), evaluation.state.albedo
+    )
