@@ -108,6 +108,7 @@ class JointRun:
                 break
             if phase.name == self.schedule.photo_phases[0].name:
                 self._look_behind(phase)
+                self._begin_with_one_skin(phase)
             self._photo_phase(phase, None)
         shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
@@ -155,6 +156,14 @@ class JointRun:
         """Find what each photo needs of light before its first ``phase``."""
         for member in self.members:
             self._see(member, member.view.lit(phase, member.state))
+
+    def _begin_with_one_skin(self, phase: Phase) -> None:
+        """Let all begin ``phase`` as light as their exposures say in the mean."""
+        joined = [member for member in self.members if member.joined]
+        each = [member.view.exposed_albedo(phase, member.state) for member in joined]
+        albedo = np.mean(each, axis=0)
+        for member in self.members:
+            member.state = replace(member.state, albedo=albedo)
 
     def _see(self, member: Member, view: View) -> None:
         """Let a photo go on with ``view``, which may have more lights."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
 from facestage.contract.job import AUTO, KNOWN, WITHOUT
 from facestage.contract.light_stage import ON, LightStage, lights_behind, selected
@@ -394,6 +395,15 @@ class View:
                 radiance = self._lit_again(phase, photo, scaled)[2]
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         return replace(state, lights=problem.lights.from_radiance(radiance))
+
+    def exposed_albedo(self, phase: Phase, state: State) -> Float[np.ndarray, " albedos"]:
+        """The albedo's coefficients that this photo alone begins ``phase`` with, its first."""
+        dark = self.unlit(state)
+        photo = self.photo_term(phase, dark)
+        if photo is None:
+            return state.albedo
+        evaluation = photo.evaluate(self.scaled(phase, dark), self.problem.job.seed)
+        return as_light_as_exposed(self.problem, photo, evaluation)
 
     def look_again(self, phase: Phase, state: State) -> None:
         """Before a later phase: which dark regions are explained by now, and count."""
