@@ -11,13 +11,13 @@ import pytest
 
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.exposure_term import EXPOSED, white_skin
+from facestage.fit.energy.exposure_term import EXPOSED, SIGMA, white_skin
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.tone_term import Tone, tone_of
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem, read_problem
-from facestage.fit.stages.exposed_tone import as_light_as_exposed
+from facestage.fit.stages.exposed_tone import TONE_SIGMA, as_light_as_exposed
 from facestage.fit.stages.phases import PhaseName, Schedule
 from facestage.fit.stages.view import View
 from facestage.models.registry import load_model
@@ -72,8 +72,9 @@ def test_dark_and_light_people_start_near_their_own_skin(
     found = tone().mean + tone().by_albedo @ as_light_as_exposed(
         problem, *looked_at(problem, scene)
     )
-    # A fifth of the way is left to the mean: what the prior of tones weighs.
-    assert abs(found - luminance) < 0.35
+    # The prior of tones keeps its share of the way from the mean.
+    kept = SIGMA**2 / (SIGMA**2 + TONE_SIGMA**2)
+    assert abs(found - luminance - kept * (tone().mean - luminance)) < 0.2
     assert abs(found - tone().mean) > 0.5 * abs(luminance - tone().mean)
 
 
