@@ -29,7 +29,7 @@ from facestage.fit.given.problem import Problem
 # The radiance of white skin where the face is lit well, 1 being the photo's own white, and the
 # deviation of its logarithm: photographs of 13 people at believable albedos of their skin
 # (docs/skin-tone.md).
-EXPOSED, SIGMA = 1.25, 0.4
+EXPOSED, SIGMA = 1.25, 0.375
 # Lit well: quantiles of the visible skin, from shade to the brightest. Beyond, a lamp at the side
 # that grazes the face would say how bright light is.
 LIT_WELL = (0.5, 0.75)
