@@ -108,7 +108,6 @@ class JointRun:
                 break
             if phase.name == self.schedule.photo_phases[0].name:
                 self._look_behind(phase)
-                self._begin_with_one_skin(phase)
             self._photo_phase(phase, None)
         shared = next(member.state for member in self.members if member.joined)
         for member in self.members:
@@ -158,12 +157,17 @@ class JointRun:
             self._see(member, member.view.lit(phase, member.state))
 
     def _begin_with_one_skin(self, phase: Phase) -> None:
-        """Let all begin ``phase`` as light as their exposures say in the mean."""
+        """Let all begin ``phase`` as light as in the mean of those whose exposures say it."""
         joined = [member for member in self.members if member.joined]
-        each = [member.view.exposed_albedo(phase, member.state) for member in joined]
-        albedo = np.mean(each, axis=0)
-        for member in self.members:
-            member.state = replace(member.state, albedo=albedo)
+        begun = [member.view.with_initial_lights(phase, member.state).albedo for member in joined]
+        said = [
+            albedo
+            for albedo, member in zip(begun, joined, strict=True)
+            if (albedo != member.state.albedo).any()
+        ]
+        if said:
+            for member in self.members:
+                member.view.skin_to_start = np.mean(said, axis=0)
 
     def _see(self, member: Member, view: View) -> None:
         """Let a photo go on with ``view``, which may have more lights."""
@@ -184,6 +188,8 @@ class JointRun:
         """A phase with the photos; again, without the least believed photo, when one is not
         believed after it.
         """
+        if phase.name == self.schedule.photo_phases[0].name:
+            self._begin_with_one_skin(phase)
         while True:
             final = self._final
             before = [

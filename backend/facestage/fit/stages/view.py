@@ -84,6 +84,8 @@ class View:
         self.problem, self.forward = problem, forward
         self.visible = VisiblePhoto(problem)
         self.light_scale = 1.0
+        # What several photos of one person have agreed on; None: by this photo's exposure.
+        self.skin_to_start: Float[np.ndarray, " albedos"] | None = None
         self.penumbra: float | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         # (N,) bool, the lights whose position is fitted.
@@ -365,9 +367,8 @@ class View:
         )
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
-        """Before the first photo phase: the skin's tone by the exposure, lights by non-negative
-        least squares, the scale of E_light, what hides the face, and what is darker than light
-        explains.
+        """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
+        what hides the face, what is darker than light explains, and the skin's tone.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
@@ -382,9 +383,6 @@ class View:
                 "None of the photo's usable pixels shows the face where the landmarks put it; "
                 "check the landmarks and the photo's alpha mask."
             )
-        albedo = as_light_as_exposed(problem, photo, evaluation)
-        state, scaled = replace(state, albedo=albedo), replace(scaled, albedo=albedo)
-        evaluation = photo.evaluate(scaled, problem.job.seed)
         radiance = initial_lights(evaluation, photo, problem.lights)
         hidden = self.visible.look_for_occluders(photo, evaluation, radiance)
         if hidden.any() and not hidden.all():
@@ -392,18 +390,16 @@ class View:
         if not hidden.all():
             self.visible.dark = dark_regions(photo, evaluation, problem.lights)
             if self.visible.dark.any():
-                radiance = self._lit_again(phase, photo, scaled)[2]
+                photo, evaluation, radiance = self._lit_again(phase, photo, scaled)
+        # What is dark is looked for beside mean skin: the lightest would leave brows unexplained.
+        albedo = self.skin_to_start
+        if albedo is None:
+            albedo = as_light_as_exposed(problem, photo, evaluation)
+        if (albedo != state.albedo).any():
+            state, scaled = replace(state, albedo=albedo), replace(scaled, albedo=albedo)
+            radiance = self._lit_again(phase, photo, scaled)[2]
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
         return replace(state, lights=problem.lights.from_radiance(radiance))
-
-    def exposed_albedo(self, phase: Phase, state: State) -> Float[np.ndarray, " albedos"]:
-        """The albedo's coefficients that this photo alone begins ``phase`` with, its first."""
-        dark = self.unlit(state)
-        photo = self.photo_term(phase, dark)
-        if photo is None:
-            return state.albedo
-        evaluation = photo.evaluate(self.scaled(phase, dark), self.problem.job.seed)
-        return as_light_as_exposed(self.problem, photo, evaluation)
 
     def look_again(self, phase: Phase, state: State) -> None:
         """Before a later phase: which dark regions are explained by now, and count."""
