@@ -63,6 +63,11 @@ def as_light_as_exposed(
     return _coefficients(tone, float(found.x))
 
 
+def is_darker(problem: Problem, albedo: Float[np.ndarray, " albedos"]) -> bool:
+    """Whether skin of these coefficients is darker than the model's mean."""
+    return bool(tone_of(problem.geometry).by_albedo @ albedo < 0)
+
+
 def _coefficients(tone: Tone, luminance: float) -> Float[np.ndarray, " albedos"]:
     """The likeliest ones of skin of this logarithm of ``luminance``."""
     return tone.by_albedo * (luminance - tone.mean) / float(tone.by_albedo @ tone.by_albedo)

@@ -33,7 +33,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.teeth import expression_deviations
 from facestage.fit.stages.below import FIRST_STRENGTH, Below, look_below
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
-from facestage.fit.stages.exposed_tone import as_light_as_exposed
+from facestage.fit.stages.exposed_tone import as_light_as_exposed, is_darker
 from facestage.fit.stages.initialize import exposure, initial_lights, initial_pose
 from facestage.fit.stages.phases import Phase, PhaseName
 from facestage.fit.stages.photo_descent import PhotoDescent
@@ -368,7 +368,7 @@ class View:
 
     def with_initial_lights(self, phase: Phase, state: State) -> State:
         """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
-        what hides the face, what is darker than light explains, and the skin's tone.
+        what hides the face, what is darker than light explains, and the tone of the skin.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
@@ -383,6 +383,15 @@ class View:
                 "None of the photo's usable pixels shows the face where the landmarks put it; "
                 "check the landmarks and the photo's alpha mask."
             )
+        albedo = self.skin_to_start
+        if albedo is None:
+            albedo = as_light_as_exposed(problem, photo, evaluation)
+        start = replace(state, albedo=albedo)
+        # Beside skin that may be too light, brows would be too dark for any light.
+        beside = start if is_darker(problem, albedo) else state
+        if (beside.albedo != state.albedo).any():
+            scaled = self.scaled(phase, beside)
+            evaluation = photo.evaluate(scaled, problem.job.seed)
         radiance = initial_lights(evaluation, photo, problem.lights)
         hidden = self.visible.look_for_occluders(photo, evaluation, radiance)
         if hidden.any() and not hidden.all():
@@ -390,16 +399,11 @@ class View:
         if not hidden.all():
             self.visible.dark = dark_regions(photo, evaluation, problem.lights)
             if self.visible.dark.any():
-                photo, evaluation, radiance = self._lit_again(phase, photo, scaled)
-        # What is dark is looked for beside mean skin: the lightest would leave brows unexplained.
-        albedo = self.skin_to_start
-        if albedo is None:
-            albedo = as_light_as_exposed(problem, photo, evaluation)
-        if (albedo != state.albedo).any():
-            state, scaled = replace(state, albedo=albedo), replace(scaled, albedo=albedo)
-            radiance = self._lit_again(phase, photo, scaled)[2]
+                radiance = self._lit_again(phase, photo, scaled)[2]
+        if (albedo != beside.albedo).any():
+            radiance = self._lit_again(phase, photo, self.scaled(phase, start))[2]
         self.light_scale = max(float(radiance[problem.lights.fitted].mean()), 1e-9)
-        return replace(state, lights=problem.lights.from_radiance(radiance))
+        return replace(start, lights=problem.lights.from_radiance(radiance))
 
     def look_again(self, phase: Phase, state: State) -> None:
         """Before a later phase: which dark regions are explained by now, and count."""

@@ -92,3 +92,31 @@ def test_skin_stays_where_somebody_knows_better(renderer: str, tmp_path: Path, k
     np.testing.assert_array_equal(
         as_light_as_exposed(problem, photo, evaluation), evaluation.state.albedo
     )
+
+
+@pytest.mark.parametrize(("luminance", "beside_mean"), [(-2.4, False), (-1.1, True)])
+def test_what_hides_a_face_is_looked_for_beside_no_skin_lighter_than_the_mean(
+    renderer: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    luminance: float,
+    beside_mean: bool,
+):
+    problem, scene = person(tmp_path, -1.4)
+    view = View(problem, ForwardModel(problem.geometry, problem.lights))
+    view.skin_to_start = coefficients(luminance)
+    look, beside = view.visible.look_for_occluders, []
+
+    def looked(photo: PhotoTerm, evaluation: Evaluation, radiance: np.ndarray) -> np.ndarray:
+        beside.append(evaluation.state.albedo)
+        return look(photo, evaluation, radiance)
+
+    monkeypatch.setattr(view.visible, "look_for_occluders", looked)
+    dark = replace(scene.state, lights=np.zeros(problem.lights.size), albedo=0 * scene.albedo)
+    lit = view.with_initial_lights(PHASE, dark)
+    np.testing.assert_array_equal(lit.albedo, view.skin_to_start)
+    np.testing.assert_array_equal(beside, [dark.albedo if beside_mean else view.skin_to_start])
+    # Its lights are those of the skin that it starts with: lighter skin, dimmer light.
+    view.skin_to_start = dark.albedo
+    of_mean = view.with_initial_lights(PHASE, dark)
+    assert bool(lit.lights.mean() < of_mean.lights.mean()) == beside_mean
