@@ -165,9 +165,8 @@ class JointRun:
             for albedo, member in zip(begun, joined, strict=True)
             if (albedo != member.state.albedo).any()
         ]
-        if said:
-            for member in self.members:
-                member.view.skin_to_start = np.mean(said, axis=0)
+        for member in joined:
+            member.skin = np.mean(said, axis=0) if said else None
 
     def _see(self, member: Member, view: View) -> None:
         """Let a photo go on with ``view``, which may have more lights."""
@@ -188,9 +187,9 @@ class JointRun:
         """A phase with the photos; again, without the least believed photo, when one is not
         believed after it.
         """
-        if phase.name == self.schedule.photo_phases[0].name:
-            self._begin_with_one_skin(phase)
         while True:
+            if phase.name == self.schedule.photo_phases[0].name:
+                self._begin_with_one_skin(phase)
             final = self._final
             before = [
                 (member, member.state, member.last, member.missing)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.contract.errors import InputError
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -56,6 +57,8 @@ class Member:
     doubt: str = ""  # why the photo is not believed about the shape
     # how far the joint fit pulled the shape from the photo's own landmarks', see guard.py
     statistic: float = 0.0
+    # the albedo's coefficients that those who take part begin with; None: by its own exposure
+    skin: Float[np.ndarray, " albedos"] | None = None
 
     @property
     def problem(self) -> Problem:
@@ -80,7 +83,7 @@ class Member:
         """
         with self._named():
             phase = self.phase(name, shape_held, matched)
-            return Passage.prepared(self.view, phase, self.state)
+            return Passage.prepared(self.view, phase, self.state, skin=self.skin)
 
     def landmarks_alone(self, tell: Tell) -> Evidence | None:
         """Its own landmark phases; what they say of the identity, where it is fitted and has a

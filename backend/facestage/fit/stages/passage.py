@@ -14,6 +14,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from facestage.contract.arrays import Float
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.state import State
 from facestage.fit.solve.bounded_step import Damping
@@ -57,17 +58,23 @@ class Passage:
 
     @classmethod
     def prepared(
-        cls, view: View, phase: Phase, state: State, keep_light: bool = False
+        cls,
+        view: View,
+        phase: Phase,
+        state: State,
+        keep_light: bool = False,
+        skin: Float[np.ndarray, " albedos"] | None = None,
     ) -> Passage | None:
         """Where ``phase`` begins from ``state``; None where all that it could move is held.
 
         Before the photo is looked at, the lamps that may move are chosen, and lights are lit where
-        all are dark; ``keep_light``: both stay as the phase before had them.
+        all are dark; ``keep_light``: both stay as the phase before had them. ``skin``: the albedo's
+        coefficients where lights are first lit, see :meth:`View.with_initial_lights`.
         """
         if phase.with_photo and not keep_light:
             view.choose_lamps(state)
             view.look_again(phase, state)
-            state = view.with_initial_lights(phase, view.without_next_to_nothing(state))
+            state = view.with_initial_lights(phase, view.without_next_to_nothing(state), skin)
             state = view.without_unseen_bounces(phase, state)
             state = view.with_scattering(phase, state)
         descent = view.descent(phase, state)

@@ -84,8 +84,6 @@ class View:
         self.problem, self.forward = problem, forward
         self.visible = VisiblePhoto(problem)
         self.light_scale = 1.0
-        # What several photos of one person have agreed on; None: by this photo's exposure.
-        self.skin_to_start: Float[np.ndarray, " albedos"] | None = None
         self.penumbra: float | None = None
         self.camera_to_stage = problem.job.camera_to_stage
         # (N,) bool, the lights whose position is fitted.
@@ -366,9 +364,12 @@ class View:
             settled_share=self.problem.fineness.settled_share,
         )
 
-    def with_initial_lights(self, phase: Phase, state: State) -> State:
+    def with_initial_lights(
+        self, phase: Phase, state: State, skin: Float[np.ndarray, " albedos"] | None = None
+    ) -> State:
         """Before the first photo phase: lights by non-negative least squares, the scale of E_light,
-        what hides the face, what is darker than light explains, and the tone of the skin.
+        what hides the face, what is darker than light explains, and the tone of the skin: ``skin``,
+        None: by the exposure.
         """
         problem = self.problem
         if state.lights.any() or not problem.lights.size:
@@ -383,9 +384,7 @@ class View:
                 "None of the photo's usable pixels shows the face where the landmarks put it; "
                 "check the landmarks and the photo's alpha mask."
             )
-        albedo = self.skin_to_start
-        if albedo is None:
-            albedo = as_light_as_exposed(problem, photo, evaluation)
+        albedo = as_light_as_exposed(problem, photo, evaluation) if skin is None else skin
         start = replace(state, albedo=albedo)
         # Beside skin that may be too light, brows would be too dark for any light.
         beside = start if is_darker(problem, albedo) else state

@@ -104,7 +104,7 @@ def test_what_hides_a_face_is_looked_for_beside_no_skin_lighter_than_the_mean(
 ):
     problem, scene = person(tmp_path, -1.4)
     view = View(problem, ForwardModel(problem.geometry, problem.lights))
-    view.skin_to_start = coefficients(luminance)
+    skin = coefficients(luminance)
     look, beside = view.visible.look_for_occluders, []
 
     def looked(photo: PhotoTerm, evaluation: Evaluation, radiance: np.ndarray) -> np.ndarray:
@@ -113,10 +113,9 @@ def test_what_hides_a_face_is_looked_for_beside_no_skin_lighter_than_the_mean(
 
     monkeypatch.setattr(view.visible, "look_for_occluders", looked)
     dark = replace(scene.state, lights=np.zeros(problem.lights.size), albedo=0 * scene.albedo)
-    lit = view.with_initial_lights(PHASE, dark)
-    np.testing.assert_array_equal(lit.albedo, view.skin_to_start)
-    np.testing.assert_array_equal(beside, [dark.albedo if beside_mean else view.skin_to_start])
+    lit = view.with_initial_lights(PHASE, dark, skin)
+    np.testing.assert_array_equal(lit.albedo, skin)
+    np.testing.assert_array_equal(beside, [dark.albedo if beside_mean else skin])
     # Its lights are those of the skin that it starts with: lighter skin, dimmer light.
-    view.skin_to_start = dark.albedo
-    of_mean = view.with_initial_lights(PHASE, dark)
+    of_mean = view.with_initial_lights(PHASE, dark, dark.albedo)
     assert bool(lit.lights.mean() < of_mean.lights.mean()) == beside_mean

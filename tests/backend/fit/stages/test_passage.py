@@ -69,7 +69,9 @@ class FakeView:
         self.done.append(phase.name)
         return None if phase.name in self.held else FakeDescent()
 
-    def with_initial_lights(self, phase: Phase, state: float) -> float:
+    def with_initial_lights(
+        self, phase: Phase, state: float, skin: np.ndarray | None = None
+    ) -> float:
         self.done.append("lights")
         return state + 0.5
 
