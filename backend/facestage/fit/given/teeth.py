@@ -18,6 +18,10 @@ from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # A tooth's luminance and red over green, and the luminance of what is dark, beside the skin's.
 TOOTH_LIGHT, TOOTH_RED, DARK_LIGHT = 0.35, 1.0, 0.3
+# Colors made paler or warmer leave teeth hardly less red than skin. What is lighter than skin may
+# be a tooth as long as it is no redder than this, more likely the nearer to TOOTH_RED it comes;
+# tongues that lie in the light have 1.15 to 1.3.
+BRIGHT_LIGHT, BRIGHT_RED = 1.0, 1.2
 # Shares of the way between the lips: teeth are seen from the first to the second on, nothing behind
 # them from the first to the second down.
 TEETH_SHARE, DARK_SHARE = (0.25, 0.4), (0.27, 0.2)
@@ -58,7 +62,8 @@ def closed_teeth(
     if min(column.min(), row.min()) < 0 or column.max() >= width or row.max() >= height:
         return 0.0
     light, red = beside_skin(color[row, column], bare)
-    teeth = float(of_teeth(light, red).mean())
+    bright = np.where(light > BRIGHT_LIGHT, np.interp(red, [TOOTH_RED, BRIGHT_RED], [1.0, 0.0]), 0.0)
+    teeth = float(np.maximum(of_teeth(light, red), bright).mean())
     dark = float((light < DARK_LIGHT).mean() - LIP_SHADOW / opening.mean())
     return _ramp(teeth, *TEETH_SHARE) * _ramp(dark, *DARK_SHARE)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from facestage.fit.forward.shading import ForwardModel
@@ -81,6 +82,22 @@ def test_exposure_does_not_matter():
     found = closed_teeth(color, skin, mouth())
     assert 0.1 < found < 0.9
     assert closed_teeth(7.0 * color, skin, mouth()) == pytest.approx(found)
+
+
+@pytest.mark.parametrize(
+    ("light", "red", "expected"),
+    [
+        (1.4, 1.01, 1.0),  # teeth in a photo of paled colors
+        (1.4, 1.2, 0.0),  # a tongue that lies in the light
+        (0.9, 1.03, 0.0),  # pink gums
+    ],
+)
+def test_what_is_lighter_than_skin_may_be_as_red(light: float, red: float, expected: float):
+    luminance = np.array(SKIN) * REC709
+    paint = np.array(SKIN) * [red, 1.0, 1.0]
+    paint *= light * luminance.sum() / (luminance @ [red, 1.0, 1.0])
+    color, skin = painted((0.0, tuple(paint)))
+    assert closed_teeth(color, skin, mouth()) == expected
 
 
 def test_nothing_is_said_of_lips_that_meet_or_do_not_show():
