@@ -45,6 +45,7 @@ from facestage.fit.given.skin_mask import (
     paint_weight,
     skin_weight,
 )
+from facestage.fit.given.spectacles import spectacle_frame
 from facestage.fit.given.teeth import closed_teeth
 from facestage.fit.given.window import Window
 from facestage.images.image_io import Photograph, read_photograph, resize
@@ -114,7 +115,16 @@ class Problem:
 
     @cached_property
     def skin(self) -> np.ndarray:
-        """(h, w) 0..1, which pixels have the color of the face's own skin."""
+        """(h, w) 0..1, which pixels have the color of the face's own skin and show no glasses."""
+        return np.where(self.frame, 0.0, self._skin_colored)
+
+    @cached_property
+    def frame(self) -> np.ndarray:
+        """(h, w) bool, what a frame of glasses hides."""
+        return spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+
+    @cached_property
+    def _skin_colored(self) -> np.ndarray:
         # A mesh of skin alone has neither lids nor lips that could part.
         parts = bool((self.geometry.triangle_part != SKIN).any())
         return skin_weight(self.photograph.color, self.landmarks, openings=parts)
@@ -134,7 +144,7 @@ class Problem:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows
         too, and skin.
         """
-        return paint_weight(self.skin, self.landmarks)
+        return np.where(self.frame, 0.0, paint_weight(self._skin_colored, self.landmarks))
 
     def clear(self, face: np.ndarray) -> np.ndarray:
         """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""

@@ -1,0 +1,195 @@
+"""Which pixels a frame of glasses covers: dark lines around the eyes that cross the nose.
+
+A frame has the color of brows and lashes, and lies where they do. What no face has is a dark line
+across the bridge of the nose that goes on around an eye, below it too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_propagation, label
+
+from facestage.contract.arrays import Bool, Float, Num, UInt8
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.skin_mask import face_size_px, opening_share
+from facestage.images.image_io import resize
+from facestage.models.anatomy.landmark_schemes import scheme_of
+
+SKIN_MIN = 0.9
+PART_MIN = 8  # pixels
+# The face's size in pixels beyond which it is looked at smaller, and below which a frame is thinner
+# than a pixel.
+FACE_PX, FACE_MIN = 420.0, 80.0
+# What a line is: dark parts that a closing by this share of the face fills. A frame of plastic is
+# half as thick.
+LINE_SHARE = 0.08
+# Added to radiance before its logarithm, as a share of the skin's.
+FLOOR_SHARE = 0.05
+# Depth of the line across the nose, as of :func:`dark_lines`: on 48 photographs of faces without
+# glasses at most 0.28 (frowns), on four with glasses 0.55 to 0.75. Share of it that the rest has at
+# least.
+BRIDGE_MIN, REST_SHARE = 0.4, 0.55
+DEPTH_STEP = 0.005
+# Around the middle between the inner corners of the eyes, where the line is looked for: how far up
+# and down, in widths of an eye, and to either side, as a share of the way between them.
+BRIDGE_UP, BRIDGE_ASIDE = 0.9, 0.2
+# In widths of an eye: how far from its middle a frame may be, and how far from its opening lids and
+# lashes are.
+REACH, LASHES = 1.6, 0.12
+# Share of the directions below an eye (degrees from the line through both), in which the frame is
+# seen farther than so many widths, for one eye at least; without glasses at most 0.2 where the nose
+# is crossed.
+BELOW_MIN, BELOW_BINS, BELOW_ANGLES, BELOW_NEAR = 0.55, 14, (20.0, 160.0), 0.4
+# Around what is found a pixel may still show some of it, as far as this share of the face.
+AROUND_SHARE = 0.012
+
+
+def spectacle_frame(
+    color: Num[np.ndarray, "height width 3"],
+    skin: Float[np.ndarray, "height width"],
+    landmarks: Landmarks,
+) -> Bool[np.ndarray, "height width"]:
+    """Where a frame is; nowhere on a face without one. ``color`` is linear, ``skin`` as of
+    :func:`facestage.fit.given.skin_mask.skin_weight`.
+    """
+    result = np.zeros(skin.shape, bool)
+    size = face_size_px(landmarks)
+    eyes = Eyes.of(landmarks)
+    bare = color[skin > SKIN_MIN]
+    if eyes is None or not len(bare) or size < FACE_MIN:
+        return result
+    reach = REACH * eyes.width
+    left, top = np.clip(np.min(eyes.middles, axis=0) - reach, 0, None).astype(int)
+    right, bottom = np.clip(np.ceil(np.max(eyes.middles, axis=0) + reach), 0, None).astype(int)
+    part = np.s_[top:bottom, left:right]
+    height, width = skin[part].shape
+    if min(height, width) < PART_MIN:
+        return result
+    scale = min(1.0, FACE_PX / size)
+    small = max(round(width * scale), PART_MIN), max(round(height * scale), PART_MIN)
+    places = (landmarks.points - [left, top]) * np.array(small) / [width, height]
+    radiance = resize(color[part].mean(axis=2).astype(np.float32), *small)
+    beside_skin = radiance / max(float(np.median(bare.mean(axis=1))), 1e-9)
+    found = _frame(beside_skin, replace(landmarks, points=places), scale * size)
+    if found.any():
+        result[part] = resize(found.astype(np.float32), width, height) > 0.5
+    return result
+
+
+def _frame(
+    beside_skin: Float[np.ndarray, "height width"], landmarks: Landmarks, size: float
+) -> Bool[np.ndarray, "height width"]:
+    """As :func:`spectacle_frame`, of radiance ``beside_skin``'s, around a face of ``size``
+    pixels.
+    """
+    lines = dark_lines(beside_skin, size)
+    eyes = Eyes.of(landmarks)
+    if eyes is None:
+        return np.zeros(lines.shape, bool)
+    row, column = np.indices(lines.shape)
+    place = np.stack([column, row], axis=-1) + 0.5
+    bridge, ends = eyes.bridge(place)
+    shape = (lines.shape[0], lines.shape[1])
+    depth = crossing_depth(np.where(bridge, lines, 0.0), ends)
+    lids = binary_dilation(opening_share(shape, landmarks) > 0.5, _disc(LASHES * eyes.width))
+    region = bridge | ((eyes.distance(place).min(axis=0) < REACH) & ~lids)
+    start = bridge & (lines >= max(depth, BRIDGE_MIN))
+    deep = region & (lines > REST_SHARE * depth)
+    frame = binary_propagation(start, np.ones((3, 3)), start | deep)
+    if depth < BRIDGE_MIN or eyes.seen_below(place[frame]).max() < BELOW_MIN:
+        return np.zeros(lines.shape, bool)
+    return binary_dilation(frame, _disc(AROUND_SHARE * size))
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """Where eyes are, in pixels. ``middles`` and ``inner`` corners are (2, 2), ``up`` the face and
+    ``aside`` of it (2,) of length 1, ``width`` that of the wider eye.
+    """
+
+    middles: np.ndarray
+    inner: np.ndarray
+    up: np.ndarray
+    aside: np.ndarray
+    width: float
+
+    @classmethod
+    def of(cls, landmarks: Landmarks) -> Eyes | None:
+        """None where not both are known."""
+        scheme, points = scheme_of(landmarks.scheme), landmarks.points
+        rings = [points[ring] for ring in scheme.openings[1:]]
+        up = np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
+        length = float(np.linalg.norm(up))
+        if len(rings) != 2 or not np.isfinite([*rings[0], *rings[1], up]).all() or length == 0.0:
+            return None
+        up = up / length
+        aside = np.array([-up[1], up[0]])
+        middles = np.stack([ring.mean(axis=0) for ring in rings])
+        inner = [
+            ring[np.argmin(np.linalg.norm(ring - other, axis=1))]
+            for ring, other in zip(rings, middles[::-1], strict=True)
+        ]
+        width = max(float(np.ptp(ring @ aside)) for ring in rings)
+        return cls(middles, np.stack(inner), up, aside, width) if width > 0.0 else None
+
+    def distance(self, place: Float[np.ndarray, "*places 2"]) -> Float[np.ndarray, " eyes *places"]:
+        """From the middle of either eye, in widths of an eye."""
+        return np.stack([np.linalg.norm(place - one, axis=-1) for one in self.middles]) / self.width
+
+    def bridge(
+        self, place: Float[np.ndarray, "*places 2"]
+    ) -> tuple[
+        Bool[np.ndarray, "*places"], tuple[Bool[np.ndarray, "*places"], Bool[np.ndarray, "*places"]]
+    ]:
+        """What of ``place`` is on the bridge of the nose, and its edges on either side."""
+        from_middle = place - self.inner.mean(axis=0)
+        apart = BRIDGE_ASIDE * float(np.linalg.norm(self.inner[1] - self.inner[0]))
+        beside, above = from_middle @ self.aside, from_middle @ self.up
+        inside = (np.abs(beside) < apart) & (np.abs(above) < BRIDGE_UP * self.width)
+        return inside, (beside < 1.0 - apart, beside > apart - 1.0)
+
+    def seen_below(self, place: Float[np.ndarray, "places 2"]) -> Float[np.ndarray, " 2"]:
+        """For either eye, the share of the directions below it in which one ``place`` is."""
+        shares = []
+        for middle, distance in zip(self.middles, self.distance(place), strict=True):
+            below = (place - middle) @ -self.up
+            angle = np.degrees(np.arctan2(below, (place - middle) @ self.aside))
+            around = (distance > BELOW_NEAR) & (distance < REACH)
+            found, _ = np.histogram(angle[around], BELOW_BINS, BELOW_ANGLES)
+            shares.append((found > 0).mean())
+        return np.array(shares)
+
+
+def dark_lines(
+    beside_skin: Float[np.ndarray, "height width"], size: float
+) -> Float[np.ndarray, "height width"]:
+    """0 to 1, of radiance ``beside_skin``'s: how far down from that of what lies on both sides to
+    black it is, by the logarithm; ``size`` is the face's in pixels.
+    """
+    import cv2
+
+    light = np.log1p(np.maximum(beside_skin, 0.0) / FLOOR_SHARE).astype(np.float32)
+    around = np.asarray(cv2.morphologyEx(light, cv2.MORPH_CLOSE, _disc(0.5 * LINE_SHARE * size)))
+    return 1.0 - light / np.maximum(around, 1e-3)
+
+
+def crossing_depth(
+    lines: Float[np.ndarray, "height width"],
+    ends: tuple[Bool[np.ndarray, "height width"], Bool[np.ndarray, "height width"]],
+) -> float:
+    """The largest depth that ``lines`` have all along some way between both ``ends``."""
+    low, high = 0.0, float(lines.max(initial=0.0))
+    while high - low > DEPTH_STEP:
+        depth = 0.5 * (low + high)
+        regions, _ = label(lines > depth, np.ones((3, 3)))
+        joined = np.intersect1d(regions[ends[0]], regions[ends[1]])
+        low, high = (depth, high) if joined.any() else (low, depth)
+    return low
+
+
+def _disc(radius: float) -> UInt8[np.ndarray, "side side"]:
+    reach = max(round(radius), 1)
+    row, column = np.indices((2 * reach + 1, 2 * reach + 1)) - reach
+    return (np.hypot(row, column) <= max(radius, 1.0)).astype(np.uint8)
