@@ -30,7 +30,7 @@ FLOOR_SHARE = 0.05
 # Depth of the line across the nose, as of :func:`dark_lines`: on 48 photographs of faces without
 # glasses at most 0.28 (frowns), on four with glasses 0.55 to 0.75. Share of it that the rest has at
 # least.
-BRIDGE_MIN, REST_SHARE = 0.4, 0.55
+BRIDGE_MIN, REST_SHARE = 0.4, 0.45
 DEPTH_STEP = 0.005
 # Around the middle between the inner corners of the eyes, where the line is looked for: how far up
 # and down, in widths of an eye, and to either side, as a share of the way between them.
@@ -41,7 +41,7 @@ REACH, LASHES = 1.6, 0.12
 # Share of the directions below an eye (degrees from the line through both), in which the frame is
 # seen farther than so many widths, for one eye at least; without glasses at most 0.2 where the nose
 # is crossed.
-BELOW_MIN, BELOW_BINS, BELOW_ANGLES, BELOW_NEAR = 0.55, 14, (20.0, 160.0), 0.4
+BELOW_MIN, BELOW_BINS, BELOW_ANGLES, BELOW_NEAR = 0.4, 14, (20.0, 160.0), 0.4
 # Around what is found a pixel may still show some of it, as far as this share of the face.
 AROUND_SHARE = 0.012
 
