@@ -62,8 +62,9 @@ def closed_teeth(
     if min(column.min(), row.min()) < 0 or column.max() >= width or row.max() >= height:
         return 0.0
     light, red = beside_skin(color[row, column], bare)
-    pale = (light > BRIGHT_LIGHT) * np.interp(red, [TOOTH_RED, BRIGHT_RED], [1.0, 0.0])
-    teeth = float(np.maximum(of_teeth(light, red), pale).mean())
+    pale = np.interp(red, [TOOTH_RED, BRIGHT_RED], [1.0, 0.0])
+    tooth = np.where(light > BRIGHT_LIGHT, pale, 0.0)
+    teeth = float(np.maximum(of_teeth(light, red), tooth).mean())
     dark = float((light < DARK_LIGHT).mean() - LIP_SHADOW / opening.mean())
     return _ramp(teeth, *TEETH_SHARE) * _ramp(dark, *DARK_SHARE)
 
