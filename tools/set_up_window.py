@@ -6,6 +6,7 @@ it unpacks a whole Debian to change into.
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import sys
 from pathlib import Path
@@ -34,8 +35,11 @@ FINISHED = "facestage-window.stamp"
 
 def main() -> int:
     """Set up into the folder given, or say why not; the tests skip then."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="a new one, or of a former run; takes 1.7 GB")
+    folder = parser.parse_args().folder.expanduser().resolve()
     try:
-        set_up(Path(sys.argv[1]).expanduser().resolve())
+        set_up(folder)
     except (SetupError, OSError) as error:
         print(f"make test-window: {error}", file=sys.stderr)
     return 0
@@ -57,15 +61,20 @@ def set_up(folder: Path) -> None:
     if whole:
         return
     print(f"Installing Blender into {folder} (1.7 GB; three minutes) ...", flush=True)
-    if not stamp.is_file():
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        require(["debootstrap", "--variant=minbase", SUITE, str(folder), MIRROR], ENV, LINES)
+    former = stamp.is_file()
+    if not former and folder.exists() and any(folder.iterdir()):
+        raise SetupError(f"{folder} holds something else; give a new folder.")
+    root = folder if former else folder.with_name(folder.name + ".part")
+    if not former:
+        shutil.rmtree(root, ignore_errors=True)
+        root.parent.mkdir(parents=True, exist_ok=True)
+        require(["debootstrap", "--variant=minbase", SUITE, str(root), MIRROR], ENV, LINES)
     # A namespace of its own, so that nothing stays mounted.
     install = "mount -t proc proc {0}/proc && chroot {0} apt-get install --yes {1}".format(
         '"$1"', " ".join(["--no-install-recommends", *BLENDER])
     )
-    require(["unshare", "--mount", "sh", "-c", install, "sh", str(folder)], ENV, LINES)
+    require(["unshare", "--mount", "sh", "-c", install, "sh", str(root)], ENV, LINES)
+    root.replace(folder)
     stamp.write_text(made_of, encoding="utf-8")
 
 

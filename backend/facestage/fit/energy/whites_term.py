@@ -23,6 +23,7 @@ from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import EYE_ROUGHNESS, EYE_SPECULAR, Skin
 from facestage.fit.forward.shading import ForwardModel, Surface
+from facestage.fit.given.skin_mask import SURE_SKIN
 from facestage.render.light_terms import PLAIN
 
 # Of the logarithm: how light whites are, their red over blue (bloodshot, yellow), and their green
@@ -35,7 +36,6 @@ PIXEL_SIGMA = 0.4
 # and the iris mix in; above, the light's own reflection.
 BRIGHTER_THAN, DARKER_THAN = 0.6, 0.9
 PIXELS_MIN, PIXELS_MAX = 8, 400
-SKIN_MIN = 0.9
 SAMPLES = 16
 
 
@@ -118,7 +118,7 @@ def _whites(setup: Setup) -> Whites | None:
     low, high = np.quantile(lightness, (BRIGHTER_THAN, DARKER_THAN))
     chosen = (lightness >= low) & (lightness <= high)
     seen = np.maximum(color[chosen].mean(axis=0), 1e-6)
-    if not eye_is_open(seen, photo.color[photo.mask & (setup.problem.skin > SKIN_MIN)]):
+    if not eye_is_open(seen, photo.color[photo.mask & (setup.problem.skin > SURE_SKIN)]):
         return None
     sigma = np.hypot(SIGMA, PIXEL_SIGMA / np.sqrt(chosen.sum()) * np.array([1.0, 0.3, 0.3]))
     return Whites(

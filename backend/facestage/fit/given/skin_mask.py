@@ -19,6 +19,8 @@ SPREAD_MIN = (0.12, 0.12, 0.28)
 # The face's size in pixels beyond which it is looked at smaller: a mask has no finer edges than
 # that.
 MASK_FACE_PX = 256.0
+# A pixel of more than this is the face's own skin for sure.
+SURE_SKIN = 0.9
 # Distances, in spreads, at which a pixel counts in full and no longer.
 FULL, NONE = 2.0, 3.5
 # A highlight has the lamp's color: from the skin's, away from that of its pigments, which is much
@@ -175,8 +177,7 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
 def _with_forehead(landmarks: Landmarks) -> np.ndarray:
     """(k, 2) pixels: the face's outline, and the brows once more where the hair begins."""
     scheme, points = scheme_of(landmarks.scheme), landmarks.points
-    brows, chin = points[scheme.brows], points[scheme.chin]
-    raised = brows + FOREHEAD_SHARE * (np.nanmean(brows, axis=0) - np.nanmean(chin, axis=0))
+    raised = points[scheme.brows] + FOREHEAD_SHARE * chin_to_brows(landmarks)
     return np.concatenate([points[scheme.outline], raised])
 
 
@@ -232,10 +233,7 @@ def _bare_brows(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     """
     shape = (skin.shape[0], skin.shape[1])
     result = np.zeros(shape, bool)
-    scheme = scheme_of(landmarks.scheme)
-    up = np.nanmean(landmarks.points[scheme.brows], 0) - np.nanmean(
-        landmarks.points[scheme.chin], 0
-    )
+    up = chin_to_brows(landmarks)
     up *= 2 * _brow_reach(landmarks) / max(float(np.linalg.norm(up)), 1e-9)
     for brow in _brow_lines(landmarks):
         above = _around(shape, brow + up, landmarks)
@@ -293,6 +291,12 @@ def _denoised(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
 def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) bool, the face from chin to brows: the convex hull of the scheme's outline."""
     return _hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).outline])
+
+
+def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
+    """(2,) pixels, the way up the face from the middle of its chin to that of its brows."""
+    scheme, points = scheme_of(landmarks.scheme), landmarks.points
+    return np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
 
 
 def face_size_px(landmarks: Landmarks) -> float:

@@ -13,12 +13,11 @@ from scipy.ndimage import binary_dilation, binary_propagation, label
 
 from facestage.contract.arrays import Bool, Float, Num, UInt8
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.skin_mask import face_size_px, opening_share
+from facestage.fit.given.skin_mask import SURE_SKIN, chin_to_brows, face_size_px, opening_share
+from facestage.fit.given.window import Window
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
-SKIN_MIN = 0.9
-PART_MIN = 8  # pixels
 # The face's size in pixels beyond which it is looked at smaller, and below which a frame is thinner
 # than a pixel.
 FACE_PX, FACE_MIN = 420.0, 80.0
@@ -27,8 +26,8 @@ FACE_PX, FACE_MIN = 420.0, 80.0
 LINE_SHARE = 0.08
 # Added to radiance before its logarithm, as a share of the skin's.
 FLOOR_SHARE = 0.05
-# Depth of the line across the nose, as of :func:`dark_lines`: on 48 photographs of faces without
-# glasses at most 0.28 (frowns), on four with glasses 0.55 to 0.75. Share of it that the rest has at
+# Depth of the line across the nose, as of :func:`dark_lines`: on 52 photographs of faces without
+# glasses at most 0.26 (frowns), on four with glasses 0.57 to 0.75. Share of it that the rest has at
 # least.
 BRIDGE_MIN, REST_SHARE = 0.4, 0.45
 DEPTH_STEP = 0.005
@@ -39,8 +38,8 @@ BRIDGE_UP, BRIDGE_ASIDE = 0.9, 0.2
 # lashes are.
 REACH, LASHES = 1.6, 0.12
 # Share of the directions below an eye (degrees from the line through both), in which the frame is
-# seen farther than so many widths, for one eye at least; without glasses at most 0.2 where the nose
-# is crossed.
+# seen farther than so many widths, for one eye at least: 0.71 to 1 with glasses. Without, where the
+# nose is crossed at all, at most 0.36 but for one screwed-up face (1, of a line 0.26 deep).
 BELOW_MIN, BELOW_BINS, BELOW_ANGLES, BELOW_NEAR = 0.4, 14, (20.0, 160.0), 0.4
 # Around what is found a pixel may still show some of it, as far as this share of the face.
 AROUND_SHARE = 0.012
@@ -55,52 +54,43 @@ def spectacle_frame(
     :func:`facestage.fit.given.skin_mask.skin_weight`.
     """
     result = np.zeros(skin.shape, bool)
-    size = face_size_px(landmarks)
-    eyes = Eyes.of(landmarks)
-    bare = color[skin > SKIN_MIN]
+    size, eyes, bare = face_size_px(landmarks), Eyes.of(landmarks), color[skin > SURE_SKIN]
     if eyes is None or not len(bare) or size < FACE_MIN:
         return result
+    full = (skin.shape[1], skin.shape[0])
     reach = REACH * eyes.width
-    left, top = np.clip(np.min(eyes.middles, axis=0) - reach, 0, None).astype(int)
-    right, bottom = np.clip(np.ceil(np.max(eyes.middles, axis=0) + reach), 0, None).astype(int)
-    part = np.s_[top:bottom, left:right]
-    height, width = skin[part].shape
-    if min(height, width) < PART_MIN:
+    left, top = np.clip(np.floor(eyes.middles.min(axis=0) - reach), 0, full).astype(int)
+    right, bottom = np.clip(np.ceil(eyes.middles.max(axis=0) + reach), 0, full).astype(int)
+    if left == right or top == bottom:
         return result
-    scale = min(1.0, FACE_PX / size)
-    small = max(round(width * scale), PART_MIN), max(round(height * scale), PART_MIN)
-    places = (landmarks.points - [left, top]) * np.array(small) / [width, height]
-    radiance = resize(color[part].mean(axis=2).astype(np.float32), *small)
-    beside_skin = radiance / max(float(np.median(bare.mean(axis=1))), 1e-9)
-    found = _frame(beside_skin, replace(landmarks, points=places), scale * size)
-    if found.any():
-        result[part] = resize(found.astype(np.float32), width, height) > 0.5
+    window = Window(full, (left, top, right, bottom), min(1.0, FACE_PX / size))
+    radiance = color[top:bottom, left:right].mean(axis=2).astype(np.float32)
+    usual = max(float(np.median(bare.mean(axis=1))), 1e-9)
+    lines = dark_lines(resize(radiance, *window.size) / usual, window.factor * size)
+    found = _followed(lines, window.landmarks(landmarks), eyes.in_window(window))
+    wider = binary_dilation(found, _disc(AROUND_SHARE * window.factor * size))
+    result[top:bottom, left:right] = (
+        resize(wider.astype(np.float32), right - left, bottom - top) > 0.5
+    )
     return result
 
 
-def _frame(
-    beside_skin: Float[np.ndarray, "height width"], landmarks: Landmarks, size: float
+def _followed(
+    lines: Float[np.ndarray, "height width"], landmarks: Landmarks, eyes: Eyes
 ) -> Bool[np.ndarray, "height width"]:
-    """As :func:`spectacle_frame`, of radiance ``beside_skin``'s, around a face of ``size``
-    pixels.
-    """
-    lines = dark_lines(beside_skin, size)
-    eyes = Eyes.of(landmarks)
-    if eyes is None:
-        return np.zeros(lines.shape, bool)
+    """What of ``lines`` is a frame, from the bridge of the nose on."""
     row, column = np.indices(lines.shape)
     place = np.stack([column, row], axis=-1) + 0.5
     bridge, ends = eyes.bridge(place)
-    shape = (lines.shape[0], lines.shape[1])
     depth = crossing_depth(np.where(bridge, lines, 0.0), ends)
+    shape = (lines.shape[0], lines.shape[1])
     lids = binary_dilation(opening_share(shape, landmarks) > 0.5, _disc(LASHES * eyes.width))
-    region = bridge | ((eyes.distance(place).min(axis=0) < REACH) & ~lids)
-    start = bridge & (lines >= max(depth, BRIDGE_MIN))
-    deep = region & (lines > REST_SHARE * depth)
-    frame = binary_propagation(start, np.ones((3, 3)), start | deep)
-    if depth < BRIDGE_MIN or eyes.seen_below(place[frame]).max() < BELOW_MIN:
-        return np.zeros(lines.shape, bool)
-    return binary_dilation(frame, _disc(AROUND_SHARE * size))
+    around = (eyes.distance(place).min(axis=0) < REACH) & ~lids
+    frame = binary_propagation(
+        bridge & (lines > depth), np.ones((3, 3)), (bridge | around) & (lines > REST_SHARE * depth)
+    )
+    worn = depth > BRIDGE_MIN and eyes.seen_below(place[frame]).max() > BELOW_MIN
+    return frame if worn else np.zeros_like(frame)
 
 
 @dataclass(frozen=True)
@@ -118,11 +108,10 @@ class Eyes:
     @classmethod
     def of(cls, landmarks: Landmarks) -> Eyes | None:
         """None where not both are known."""
-        scheme, points = scheme_of(landmarks.scheme), landmarks.points
-        rings = [points[ring] for ring in scheme.openings[1:]]
-        up = np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
+        rings = [landmarks.points[ring] for ring in scheme_of(landmarks.scheme).openings[1:]]
+        up = chin_to_brows(landmarks)
         length = float(np.linalg.norm(up))
-        if len(rings) != 2 or not np.isfinite([*rings[0], *rings[1], up]).all() or length == 0.0:
+        if not np.isfinite([*rings[0], *rings[1], up]).all() or length == 0.0:
             return None
         up = up / length
         aside = np.array([-up[1], up[0]])
@@ -133,6 +122,16 @@ class Eyes:
         ]
         width = max(float(np.ptp(ring @ aside)) for ring in rings)
         return cls(middles, np.stack(inner), up, aside, width) if width > 0.0 else None
+
+    def in_window(self, window: Window) -> Eyes:
+        """In the window's pixels."""
+        scale, corner = window.factor, window.box[:2]
+        return replace(
+            self,
+            middles=(self.middles - corner) * scale,
+            inner=(self.inner - corner) * scale,
+            width=self.width * scale,
+        )
 
     def distance(self, place: Float[np.ndarray, "*places 2"]) -> Float[np.ndarray, " eyes *places"]:
         """From the middle of either eye, in widths of an eye."""
@@ -190,6 +189,6 @@ def crossing_depth(
 
 
 def _disc(radius: float) -> UInt8[np.ndarray, "side side"]:
-    reach = max(round(radius), 1)
-    row, column = np.indices((2 * reach + 1, 2 * reach + 1)) - reach
-    return (np.hypot(row, column) <= max(radius, 1.0)).astype(np.uint8)
+    from skimage.morphology import disk
+
+    return np.asarray(disk(max(round(radius), 1)))

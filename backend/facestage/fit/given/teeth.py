@@ -14,6 +14,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.face.unknowns import EXPRESSION_SIGMA
+from facestage.fit.given.skin_mask import SURE_SKIN
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # A tooth's luminance and red over green, and the luminance of what is dark, beside the skin's.
@@ -29,7 +30,6 @@ SAMPLES = 24
 # Pixels between the lips below which their borders are all that is seen.
 OPENING_MIN = 4.0
 LIP_SHADOW = 1.0  # pixels below the upper lip that are dark before teeth too
-SKIN_MIN = 0.9
 # Standard deviation of the weight that opens a jaw whose teeth are seen closed.
 CLOSED_SIGMA = 0.04
 JAW_OPEN = "jawOpen"
@@ -47,7 +47,7 @@ def closed_teeth(
     half = len(ring) // 2
     across = np.stack([ring[:half:-1], ring[1:half]], axis=1)
     across = across[len(across) // 3 : len(across) - len(across) // 3]
-    bare = color[skin > SKIN_MIN]
+    bare = color[skin > SURE_SKIN]
     upper, lower = landmarks.points[across].transpose(1, 0, 2)
     shown = landmarks.counted[across].all()
     if not (shown and len(bare) and np.isfinite([upper, lower]).all()):

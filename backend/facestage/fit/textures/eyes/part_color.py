@@ -23,6 +23,7 @@ from facestage.fit.forward.reflectance import (
 )
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
+from facestage.fit.given.skin_mask import SURE_SKIN
 from facestage.fit.given.teeth import beside_skin, of_teeth
 from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
 from facestage.fit.textures.eyes.lip_shadow import out_of_shadow
@@ -40,7 +41,6 @@ LIT_MIN = 0.1
 # The white of an eye has less than this share of the skin's red over blue (of the logarithm); else
 # a lid hides it.
 WHITE_CHROMA_MAX, WHITE_CHROMA_MIN = 0.75, 0.1
-SKIN_MIN = 0.9  # of a pixel
 # Share of what surrounds the eyes that may be hidden, as it is by dark glasses; and where landmarks
 # find eyes that show, as between lids that are made up.
 HIDDEN_MAX, HIDDEN_MAX_SURELY = 0.3, 0.6
@@ -235,7 +235,7 @@ def _like_teeth(
     look: Look, row: Int[np.ndarray, " pixels"], column: Int[np.ndarray, " pixels"]
 ) -> Bool[np.ndarray, " pixels"]:
     """Whether pixels are as light and as little red, beside the skin, as teeth are."""
-    bare = look.color[look.usable & (look.skin > SKIN_MIN)]
+    bare = look.color[look.usable & (look.skin > SURE_SKIN)]
     if not len(bare):
         return np.zeros(len(row), bool)
     return of_teeth(*beside_skin(look.color[row, column], bare))
@@ -336,7 +336,7 @@ def _eyes_open(white: Float[np.ndarray, "pixels 3"], look: Look) -> bool:
     """Whether what lies where the model has the white of its eyes, is paler than the
     skin.
     """
-    skin = look.color[look.usable & (look.skin > SKIN_MIN)]
+    skin = look.color[look.usable & (look.skin > SURE_SKIN)]
     if len(white) < PIXELS_MIN or not len(skin):
         return False
     red, _, blue = np.maximum(np.median(skin, axis=0), 1e-6)
