@@ -37,6 +37,7 @@ from facestage.contract.light_stage import (
 from facestage.contract.parameters import TABLE
 from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe
+from facestage.contract.skin_tone import ANGLES, SKIN_TYPES, type_angle, usual_color
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 from .translations import FACESTAGE
@@ -54,6 +55,8 @@ PART_HELP = {
     "teeth": "Teeth",
     "other": "Lashes, tear films, hair, clothes: the fit does not look at them",
 }
+# What the skin tone may be beside one of the types.
+FROM_PHOTO, BY_ANGLE = "PHOTO", "ANGLE"
 DEVICE_NAMES = {"auto": "Automatic", "cpu": "CPU", "cuda": "NVIDIA GPU"}
 
 # Newer Blenders want to be told which paths may begin with "//", the .blend's folder.
@@ -87,6 +90,12 @@ def _on_landmark_state(owner: "LandmarkSettings", _context: bpy.types.Context) -
     empty = owner.id_data
     empty.empty_display_type = "PLAIN_AXES" if owner.state == "IGNORED" else "SPHERE"
     empty.empty_display_size = owner.size * (0.55 if owner.state == "HIDDEN" else 1.0)
+
+
+def _usual_color(owner: "OfFace") -> tuple[float, float, float]:
+    """Of the skin that is said; a mean one's where none is."""
+    angle = owner.known_skin_tone()
+    return usual_color(type_angle("intermediate") if angle is None else angle)
 
 
 def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
@@ -369,6 +378,33 @@ class OfFace(OfPhoto):
             (WITHOUT, "Never", "The lights of the stage alone"),
         ],
     )
+    skin_tone: EnumProperty(
+        name="Skin Tone",
+        description="How light the skin is, which a photo alone hardly tells from the light: if "
+        "it came out too light or too dark, say what it is and fit again",
+        items=[
+            (FROM_PHOTO, "From the Photo", "A guess by the photo's exposure, eyes and highlights")
+        ]
+        + [
+            (
+                name.upper().replace(" ", "_"),
+                _title(f"{name} skin"),
+                f"An individual typology angle of about {type_angle(name):.0f}°",
+            )
+            for name, _ in SKIN_TYPES
+        ]
+        + [(BY_ANGLE, "By Its Angle", "The individual typology angle, in degrees")],
+    )
+    skin_angle: FloatProperty(
+        name="Typology Angle",
+        description="The skin's individual typology angle in degrees: 55 and more is very light, "
+        "-30 and less dark",
+        default=type_angle("intermediate"),
+        min=ANGLES[0],
+        max=ANGLES[1],
+        precision=0,
+        step=100,
+    )
     texture_size: EnumProperty(
         name="Textures",
         description="The most pixels along the textures of the next fit; as many as the photo "
@@ -449,6 +485,14 @@ class OfFace(OfPhoto):
         options=RELATIVE,
     )
 
+    def known_skin_tone(self) -> float | None:
+        """The typology angle of the skin in degrees; None: the photo has to say it."""
+        if self.skin_tone == FROM_PHOTO:
+            return None
+        if self.skin_tone == BY_ANGLE:
+            return float(self.skin_angle)
+        return type_angle(self.skin_tone.lower().replace("_", " "))
+
 
 class StoredFace(OfFace, bpy.types.PropertyGroup):
     """One of several faces of a scene, as it was when another one came to be shown."""
@@ -484,6 +528,15 @@ class SceneSettings(OfFace, bpy.types.PropertyGroup):
     )
     face_shown: IntProperty(
         name="Face", description="Which of several faces the panel is about", default=1, min=1
+    )
+    skin_color: FloatVectorProperty(
+        name="Usual Color",
+        description="What skin of this tone usually looks like; the hue is fitted",
+        subtype="COLOR",
+        size=3,
+        min=0,
+        max=1,
+        get=_usual_color,
     )
 
 

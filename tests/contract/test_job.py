@@ -16,6 +16,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.files.storage import read_arrays, write_arrays
 from facestage.contract.job import DEVICES, LIGHT_COLORS, Job, Weights
 from facestage.contract.parameters import PARAMETERS
+from facestage.contract.skin_tone import ANGLES
 
 
 def assert_same(first: Any, second: Any, what: str = "") -> None:
@@ -58,9 +59,14 @@ def test_a_minimal_job_keeps_its_defaults(tmp_path: Path, photo: Path):
     st.none() | st.floats(1e-3, 1e6),
     st.integers(0, 2**20),
     st.floats(0, 1e6),
-    st.none()
-    | st.tuples(st.floats(0, 1e4), st.floats(0, 1e4))
-    | st.tuples(*3 * [st.floats(1e-6, 1e6)]),
+    st.fixed_dictionaries(
+        {
+            "white_balance": st.none()
+            | st.tuples(st.floats(0, 1e4), st.floats(0, 1e4))
+            | st.tuples(*3 * [st.floats(1e-6, 1e6)]),
+            "skin_tone": st.none() | st.floats(*ANGLES),
+        }
+    ),
 )
 def test_options_round_trip(
     photo: Path,
@@ -70,7 +76,7 @@ def test_options_round_trip(
     budget: float | None,
     seed: int,
     weight: float,
-    white: tuple[float, ...] | None,
+    known: dict[str, Any],
 ):
     original = Job(
         photo,
@@ -80,7 +86,7 @@ def test_options_round_trip(
         budget_seconds=budget,
         seed=seed,
         weights=Weights(photo=weight),
-        white_balance=white,
+        **known,
     )
     original.save(photo.parent / "job")
     assert_same(replace(Job.load(photo.parent / "job"), image=photo), original)
@@ -95,6 +101,8 @@ def test_a_job_beside_a_result_refers_to_the_photo_where_it_is(tmp_path: Path, j
     ("change", "words"),
     [
         ({"light_color": "rainbow"}, ["light_color", "rainbow", "multi, uniform"]),
+        ({"skin_tone": -90.0}, ["skin tone", "-90", "-80 (darkest) to 70"]),
+        ({"skin_tone": float("nan")}, ["skin tone", "nan", "-80 (darkest) to 70"]),
         ({"device": "tpu"}, ["device", "tpu", "auto, cpu, cuda"]),
         ({"freeze": ("nose",)}, ["nose", "identity, expression"]),
         ({"budget_seconds": 0.0}, ["budget", "0.0", "greater than 0"]),
@@ -263,6 +271,7 @@ def test_what_a_job_file_leaves_out_is_the_usual(tmp_path: Path, photo: Path):
         "surround": "auto",
         "exposure": "known",
         "white_balance": None,
+        "skin_tone": None,
         "texture_size": None,
         "pins": None,
     }

@@ -31,7 +31,7 @@ from .asset import clear_asset
 # What a face has made for itself, and what another one therefore begins without.
 _MADE = (
     *("stage", "rig", "landmark_plane", "landmarks", "result", "folder"),
-    *("photos", "photo_number", "pins", "pinning"),
+    *("photos", "photo_number", "pins", "pinning", "skin_tone", "skin_angle"),
     *("performance", "performance_start", "performance_mark"),
 )
 

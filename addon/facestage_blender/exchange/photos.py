@@ -21,7 +21,7 @@ from facestage.contract.result import CONVERGED, Result
 from ..landmarks.editing import forget_landmarks, keep_landmarks, remember_landmarks, take_landmarks
 from ..landmarks.empties import shown_plane
 from ..pictures.images import load_image
-from ..properties import OfPhoto, PhotoSettings
+from ..properties import FROM_PHOTO, OfPhoto, PhotoSettings
 from ..scene.camera import ensure_camera, show_photo
 from ..scene.own_view import keep_view, return_to_photo
 from ..scene.paths import absolute
@@ -52,6 +52,7 @@ def choose_photo(scene: bpy.types.Scene, path: Path) -> None:
     if settings.photo and absolute(settings.photo) != path:
         forget_landmarks(scene)  # they are of the photo before, as is its light
         settings.white_balance_known = False
+        settings.skin_tone = FROM_PHOTO  # it may show somebody else
     settings.photo = str(path)
 
 

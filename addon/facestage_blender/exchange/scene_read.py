@@ -62,6 +62,7 @@ def read_job(scene: bpy.types.Scene, photo: PhotoSettings | None = None) -> Job:
         surround=settings.surround,
         exposure=KNOWN if settings.exposure_known else UNKNOWN,
         white_balance=tuple(given.white_balance) if given.white_balance_known else None,
+        skin_tone=settings.known_skin_tone(),
         freeze=frozen,
         weights=Weights(
             photo=settings.weight_photo,

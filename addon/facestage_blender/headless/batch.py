@@ -21,6 +21,7 @@ from facestage.contract.parameters import PARAMETERS
 from facestage.contract.person import Person
 from facestage.contract.quality import GOOD, QUALITIES, parse_budget
 from facestage.contract.sequence import Sequence
+from facestage.contract.skin_tone import parse_skin_tone
 
 from ..backend.commands import find_backend
 from ..scene.light_setups import LIGHT_FROM
@@ -124,6 +125,13 @@ def _add_model(result: argparse.ArgumentParser) -> None:
 
 def _add_fit(result: argparse.ArgumentParser) -> None:
     """The options of the fit itself."""
+    result.add_argument(
+        "--skin-tone",
+        type=_skin_tone,
+        metavar="TYPE|DEGREES",
+        help="how light the skin is: very-light, light, intermediate, tan, brown or dark, or its "
+        "typology angle (70 lightest, -80 darkest); without it, a guess",
+    )
     result.add_argument(
         "--freeze",
         choices=PARAMETERS,
@@ -251,6 +259,7 @@ def run(options: argparse.Namespace) -> None:
         model=options.model,
         lights=options.lights,
         light_color=options.light_color,
+        skin_tone=options.skin_tone,
         freeze=tuple(options.freeze),
         budget=options.budget[0],
         quality=options.budget[1],
@@ -383,6 +392,13 @@ def _side(text: str) -> int:
 def _budget(text: str) -> tuple[float | None, str]:
     try:
         return parse_budget(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _skin_tone(text: str) -> float:
+    try:
+        return parse_skin_tone(text)
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 

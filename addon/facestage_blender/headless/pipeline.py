@@ -38,6 +38,7 @@ from ..exchange.write_back import apply_result
 from ..pictures.images import load_image
 from ..pictures.render import quiet
 from ..preferences import online_access
+from ..properties import BY_ANGLE
 from ..rig.face_rig import build_rig
 from ..rig.own_rig import adopt, export_mesh
 from ..scene.camera import ensure_camera, require_camera, show_photo, write_camera
@@ -71,6 +72,7 @@ class Order:
     model: str = DEFAULT_MODEL
     lights: int = DEFAULT_COUNT
     light_color: str = LIGHT_COLORS[0]
+    skin_tone: float | None = None  # its typology angle in degrees
     freeze: tuple[str, ...] = ()
     budget: float | None = None
     quality: str = GOOD
@@ -191,6 +193,8 @@ def prepare_scene(
     settings.photo, settings.landmarks = str(order.image), str(order.landmarks or "")
     settings.face_number = order.face
     settings.light_count, settings.light_color = order.lights, order.light_color
+    if order.skin_tone is not None:
+        settings.skin_tone, settings.skin_angle = BY_ANGLE, order.skin_tone
     settings.freeze, settings.budget, settings.seed = (
         set(order.freeze),
         order.budget or 0.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from facestage.contract.quality import BEST, DRAFT, GOOD, describe
+from facestage.contract.skin_tone import SKIN_TYPES, type_angle
 
 _LANDMARKS = {
     "Outer Corner of the Right Eye": "Äußerer Winkel des rechten Auges",
@@ -382,6 +383,22 @@ _FIT = {
     "Best": "Beste",
     "Budget": "Zeit",
     "Time for the fit; 0 is no limit": "Zeit für die Anpassung; 0 ist keine Grenze",
+    "Skin Tone": "Hautton",
+    "How light the skin is, which a photo alone hardly tells from the light: if it came out too light or too dark, say what it is and fit again": "Wie hell die Haut ist, was ein Foto allein kaum vom Licht unterscheidet: ist sie zu hell oder zu dunkel geworden, hier sagen, wie sie ist, und neu anpassen",
+    "From the Photo": "Aus dem Foto",
+    "A guess by the photo's exposure, eyes and highlights": "Geschätzt nach Belichtung, Augen und Glanzlichtern des Fotos",
+    "Very Light Skin": "Sehr helle Haut",
+    "Light Skin": "Helle Haut",
+    "Intermediate Skin": "Mittlere Haut",
+    "Tan Skin": "Gebräunte Haut",
+    "Brown Skin": "Braune Haut",
+    "Dark Skin": "Dunkle Haut",
+    "By Its Angle": "Nach seinem Winkel",
+    "The individual typology angle, in degrees": "Der individuelle Typologiewinkel, in Grad",
+    "Typology Angle": "Typologiewinkel",
+    "The skin's individual typology angle in degrees: 55 and more is very light, -30 and less dark": "Der individuelle Typologiewinkel der Haut in Grad: 55 und mehr ist sehr hell, -30 und weniger dunkel",
+    "Usual Color": "Übliche Farbe",
+    "What skin of this tone usually looks like; the hue is fitted": "Wie Haut dieses Tons üblicherweise aussieht; der Farbton wird angepasst",
     "Textures": "Texturen",
     "The most pixels along the textures of the next fit; as many as the photo fills are made": "Höchstens so viele Pixel haben die Texturen der nächsten Anpassung; gemacht werden so viele, wie das Foto füllt",
     "2048, as Usual": "2048, wie üblich",
@@ -645,6 +662,10 @@ GERMAN: dict[str, str] = (
     {each: each for each in _ALIKE}
     | {f"{map_} texture, linear": f"Textur {words}, linear" for map_, words in _MAPS.items()}
     | {f"Light from the {side}": f"Licht von {words}" for side, words in _SIDES.items()}
+    | {
+        f"An individual typology angle of about {type_angle(name):.0f}°": f"Ein individueller Typologiewinkel von etwa {type_angle(name):.0f}°"
+        for name, _ in SKIN_TYPES
+    }
     | {f"Textures of {n} pixels at most": f"Texturen von höchstens {n} Pixeln" for n in _SIZES}
     | {f"At most {n} by {n} pixels": f"Höchstens {n} mal {n} Pixel" for n in _SIZES}
     | {

@@ -17,6 +17,7 @@ from ..exchange.photos import stored_photos, take_results
 from ..exchange.scene_read import read_jobs
 from ..exchange.write_back import apply_steps
 from ..preferences import backend_command
+from ..properties import BY_ANGLE, FROM_PHOTO
 from ..scene.paths import RESULT_FOLDER, absolute, job_folders, result_folder, work_folder
 from ..translations import said
 from .backend_task import BackendTask
@@ -79,6 +80,19 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
             yield from apply_steps(context.scene, result)
 
 
+def draw_skin_tone(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """What it is, if anybody knows, and what that usually looks like."""
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    row.prop(settings, "skin_tone")
+    if settings.skin_tone != FROM_PHOTO:
+        color = row.row(align=True)
+        color.ui_units_x = 2
+        color.prop(settings, "skin_color", text="")
+    if settings.skin_tone == BY_ANGLE:
+        column.prop(settings, "skin_angle")
+
+
 class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
     """Step 4: the fit, its progress and its errors."""
 
@@ -96,6 +110,7 @@ class FACESTAGE_PT_fit(SidebarPanel, bpy.types.Panel):
             context.window_manager.facestage,
         )
         if not draw_task(layout, context, FACESTAGE_OT_fit.task, ""):
+            draw_skin_tone(layout, settings)
             ready = bool(settings.photo and settings.stage and settings.rig)
             row = layout.row(align=True)
             row.enabled, row.scale_y = ready and not state.task, 1.5

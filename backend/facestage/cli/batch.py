@@ -25,6 +25,7 @@ PHOTOS_ALONE = (
     "environment",
     "surround",
     "white_balance",
+    "skin_tone",
     "texture_size",
     "light_color",
     "face_region",

@@ -43,6 +43,7 @@ def read_jobs(options: argparse.Namespace) -> list[Job]:
             "surround",
             "environment",
             "white_balance",
+            "skin_tone",
             "texture_size",
             "seed",
             "device",
@@ -127,6 +128,7 @@ def _image_job(
     from facestage.contract.job import AUTO, KNOWN, UNKNOWN, Job
     from facestage.contract.landmarks import Landmarks
     from facestage.contract.light_stage import DEFAULT_COUNT, fibonacci_stage
+    from facestage.contract.skin_tone import parse_skin_tone
     from facestage.images.image_io import read_photograph
 
     camera = Camera.read(camera_file) if camera_file else None
@@ -147,6 +149,7 @@ def _image_job(
         seed=options.seed or 0,
         device=options.device or "auto",
         face=options.face,
+        skin_tone=None if options.skin_tone is None else parse_skin_tone(options.skin_tone),
         texture_size=options.texture_size,
     )
 

@@ -61,6 +61,13 @@ def add_photo_options(command: Any) -> None:
         "the light, and with it the skin's, is a guess",
     )
     command.add_argument(
+        "--skin-tone",
+        metavar="TYPE|DEGREES",
+        help="how light the skin is, which a photo alone hardly tells: very-light, light, "
+        "intermediate, tan, brown or dark, or its individual typology angle (70 lightest, -80 "
+        "darkest)",
+    )
+    command.add_argument(
         "--texture-size",
         type=int,
         choices=(512, 1024, 2048, 4096),

@@ -42,6 +42,7 @@ from facestage.contract.schemas.schema import (
     checked,
     sections,
 )
+from facestage.contract.skin_tone import ANGLES, check_skin_tone
 
 SCHEMA_VERSION = 1
 FILE, ARRAYS = "job.json", "job.npz"
@@ -118,6 +119,7 @@ class Job:
     exposure: str = KNOWN  # of the lights that are held: one of EXPOSURES
     # Something grey in the photo: its pixel (x, y), or what it shows, linear (red, green, blue)
     white_balance: tuple[float, ...] | None = None
+    skin_tone: float | None = None  # how light the skin is: its typology angle in degrees
     # the most texels along the textures, one of TEXTURE_SIZES; None: 2048
     texture_size: int | None = None
     pins: Pins | None = None  # points of the model's surface that were put on their pixels by hand
@@ -155,6 +157,8 @@ class Job:
             )
         if self.white_balance is not None:
             check_white_balance(self.white_balance)
+        if self.skin_tone is not None:
+            check_skin_tone(self.skin_tone)
         if self.budget_seconds is not None and not (
             math.isfinite(self.budget_seconds) and self.budget_seconds > 0
         ):
@@ -203,6 +207,7 @@ class Job:
             "surround": self.surround,
             "exposure": self.exposure,
             "white_balance": None if self.white_balance is None else list(self.white_balance),
+            "skin_tone": self.skin_tone,
             "texture_size": self.texture_size,
             "pins": self.pins.to_json() if self.pins else None,
         }
@@ -263,6 +268,7 @@ class Job:
             surround=found["surround"],
             exposure=found["exposure"],
             white_balance=found["white_balance"],
+            skin_tone=found["skin_tone"],
             texture_size=found["texture_size"],
             pins=None
             if found["pins"] is None
@@ -301,6 +307,7 @@ class JobSchema(HandWritten):
     surround = Choice(SURROUNDS, load_default=AUTO)
     exposure = Choice(EXPOSURES, load_default=KNOWN)
     white_balance = Items(Number(0, RADIANCE_MAX), 2, 3, load_default=None)
+    skin_tone = Number(*ANGLES, load_default=None)
     texture_size = Whole(TEXTURE_SIZES[0], TEXTURE_SIZES[-1], load_default=None)
     pins = Table(Plain(), load_default=None)
 

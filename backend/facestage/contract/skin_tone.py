@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from facestage.contract.arrays import Float
+from facestage.contract.errors import InputError
 
 _RGB_TO_XYZ = np.array(
     [
@@ -28,6 +29,26 @@ SKIN_TYPES = (
     ("tan", 10.0),
     ("brown", -30.0),
     ("dark", -np.inf),
+)
+ANGLES = (-80.0, 70.0)  # of all people, in degrees: 40 to 0.8 % melanosomes in the epidermis
+# What skin of some angles looks like in linear Rec. 709 RGB, by its pigments
+# (models/anatomy/skin.py).
+_COLORS = np.array(
+    [
+        [-79.5, 0.037, 0.015, 0.013],
+        [-68.8, 0.067, 0.024, 0.016],
+        [-48.1, 0.129, 0.047, 0.025],
+        [-26.0, 0.209, 0.089, 0.046],
+        [-8.6, 0.274, 0.134, 0.075],
+        [10.3, 0.336, 0.186, 0.120],
+        [33.9, 0.396, 0.246, 0.184],
+        [52.1, 0.437, 0.292, 0.244],
+        [67.8, 0.472, 0.336, 0.307],
+    ]
+)
+EXPECTED = (
+    f"expected an individual typology angle of {ANGLES[0]:g} (darkest) to {ANGLES[1]:g} degrees "
+    "(lightest)"
 )
 
 
@@ -59,6 +80,40 @@ def typology_angle(color: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."
 def skin_type(angle: float) -> str:
     """The type of an ITA in degrees."""
     return next(name for name, above in SKIN_TYPES if angle > above)
+
+
+def type_angle(name: str) -> float:
+    """The middle of the angles in degrees of a skin type. Raises KeyError."""
+    limits = [ANGLES[1], *(max(above, ANGLES[0]) for _, above in SKIN_TYPES)]
+    lighter = dict(zip((name for name, _ in SKIN_TYPES), limits, strict=False))
+    return (lighter[name] + max(dict(SKIN_TYPES)[name], ANGLES[0])) / 2
+
+
+def usual_color(angle: float) -> tuple[float, float, float]:
+    """What skin of a typology ``angle`` in degrees usually looks like, linear Rec. 709 RGB."""
+    angles, *channels = _COLORS.T
+    red, green, blue = (float(np.interp(angle, angles, channel)) for channel in channels)
+    return red, green, blue
+
+
+def check_skin_tone(angle: float) -> None:
+    """Raise InputError where no skin has this typology ``angle`` in degrees."""
+    if not ANGLES[0] <= angle <= ANGLES[1]:
+        raise InputError(f"The skin tone is {angle:g}; {EXPECTED}.")
+
+
+def parse_skin_tone(text: str) -> float:
+    """The typology angle in degrees that a skin type or a number says. Raises InputError."""
+    name = text.strip().lower().replace("-", " ").replace("_", " ")
+    if name in dict(SKIN_TYPES):
+        return type_angle(name)
+    try:
+        angle = float(text)
+    except ValueError:
+        types = ", ".join(name.replace(" ", "-") for name, _ in SKIN_TYPES)
+        raise InputError(f"The skin tone is '{text}'; {EXPECTED}, or one of {types}.") from None
+    check_skin_tone(angle)
+    return angle
 
 
 def chromaticity(color: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:

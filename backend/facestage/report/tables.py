@@ -42,6 +42,7 @@ ERRORS = {
         "Deviation of the skin's red over blue, by the fit's own account",
         "relative",
     ),
+    "skin_tone": ("Skin tone, individual typology angle", "°"),
     "landmark_px": ("Landmarks, median distance", "px"),
     "albedo": ("Albedo, RMS, best scale factored out", "linear"),
     "mesh_normal_degrees": ("Normals of the mesh alone, mean angle", "°"),

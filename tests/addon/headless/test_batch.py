@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import facestage_blender
+from facestage.contract.job import Job
 from facestage_blender.headless import batch
 
 
@@ -95,6 +96,8 @@ def test_whole_run_saves_a_scene_that_opens_again(
         out,
         "--lights",
         6,
+        "--skin-tone",
+        "brown",
         "--relight",
         "left",
         "top",
@@ -127,6 +130,7 @@ def test_whole_run_saves_a_scene_that_opens_again(
     assert scene.facestage.rig.facestage_face.albedo_image.packed_file is not None
     assert len([item for item in scene.objects if item.type == "LIGHT"]) == 6
     assert scene.render.resolution_x == 96
+    assert Job.load(out / "job").skin_tone == -10
 
 
 def test_without_landmarks_the_fit_finds_them(run, photo: Path, tmp_path: Path) -> None:
@@ -206,6 +210,7 @@ def bad_inputs(folder: Path) -> dict[str, tuple[list[object], str]]:
         "no such face": (["--face", "0"], "largest face"),
         "face and landmarks": (["--face", "2", "--landmarks", few], "not allowed"),
         "negative budget": (["--budget", "-3"], "greater than 0"),
+        "no such skin": (["--skin-tone", "pale"], "expected an individual typology angle"),
         "no lights": (["--lights", "0"], "0 lights"),
         "output is a file": (["--out", blocked / "deeper"], "Cannot write"),
         "truth missing": (["--truth", folder / "absent.npz"], "truth"),
@@ -231,6 +236,7 @@ BAD_INPUTS = (
     "no such face",
     "face and landmarks",
     "negative budget",
+    "no such skin",
     "no lights",
     "output is a file",
     "truth missing",

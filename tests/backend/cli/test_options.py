@@ -35,6 +35,8 @@ from reference.synthetic_case import Case
         (["--texture-size", "4096"], lambda job: job.texture_size, 4096),
         (["--white-balance", "12,40.5"], lambda job: job.white_balance, (12.0, 40.5)),
         (["--white-balance", "1,.9,0.8"], lambda job: job.white_balance, (1.0, 0.9, 0.8)),
+        (["--skin-tone", "-12.5"], lambda job: job.skin_tone, -12.5),
+        (["--skin-tone=Very-Light"], lambda job: job.skin_tone, 62.5),
         (["--face", "2"], lambda job: job.face, 2),
         (["--truth", "/t.npz"], lambda job: job.truth, Path("/t.npz")),
         (

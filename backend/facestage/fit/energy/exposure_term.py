@@ -104,9 +104,10 @@ class ExposureTerm(Term):
 
 def somebody_exposed(problem: Problem) -> bool:
     """Whether the photo's exposure says how bright its light is: not of files in linear light, and
-    light of known brightness needs no guess.
+    where the light's brightness or the skin's is known there is nothing to guess.
     """
-    return problem.photograph.developed and not problem.lights.fixed_radiance.any()
+    known = problem.job.skin_tone is not None or problem.lights.fixed_radiance.any()
+    return problem.photograph.developed and not known
 
 
 def white_skin(

@@ -1,4 +1,5 @@
-"""How light and how dark people's skin is at most: a bound that light cannot hide behind.
+"""How light and how dark people's skin is at most: a bound that light cannot hide behind; or how
+light somebody knows that it is.
 
 The tones of all people are one wide Gaussian to the face model, which puts nothing against skin
 that is lighter than anybody's. The lightest is only half as light again as the mean one.
@@ -14,6 +15,7 @@ import numpy as np
 from facestage.contract.arrays import Float
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.robust_residuals import QuadraticResiduals
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
@@ -52,32 +54,42 @@ class Tone(QuadraticResiduals):
             result[0, layout.slices["albedo"]] = self.by_albedo / SIGMA
         return result
 
+    def coefficients(self, luminance: float) -> Float[np.ndarray, " albedos"]:
+        """The likeliest ones of skin of this logarithm of ``luminance``."""
+        return self.by_albedo * (luminance - self.mean) / float(self.by_albedo @ self.by_albedo)
+
     def _tone(self, state: State) -> float:
         return self.mean + float(self.by_albedo @ state.albedo)
 
 
 @dataclass(frozen=True, eq=False)
 class ToneTerm(Term):
-    """The limits of people's skin."""
+    """The limits of people's skin, or the tone that is known."""
 
-    words: ClassVar = {"tone": "Skin lighter or darker than people's"}
+    words: ClassVar = {
+        Tone.name: "Skin lighter or darker than people's",
+        KnownTone.name: "Skin lighter or darker than it is known to be",
+    }
     prior: ClassVar = True
 
-    tone: Tone
+    tone: Tone | KnownTone
 
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
         """Of phases that move the albedo."""
         if not setup.moves(("albedo",)):
             return None
-        return cls(tone_of(setup.problem.geometry, setup.problem.job.weights.prior))
+        geometry, job = setup.problem.geometry, setup.problem.job
+        if job.skin_tone is None:
+            return cls(tone_of(geometry, job.weights.prior))
+        return cls(KnownTone.of(geometry, job.skin_tone, job.weights.prior))
 
     def beside_another(self, shared: frozenset[str]) -> Self:
         """What is known of the person counts once."""
         weight = 0.0 if "albedo" in shared else self.tone.weight
         return replace(self, tone=replace(self.tone, weight=weight))
 
-    def at(self, state: State, evaluation: Evaluation | None = None) -> Tone:
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Tone | KnownTone:
         """Everywhere the same."""
         return self.tone
 

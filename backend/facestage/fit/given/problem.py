@@ -274,6 +274,8 @@ class Problem:
             settings["exposure"] = self.job.exposure
         if self.job.white_balance is not None:
             settings["white_balance"] = self.job.white_balance
+        if self.job.skin_tone is not None:
+            settings["skin_tone"] = self.job.skin_tone
         if self.job.pins is not None:
             settings["pins"] = self.job.pins.to_json()
         digest.update(json.dumps(finite(settings), sort_keys=True).encode())
@@ -413,6 +415,11 @@ def read_problem(
         raise InputError(
             "The job gives a white balance, but holds all lights, whose color is known; free the "
             "lights, or leave out the white balance."
+        )
+    if job.skin_tone is not None and "albedo" in job.freeze:
+        raise InputError(
+            "The job gives a skin tone, but holds the albedo, which is one; free the albedo, or "
+            "leave out the skin tone."
         )
     model = load_model(job.model) if geometry is None else geometry.model
     landmarks = known_to(model, job.landmarks)

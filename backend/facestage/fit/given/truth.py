@@ -23,6 +23,7 @@ from facestage.contract.skin_tone import chromaticity, typology_angle
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel, sample_bilinear
+from facestage.fit.given.face_color import face_uvs
 from facestage.fit.given.metrics import (
     aligned_difference,
     aligned_distance,
@@ -195,12 +196,8 @@ class VertexTruth:
         true = self.arrays.get("albedo")
         if true is None:
             return None
-        model = self.geometry.model
-        inside = np.zeros(len(model.vertices), bool)
-        inside[model.regions.get("narrow_face", self.geometry.used)] = True
-        rows = inside[model.triangles].all(axis=1)
-        uvs = model.uvs[np.unique(model.triangle_uvs[rows])]
-        u, v, scale = model.face_tile
+        uvs = face_uvs(self.geometry)
+        u, v, scale = self.geometry.model.face_tile
         true_uvs = (uvs - np.array([u, v])) / scale
         return (sample_bilinear(texture, uvs), sample_bilinear(true.astype(np.float64), true_uvs))
 

@@ -36,6 +36,7 @@ from facestage.fit.forward.rendering import (
     render_picture,
 )
 from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.face_color import face_tone
 from facestage.fit.given.metrics import psnr
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import Truth
@@ -168,6 +169,7 @@ def _errors(
         errors["landmark_shape_deviation"] = fitted.support.landmarks_mm
     if fitted.color is not None and np.isfinite(fitted.color.skin):
         errors["skin_color_deviation"] = fitted.color.skin
+    errors["skin_tone"] = face_tone(problem.geometry, textures.albedo)
     errors["landmark_px"] = (
         float(np.median(distance[problem.landmarks.counted])) / problem.window.factor
     )

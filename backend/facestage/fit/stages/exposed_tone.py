@@ -1,4 +1,4 @@
-"""Where skin starts: as light as the photo's exposure says.
+"""Where skin starts: as light as somebody says, or as the photo's exposure does.
 
 Skin twice as dark in light twice as bright is the same matte picture, so a fit hardly leaves the
 tone that it starts from; and dark skin, begun as the mean, is explained as lighter skin in the
@@ -22,8 +22,9 @@ from facestage.fit.energy.exposure_term import (
     somebody_exposed,
     white_skin,
 )
+from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
-from facestage.fit.energy.tone_term import Tone, tone_of
+from facestage.fit.energy.tone_term import tone_of
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights
 
@@ -36,11 +37,15 @@ def as_light_as_exposed(
     problem: Problem, photo: PhotoTerm, evaluation: Evaluation
 ) -> Float[np.ndarray, " albedos"]:
     """The albedo's coefficients to start from, each tried under the lights that then explain the
-    photo best. As they are in ``evaluation`` where somebody has given or held them, or nobody has
-    chosen the exposure.
+    photo best; those of the skin tone where it is known. As they are in ``evaluation`` where
+    somebody has given or held them, or nobody has chosen the exposure.
     """
     state, image = evaluation.state, evaluation.image
-    if state.albedo.any() or "albedo" in problem.job.freeze or not somebody_exposed(problem):
+    if state.albedo.any() or "albedo" in problem.job.freeze:
+        return state.albedo
+    if problem.job.skin_tone is not None:
+        return KnownTone.of(problem.geometry, problem.job.skin_tone).coefficients()
+    if not somebody_exposed(problem):
         return state.albedo
     y, x = photo.index(image.surface)
     skin = (evaluation.base_weight[y, x] > 0) & (photo.photo.skin[y, x] > SKIN_MIN)
@@ -49,7 +54,7 @@ def as_light_as_exposed(
     tone = tone_of(problem.geometry)
 
     def unlikely(luminance: float) -> float:
-        there = replace(state, albedo=_coefficients(tone, luminance))
+        there = replace(state, albedo=tone.coefficients(luminance))
         albedo = photo.forward.albedo(there, image.surface)
         tried = replace(evaluation, image=replace(image, albedo=albedo))
         radiance = initial_lights(tried, photo, problem.lights) @ np.array(REC709)
@@ -60,14 +65,9 @@ def as_light_as_exposed(
     found = minimize_scalar(
         unlikely, bounds=tone.limits, method="bounded", options={"xatol": TOLERANCE}
     )
-    return _coefficients(tone, float(found.x))
+    return tone.coefficients(float(found.x))
 
 
 def is_darker(problem: Problem, albedo: Float[np.ndarray, " albedos"]) -> bool:
     """Whether skin of these coefficients is darker than the model's mean."""
     return bool(tone_of(problem.geometry).by_albedo @ albedo < 0)
-
-
-def _coefficients(tone: Tone, luminance: float) -> Float[np.ndarray, " albedos"]:
-    """The likeliest ones of skin of this logarithm of ``luminance``."""
-    return tone.by_albedo * (luminance - tone.mean) / float(tone.by_albedo @ tone.by_albedo)

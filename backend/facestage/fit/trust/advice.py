@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, STOPPED
+from facestage.contract.skin_tone import skin_type
 from facestage.fit.forward.rendering import Picture
 from facestage.fit.given.problem import Problem
 from facestage.fit.trust.fitted import Fitted
@@ -46,8 +47,16 @@ def verdict(
         else ""
     )
     explained = f"the render explains the skin with a PSNR of {value:.1f} dB"
-    words = f"{explained}{hidden_words}{_unsupported(fitted)}{_uncolored(problem, fitted)}"
-    return CONVERGED, f"Converged: {words}."
+    skin_words = f"{_toned(problem, fitted, errors)}{_uncolored(problem, fitted)}"
+    return CONVERGED, f"Converged: {explained}{hidden_words}{skin_words}{_unsupported(fitted)}."
+
+
+def _toned(problem: Problem, fitted: Fitted, errors: Mapping[str, float]) -> str:
+    """What a fit says that had to find out how light the skin is; else empty."""
+    tone = errors.get("skin_tone", np.nan)
+    if problem.job.skin_tone is not None or fitted.color is None or not np.isfinite(tone):
+        return ""
+    return f"; the skin came out {skin_type(tone)}, which is a guess (--skin-tone corrects it)"
 
 
 def _uncolored(problem: Problem, fitted: Fitted) -> str:

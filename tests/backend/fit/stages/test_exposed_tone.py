@@ -12,6 +12,7 @@ import pytest
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.exposure_term import EXPOSED, SIGMA, white_skin
+from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.tone_term import Tone, tone_of
 from facestage.fit.face.geometry import FaceGeometry
@@ -92,6 +93,14 @@ def test_skin_stays_where_somebody_knows_better(renderer: str, tmp_path: Path, k
     np.testing.assert_array_equal(
         as_light_as_exposed(problem, photo, evaluation), evaluation.state.albedo
     )
+
+
+def test_skin_starts_as_light_as_somebody_says(renderer: str, tmp_path: Path):
+    problem, scene = person(tmp_path, -1.4)
+    told = replace(problem, job=replace(problem.job, skin_tone=-40.0))
+    skin = as_light_as_exposed(told, *looked_at(told, scene))
+    np.testing.assert_array_equal(skin, KnownTone.of(problem.geometry, -40.0).coefficients())
+    assert tone().by_albedo @ skin < -0.5
 
 
 @pytest.mark.parametrize(("luminance", "beside_mean"), [(-2.4, False), (-1.1, True)])
