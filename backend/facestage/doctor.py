@@ -93,7 +93,7 @@ def findings() -> Iterator[Finding]:
     yield python_finding()
     for name, version in PACKAGES.items():
         yield package_finding(name, version)
-    yield import_finding("OpenCV", "cv2", needed=True)
+    yield opencv_finding()
     yield from renderer_findings()
     yield import_finding("Blender (bpy)", "bpy", needed=False)
     yield folder_finding("cache folder", cache_folder)
@@ -151,6 +151,21 @@ def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
         return Finding(subject, done.stdout.strip().splitlines()[-1])
     reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
     return Finding(subject, reason, works=False, needed=needed, remedy=_library_remedy())
+
+
+def opencv_finding() -> Finding:
+    """Whether OpenCV is there and writes OpenEXR, which newer ones and other builds do not."""
+    finding = import_finding("OpenCV", "cv2", needed=True)
+    if not finding.works:
+        return finding
+    code = (
+        "import os; os.environ['OPENCV_IO_ENABLE_OPENEXR'] = '1'; import cv2; "
+        "raise SystemExit(not cv2.haveImageWriter('picture.exr'))"
+    )
+    if subprocess.run(python_code(code), stdin=subprocess.DEVNULL, capture_output=True).returncode:
+        found = f"{finding.found} cannot write OpenEXR, which results are in"
+        return Finding("OpenCV", found, works=False, needed=True, remedy=INSTALL)
+    return finding
 
 
 def renderer_findings() -> Iterator[Finding]:

@@ -13,6 +13,7 @@ import pytest
 
 from facestage import doctor
 from facestage.system import native
+from facestage.system.child import python_code
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -95,6 +96,19 @@ def test_module_that_crashes_on_import_is_reported(
     assert not finding.works
     assert "libX11.so.6" in finding.found
     assert finding.remedy
+
+
+def test_an_opencv_without_openexr_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert doctor.opencv_finding().works
+    other = "__version__ = '5.0.0'\ndef haveImageWriter(name): return not name.endswith('.exr')\n"
+    (tmp_path / "cv2.py").write_text(other)
+    before = f"import sys; sys.path.insert(0, {str(tmp_path)!r})"
+    monkeypatch.setattr(doctor, "python_code", lambda code: python_code(f"{before}\n{code}"))
+    finding = doctor.opencv_finding()
+    assert (finding.works, finding.needed) == (False, True)
+    assert "5.0.0 cannot write OpenEXR" in finding.found and finding.remedy
 
 
 def test_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:

@@ -83,8 +83,10 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
 def draw_skin_tone(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """What it is, if anybody knows, and what that usually looks like."""
     column = layout.column(align=True)
-    row = column.row(align=True)
-    row.prop(settings, "skin_tone")
+    split = column.split(factor=0.33, align=True)
+    split.label(text="Skin Tone")
+    row = split.row(align=True)
+    row.prop(settings, "skin_tone", text="")
     if settings.skin_tone != FROM_PHOTO:
         color = row.row(align=True)
         color.ui_units_x = 2
