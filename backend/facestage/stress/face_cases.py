@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.face_model import FaceModel
 from facestage.contract.job import Job, Weights
 from facestage.contract.parameters import PARAMETERS
+from facestage.contract.skin_tone import ANGLES
 from facestage.models.registry import load_model
 from facestage.stress.case import REFUSAL, Suite
 from facestage.stress.scene import SPECULAR_SIZE, exposed, plain_scene, render, write_job
@@ -69,6 +70,19 @@ def albedo_near_one(folder: Path) -> Job:
     """The albedo is cut off below 1, where its derivative ends."""
     model = load_model("default")
     return _fit_of(folder, replace(model, albedo_mean=np.full_like(model.albedo_mean, 0.995)))
+
+
+@suite.add(
+    "pale-skin-told-dark",
+    "usual skin that somebody says is the darkest there is",
+    worst_mm=2.0,
+)
+def pale_skin_told_dark(folder: Path) -> Job:
+    """Skin of a fifteenth of its albedo, light of fifteen times its radiance, and far too much
+    gloss.
+    """
+    scene = plain_scene()
+    return replace(write_job(folder, scene, render(scene)), skin_tone=ANGLES[0])
 
 
 @suite.add(
