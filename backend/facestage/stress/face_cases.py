@@ -73,9 +73,7 @@ def albedo_near_one(folder: Path) -> Job:
 
 
 @suite.add(
-    "pale-skin-told-dark",
-    "usual skin that somebody says is the darkest there is",
-    worst_mm=2.0,
+    "pale-skin-told-dark", "usual skin that somebody says is the darkest there is", worst_mm=2.0
 )
 def pale_skin_told_dark(folder: Path) -> Job:
     """Skin of a fifteenth of its albedo, light of fifteen times its radiance, and far too much

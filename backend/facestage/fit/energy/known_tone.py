@@ -13,7 +13,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.contract.files.color import REC709
-from facestage.contract.skin_tone import ANGLES, typology_angle
+from facestage.contract.skin_tone import typology_angle
 from facestage.fit.energy.robust_residuals import QuadraticResiduals
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
@@ -62,10 +62,10 @@ class KnownTone(QuadraticResiduals):
     def coefficients(self) -> Float[np.ndarray, " albedos"]:
         """The likeliest albedo of this tone: the mean one as much lighter or darker as it takes."""
         by_luminance = self.by_albedo @ np.array(REC709)
-        way = by_luminance / float(by_luminance @ by_luminance)
+        way = by_luminance / max(float(by_luminance @ by_luminance), 1e-30)
         angles = typology_angle(self._color(np.outer(LUMINANCES, way)))
-        within = (angles >= ANGLES[0]) & (angles <= ANGLES[1])
-        return way * float(np.interp(self.angle, angles[within], LUMINANCES[within]))
+        rising = np.maximum.accumulate(angles)
+        return way * float(np.interp(self.angle, rising, LUMINANCES))
 
     def _color(self, albedo: Float[np.ndarray, "*cases albedos"]) -> Float[np.ndarray, "*cases 3"]:
         return np.exp(self.mean + albedo @ self.by_albedo)

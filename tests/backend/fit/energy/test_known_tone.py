@@ -62,6 +62,13 @@ def test_the_likeliest_skin_has_the_tone(state: State, angle: float):
     assert (skin.albedo[3:] ** 2).sum() < 0.01 * (skin.albedo[:3] ** 2).sum()
 
 
+def test_a_model_of_one_skin_stays_as_it_is(state: State):
+    tone = KnownTone.of(geometry(), -30.0)
+    alike = replace(tone, by_albedo=0 * tone.by_albedo)
+    np.testing.assert_array_equal(alike.coefficients(), 0 * state.albedo)
+    assert np.isfinite(alike.residuals(state)).all()
+
+
 def test_a_person_s_skin_counts_once(state: State):
     term = ToneTerm(KnownTone.of(geometry(), 60.0))
     alone = term.at(state).weighed(state).energies["known_tone"]
