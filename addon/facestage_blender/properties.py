@@ -37,7 +37,13 @@ from facestage.contract.light_stage import (
 from facestage.contract.parameters import TABLE
 from facestage.contract.person import PHOTOS_MAX
 from facestage.contract.quality import GOOD, QUALITIES, describe
-from facestage.contract.skin_tone import ANGLES, SKIN_TYPES, type_angle, usual_color
+from facestage.contract.skin_tone import (
+    ANGLES,
+    SKIN_TYPES,
+    parse_skin_tone,
+    type_angle,
+    usual_color,
+)
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
 
 from .translations import FACESTAGE
@@ -491,7 +497,7 @@ class OfFace(OfPhoto):
             return None
         if self.skin_tone == BY_ANGLE:
             return float(self.skin_angle)
-        return type_angle(self.skin_tone.lower().replace("_", " "))
+        return parse_skin_tone(self.skin_tone)
 
 
 class StoredFace(OfFace, bpy.types.PropertyGroup):

@@ -29,7 +29,7 @@ JUDGED = (
     "covered_mm",
     "within_1_sigma",
     "within_2_sigma",
-    "ita",
+    "skin_tone",
     "true_ita",
     "chromaticity",
 )

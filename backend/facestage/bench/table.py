@@ -199,7 +199,7 @@ def final(rows: Sequence[Row], errors: dict[str, float]) -> Final:
         errors.get("covered_mm"),
         errors.get("within_1_sigma"),
         errors.get("within_2_sigma"),
-        errors.get("ita"),
+        errors.get("skin_tone"),
         errors.get("true_ita"),
         errors.get("chromaticity"),
         errors.get("mesh_normal_degrees"),

@@ -153,15 +153,15 @@ class VertexTruth:
 
     def tone_errors(self, texture: np.ndarray) -> dict[str, float]:
         """The tone of the narrow face's median albedo in an atlas texture (S, S, 3), no scale
-        factored out: the individual typology angle in degrees, found and true, and how far its
-        shares of red, green and blue are from the truth. Nothing where the albedo is not known.
+        factored out: the true individual typology angle in degrees (what was found: face_tone), and
+        how far its shares of red, green and blue are from the truth. Nothing where the albedo is
+        not known.
         """
         colors = self._face_colors(texture)
         if colors is None:
             return {}
         found, true = (np.median(color, axis=0) for color in colors)
         return {
-            "ita": float(typology_angle(found)),
             "true_ita": float(typology_angle(true)),
             "chromaticity": float(np.linalg.norm(chromaticity(found) - chromaticity(true))),
         }
