@@ -2,7 +2,10 @@
 manager.
 """
 
+from collections.abc import Sequence
+
 import bpy
+import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -42,6 +45,7 @@ from facestage.contract.skin_tone import (
     SKIN_TYPES,
     parse_skin_tone,
     type_angle,
+    typology_angle,
     usual_color,
 )
 from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
@@ -102,6 +106,12 @@ def _usual_color(owner: "OfFace") -> tuple[float, float, float]:
     """Of the skin that is said; a mean one's where none is."""
     angle = owner.known_skin_tone()
     return usual_color(type_angle("intermediate") if angle is None else angle)
+
+
+def _say_color(owner: "OfFace", color: Sequence[float]) -> None:
+    """Make the tone that of a skin of this ``color``."""
+    owner.skin_angle = float(np.clip(typology_angle(np.array(color)), *ANGLES))
+    owner.skin_tone = BY_ANGLE
 
 
 def _is_mesh(_owner: object, candidate: bpy.types.Object) -> bool:
@@ -537,12 +547,14 @@ class SceneSettings(OfFace, bpy.types.PropertyGroup):
     )
     skin_color: FloatVectorProperty(
         name="Usual Color",
-        description="What skin of this tone usually looks like; the hue is fitted",
+        description="What skin of this tone usually looks like; choose another color, and its "
+        "typology angle counts. The hue is fitted",
         subtype="COLOR",
         size=3,
         min=0,
         max=1,
         get=_usual_color,
+        set=_say_color,
     )
 
 

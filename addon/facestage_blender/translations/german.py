@@ -398,7 +398,7 @@ _FIT = {
     "Typology Angle": "Typologiewinkel",
     "The skin's individual typology angle in degrees: 55 and more is very light, -30 and less dark": "Der individuelle Typologiewinkel der Haut in Grad: 55 und mehr ist sehr hell, -30 und weniger dunkel",
     "Usual Color": "Übliche Farbe",
-    "What skin of this tone usually looks like; the hue is fitted": "Wie Haut dieses Tons üblicherweise aussieht; der Farbton wird angepasst",
+    "What skin of this tone usually looks like; choose another color, and its typology angle counts. The hue is fitted": "Wie Haut dieses Tons üblicherweise aussieht; eine andere Farbe wählen, und ihr Typologiewinkel zählt. Der Farbton wird angepasst",
     "Textures": "Texturen",
     "The most pixels along the textures of the next fit; as many as the photo fills are made": "Höchstens so viele Pixel haben die Texturen der nächsten Anpassung; gemacht werden so viele, wie das Foto füllt",
     "2048, as Usual": "2048, wie üblich",

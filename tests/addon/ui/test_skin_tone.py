@@ -37,6 +37,24 @@ def test_the_job_knows_what_is_said(ready, tone: str, angle: float | None) -> No
     assert shown == pytest.approx(34.5 if angle is None else angle, abs=2)
 
 
+@pytest.mark.parametrize(
+    ("color", "angle"),
+    [
+        ((0.129, 0.047, 0.025), -48.1),
+        ((0.437, 0.292, 0.244), 52.1),
+        ((0, 0, 0), -80),
+        ((1, 1, 1), 70),
+    ],
+)
+def test_a_color_says_its_angle(ready, color: tuple[float, float, float], angle: float) -> None:
+    from facestage_blender.exchange.scene_read import read_job
+
+    ready.facestage.skin_tone = "LIGHT"
+    ready.facestage.skin_color = color
+    assert ready.facestage.skin_tone == "ANGLE"
+    assert read_job(ready).skin_tone == pytest.approx(angle, abs=0.5)
+
+
 def test_it_is_of_one_person(ready, photo: Path, tmp_path: Path) -> None:
     import shutil
 
