@@ -20,7 +20,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE, Known
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.registry import load_model
 from reference.front_view import front_view

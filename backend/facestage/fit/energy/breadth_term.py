@@ -18,7 +18,7 @@ from facestage.fit.energy.pair_distances import PairDistances, pairs_on
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # How far the distance of two points is off, as a share of the face's size, and how many of the

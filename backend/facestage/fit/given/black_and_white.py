@@ -13,7 +13,7 @@ import numpy as np
 
 from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.skin_mask import opening_share
+from facestage.fit.given.face_areas import opening_share
 from facestage.images.image_io import Photograph
 
 # Linear red, green and blue of a luminance of 1: the median of the built-in head's skin, 1 % from

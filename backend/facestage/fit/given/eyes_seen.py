@@ -12,8 +12,8 @@ import numpy as np
 
 from facestage.contract.arrays import Bool, Float
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.lids import open_eyes
-from facestage.fit.given.skin_mask import opening_share
 
 # Radii of the iris: between pupil and limbus, and from where on a blurred photo shows only white.
 IRIS_INSIDE, WHITE_OUTSIDE = (0.4, 0.85), 1.2

@@ -34,17 +34,12 @@ from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
 from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
+from facestage.fit.given.face_areas import face_pixels, face_size_px
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.lash_depth import lash_depth
 from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
-from facestage.fit.given.skin_mask import (
-    clear_of_others,
-    face_pixels,
-    face_size_px,
-    paint_weight,
-    skin_weight,
-)
+from facestage.fit.given.skin_mask import clear_of_others, paint_weight, skin_weight
 from facestage.fit.given.spectacles import spectacle_frame
 from facestage.fit.given.teeth import closed_teeth
 from facestage.fit.given.window import Window

@@ -8,6 +8,18 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, label, mean
 
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.face_areas import (
+    around_line,
+    brow_lines,
+    brow_pixels,
+    brow_reach,
+    chin_to_brows,
+    face_pixels,
+    face_size_px,
+    hull_pixels,
+    opening_share,
+    with_forehead,
+)
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
@@ -34,20 +46,13 @@ NOISE_3, NOISE_5 = 0.04, 0.12
 # weight; pixels that make a color model.
 CUT_MARGIN, CUT_FACE_PX, CUT_STEPS = 0.6, 160.0, 3
 CUT_SKIN, CUT_OTHER, CUT_TRUST, CUT_SAMPLES_MIN = 0.95, 0.02, 0.7, 30
-# Points of the outline that must show for its bounding box to say how large the face is.
-OUTLINE_MIN = 12
-# Parts of a pixel that the border of an opening is drawn to, in powers of two.
-BORDER_BITS = 4
-# Half the height of a brow, as a share of the face; share within the landmarks of a region that is
-# the face's own; share of skin above a brow over which nothing hangs.
-BROW_SHARE, OWN_SHARE_MIN, BARE_SHARE_MIN = 0.04, 0.7, 0.8
+# Share within the landmarks of a region that is the face's own; share of skin above a brow over
+# which nothing hangs.
+OWN_SHARE_MIN, BARE_SHARE_MIN = 0.7, 0.8
 
 # How far from what hides the face a pixel may still show some of it, in shares of the face and
 # pixels; a pixel counts in full from twice as far on.
 BORDER_SHARE, BORDER_MIN = 0.025, 1.5
-
-# How far the forehead goes on beyond the brows, as a share of the way from the chin.
-FOREHEAD_SHARE = 0.5
 
 
 def skin_weight(
@@ -72,29 +77,10 @@ def skin_weight(
     return weight * (1.0 - opening_share((height, width), landmarks)) if openings else weight
 
 
-def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
-    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the
-    lids.
-    """
-    import cv2
-
-    result = np.zeros(shape, np.float32)
-    for ring in scheme_of(landmarks.scheme).openings:
-        border = landmarks.points[ring]
-        if not np.isfinite(border).all():
-            continue
-        # Pixel centres are at halves in the points, at whole numbers in OpenCV.
-        fixed = np.round((border - 0.5) * 2**BORDER_BITS).astype(np.int32)
-        filled = np.zeros(shape, np.uint8)
-        cv2.fillPoly(filled, [fixed], 255, cv2.LINE_AA, BORDER_BITS)
-        result = np.maximum(result, filled / np.float32(255))
-    return result
-
-
 def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     height, width = photo.shape[:2]
     # A hull of cheeks and chin, without brows and forehead. Eyes and mouth are the mesh's matter.
-    inside = _hull_pixels((height, width), landmarks.points[scheme_of(landmarks.scheme).skin])
+    inside = hull_pixels((height, width), landmarks.points[scheme_of(landmarks.scheme).skin])
     if inside.sum() < 20:
         return np.ones((height, width), np.float32)
     features = _features(_denoised(photo, inside), inside)
@@ -106,7 +92,7 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     brighter = np.maximum(offset[..., 2], 0.0)
     reach = PIGMENT_REACH * -np.expm1(-np.where(brighter > 0, brighter + HIGHLIGHT_SLACK, 0.0))
     # Only on the face: a pale wall has the color of a highlight.
-    face = _hull_pixels((height, width), _with_forehead(landmarks))
+    face = hull_pixels((height, width), with_forehead(landmarks))
     along = np.where(face, np.clip(offset[..., :2] @ PIGMENT_HUE, 0.0, reach), 0.0)
     offset[..., :2] -= along[..., None] * PIGMENT_HUE
     offset[..., 2] = np.minimum(offset[..., 2], 0.0)
@@ -174,13 +160,6 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     return result
 
 
-def _with_forehead(landmarks: Landmarks) -> np.ndarray:
-    """(k, 2) pixels: the face's outline, and the brows once more where the hair begins."""
-    scheme, points = scheme_of(landmarks.scheme), landmarks.points
-    raised = points[scheme.brows] + FOREHEAD_SHARE * chin_to_brows(landmarks)
-    return np.concatenate([points[scheme.outline], raised])
-
-
 def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     """(h, w) 0..1, which pixels may color the texture: skin for sure, and brows and lips inside the
     landmarks.
@@ -194,7 +173,7 @@ def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     # A brow whose end meets the hair at the temple is one region with it.
     regions, count = label((skin < 0.5) & ~_bare_brows(skin, landmarks))
     brows = brow_pixels(shape, landmarks)
-    near = binary_dilation(inside, iterations=_brow_reach(landmarks)) | brows
+    near = binary_dilation(inside, iterations=brow_reach(landmarks)) | brows
     share = np.asarray(mean(near, regions, np.arange(count + 1)))
     foreign = (regions > 0) & (share < OWN_SHARE_MIN)[regions]
     return np.where((inside | brows) & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
@@ -219,14 +198,6 @@ def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.n
     return np.clip(away / np.float32(width) - 1.0, 0.0, 1.0)
 
 
-def brow_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
-    """(h, w) bool, where a brow may be: around the landmarks along its middle."""
-    result = np.zeros(shape, bool)
-    for brow in _brow_lines(landmarks):
-        result |= _around(shape, brow, landmarks)
-    return result
-
-
 def _bare_brows(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     """(h, w) bool, :func:`brow_pixels` of the brows above which ``skin`` (h, w) shows: no fringe
     hangs over them.
@@ -234,33 +205,12 @@ def _bare_brows(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     shape = (skin.shape[0], skin.shape[1])
     result = np.zeros(shape, bool)
     up = chin_to_brows(landmarks)
-    up *= 2 * _brow_reach(landmarks) / max(float(np.linalg.norm(up)), 1e-9)
-    for brow in _brow_lines(landmarks):
-        above = _around(shape, brow + up, landmarks)
+    up *= 2 * brow_reach(landmarks) / max(float(np.linalg.norm(up)), 1e-9)
+    for brow in brow_lines(landmarks):
+        above = around_line(shape, brow + up, landmarks)
         if above.any() and (skin[above] > 0.5).mean() > BARE_SHARE_MIN:
-            result |= _around(shape, brow, landmarks)
+            result |= around_line(shape, brow, landmarks)
     return result
-
-
-def _brow_lines(landmarks: Landmarks) -> list[np.ndarray]:
-    """Of each brow that has them, the landmarks along its middle (k, 2)."""
-    brows = np.split(landmarks.points[scheme_of(landmarks.scheme).brows], 2)
-    return [brow for brow in brows if np.isfinite(brow).all()]
-
-
-def _around(shape: tuple[int, int], line: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    """(h, w) bool, as far around a ``line`` (k, 2) as a brow is high."""
-    import cv2
-
-    result = np.zeros(shape, np.uint8)
-    drawn = np.round(line - 0.5).astype(np.int32)
-    cv2.polylines(result, [drawn], False, 1, 2 * _brow_reach(landmarks) + 1)
-    return result > 0
-
-
-def _brow_reach(landmarks: Landmarks) -> int:
-    """Half the height of a brow, pixels."""
-    return max(round(BROW_SHARE * face_size_px(landmarks)), 1)
 
 
 def _features(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -286,41 +236,3 @@ def _denoised(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
     if noise < NOISE_3:
         return photo
     return cv2.medianBlur(photo, 3 if noise < NOISE_5 else 5)
-
-
-def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
-    """(h, w) bool, the face from chin to brows: the convex hull of the scheme's outline."""
-    return _hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).outline])
-
-
-def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
-    """(2,) pixels, the way up the face from the middle of its chin to that of its brows."""
-    scheme, points = scheme_of(landmarks.scheme), landmarks.points
-    return np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
-
-
-def face_size_px(landmarks: Landmarks) -> float:
-    """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows;
-    0 for no face.
-
-    It means the same in every scheme. Where none of the outline counts, all counted points stand in
-    for it.
-    """
-    outline = np.zeros(len(landmarks.points), bool)
-    outline[scheme_of(landmarks.scheme).outline] = True
-    chosen = landmarks.counted & outline
-    points = landmarks.points[chosen if chosen.sum() >= OUTLINE_MIN else landmarks.counted]
-    return float(np.ptp(points, axis=0).max())
-
-
-def _hull_pixels(shape: tuple[int, int], chosen: np.ndarray) -> np.ndarray:
-    """(h, w) bool, inside the convex hull of points ``chosen`` (k, 2)."""
-    from skimage.morphology import convex_hull_image
-
-    chosen = chosen[np.isfinite(chosen).all(1)]
-    column, row = np.round(chosen - 0.5).astype(int).T
-    seeds = np.zeros(shape, bool)
-    seeds[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = True
-    if min(np.ptp(row), np.ptp(column)) < 2:
-        return seeds
-    return convex_hull_image(seeds)

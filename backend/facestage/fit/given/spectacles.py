@@ -13,7 +13,8 @@ from scipy.ndimage import binary_dilation, binary_propagation, label
 
 from facestage.contract.arrays import Bool, Float, Num, UInt8
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.skin_mask import SURE_SKIN, chin_to_brows, face_size_px, opening_share
+from facestage.fit.given.face_areas import chin_to_brows, face_size_px, opening_share
+from facestage.fit.given.skin_mask import SURE_SKIN
 from facestage.fit.given.window import Window
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of

@@ -15,9 +15,9 @@ from facestage.contract.events import Event
 from facestage.contract.job import USUAL_TEXTURE_SIZE, Job
 from facestage.contract.person import PHOTOS_MAX
 from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
-from facestage.fit.given.skin_mask import face_size_px
 from facestage.fit.runs.member import Member
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize

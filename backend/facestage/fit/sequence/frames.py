@@ -14,8 +14,9 @@ from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.given.black_and_white import as_seen_in_color
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.given.photo import Photo
-from facestage.fit.given.skin_mask import face_size_px, skin_weight
+from facestage.fit.given.skin_mask import skin_weight
 from facestage.fit.given.window import Window
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.frame_light import LightEquations

@@ -16,7 +16,7 @@ from facestage.contract.arrays import Float
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, LandmarkTerm
 from facestage.fit.face.state import State
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.sequence.actor import Actor
 
 # As many frames count as having had no bias.

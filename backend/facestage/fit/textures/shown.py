@@ -12,8 +12,8 @@ from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pixels
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
+from facestage.fit.given.face_areas import brow_pixels, opening_share
 from facestage.fit.given.problem import Problem
-from facestage.fit.given.skin_mask import brow_pixels, opening_share
 from facestage.fit.textures.creases import crease_depth
 from facestage.fit.textures.lids_beside import lids_beside
 from facestage.fit.trust.fitted import Fitted

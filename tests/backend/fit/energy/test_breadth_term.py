@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.energy.breadth_term import SIGMA_SHARE, Breadths, BreadthTerm
 from facestage.fit.face.state import State
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.landmarked_face import SCHEME, LandmarkedFace, check_jacobian, landmarked_face
 

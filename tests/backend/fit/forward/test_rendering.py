@@ -12,8 +12,9 @@ from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.forward import rendering
 from facestage.fit.forward.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.forward.rendering import Textures, light_probe, render_picture
+from facestage.fit.given.face_areas import face_pixels
 from facestage.fit.given.problem import select_lights
-from facestage.fit.given.skin_mask import face_pixels, skin_weight
+from facestage.fit.given.skin_mask import skin_weight
 from facestage.fit.textures.atlas import Atlas
 from reference.painted_face import painted_face
 from reference.synthetic_scene import Scene

@@ -12,8 +12,8 @@ from PIL import Image
 from facestage.contract.files.color import REC709
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.black_and_white import SKIN_HUE, as_seen_in_color, is_black_and_white
+from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.problem import read_problem
-from facestage.fit.given.skin_mask import opening_share
 from facestage.fit.sequence.frames import Cut
 from facestage.images.image_io import Photograph
 from facestage.models.anatomy.landmark_schemes import scheme_of

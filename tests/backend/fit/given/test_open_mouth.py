@@ -19,7 +19,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.unknowns import SHAPE, Known
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.stages.photo_descent import PhotoDescent
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from facestage.models.registry import load_model

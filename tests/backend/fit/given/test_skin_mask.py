@@ -13,16 +13,8 @@ from matplotlib.path import Path as Outline
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.skin_mask import (
-    MASK_FACE_PX,
-    brow_pixels,
-    clear_of_others,
-    face_pixels,
-    face_size_px,
-    opening_share,
-    paint_weight,
-    skin_weight,
-)
+from facestage.fit.given.face_areas import brow_pixels, face_pixels, face_size_px, opening_share
+from facestage.fit.given.skin_mask import MASK_FACE_PX, clear_of_others, paint_weight, skin_weight
 
 SIZE = 160
 SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}

@@ -13,9 +13,9 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
-from facestage.fit.given.skin_mask import opening_share
 from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.lids_beside import LidsBeside

@@ -12,7 +12,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.wrinkles import Wrinkles
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.surface_frame import FrameField
-from facestage.fit.given.skin_mask import face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.skin.changes import Look
 from facestage.fit.sequence.wrinkles.alignment import aligned

@@ -1,0 +1,112 @@
+"""Where the parts of a face lie in a photo, by its landmarks alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facestage.contract.landmarks import Landmarks
+from facestage.models.anatomy.landmark_schemes import scheme_of
+
+# Points of the outline that must show for its bounding box to say how large the face is.
+OUTLINE_MIN = 12
+# Parts of a pixel that the border of an opening is drawn to, in powers of two.
+BORDER_BITS = 4
+# Half the height of a brow, as a share of the face.
+BROW_SHARE = 0.04
+# How far the forehead goes on beyond the brows at most, as a share of the way from the chin.
+FOREHEAD_SHARE = 0.5
+
+
+def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the
+    lids.
+    """
+    import cv2
+
+    result = np.zeros(shape, np.float32)
+    for ring in scheme_of(landmarks.scheme).openings:
+        border = landmarks.points[ring]
+        if not np.isfinite(border).all():
+            continue
+        # Pixel centres are at halves in the points, at whole numbers in OpenCV.
+        fixed = np.round((border - 0.5) * 2**BORDER_BITS).astype(np.int32)
+        filled = np.zeros(shape, np.uint8)
+        cv2.fillPoly(filled, [fixed], 255, cv2.LINE_AA, BORDER_BITS)
+        result = np.maximum(result, filled / np.float32(255))
+    return result
+
+
+def with_forehead(landmarks: Landmarks, share: float = FOREHEAD_SHARE) -> np.ndarray:
+    """(k, 2) pixels: the face's outline, and the brows once more, raised by ``share`` of the way up
+    to them from the chin.
+    """
+    scheme, points = scheme_of(landmarks.scheme), landmarks.points
+    raised = points[scheme.brows] + share * chin_to_brows(landmarks)
+    return np.concatenate([points[scheme.outline], raised])
+
+
+def brow_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, where a brow may be: around the landmarks along its middle."""
+    result = np.zeros(shape, bool)
+    for brow in brow_lines(landmarks):
+        result |= around_line(shape, brow, landmarks)
+    return result
+
+
+def brow_lines(landmarks: Landmarks) -> list[np.ndarray]:
+    """Of each brow that has them, the landmarks along its middle (k, 2)."""
+    brows = np.split(landmarks.points[scheme_of(landmarks.scheme).brows], 2)
+    return [brow for brow in brows if np.isfinite(brow).all()]
+
+
+def around_line(shape: tuple[int, int], line: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, as far around a ``line`` (k, 2) as a brow is high."""
+    import cv2
+
+    result = np.zeros(shape, np.uint8)
+    drawn = np.round(line - 0.5).astype(np.int32)
+    cv2.polylines(result, [drawn], False, 1, 2 * brow_reach(landmarks) + 1)
+    return result > 0
+
+
+def brow_reach(landmarks: Landmarks) -> int:
+    """Half the height of a brow, pixels."""
+    return max(round(BROW_SHARE * face_size_px(landmarks)), 1)
+
+
+def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, the face from chin to brows: the convex hull of the scheme's outline."""
+    return hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).outline])
+
+
+def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
+    """(2,) pixels, the way up the face from the middle of its chin to that of its brows."""
+    scheme, points = scheme_of(landmarks.scheme), landmarks.points
+    return np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
+
+
+def face_size_px(landmarks: Landmarks) -> float:
+    """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows;
+    0 for no face.
+
+    It means the same in every scheme. Where none of the outline counts, all counted points stand in
+    for it.
+    """
+    outline = np.zeros(len(landmarks.points), bool)
+    outline[scheme_of(landmarks.scheme).outline] = True
+    chosen = landmarks.counted & outline
+    points = landmarks.points[chosen if chosen.sum() >= OUTLINE_MIN else landmarks.counted]
+    return float(np.ptp(points, axis=0).max())
+
+
+def hull_pixels(shape: tuple[int, int], chosen: np.ndarray) -> np.ndarray:
+    """(h, w) bool, inside the convex hull of points ``chosen`` (k, 2)."""
+    from skimage.morphology import convex_hull_image
+
+    chosen = chosen[np.isfinite(chosen).all(1)]
+    column, row = np.round(chosen - 0.5).astype(int).T
+    seeds = np.zeros(shape, bool)
+    seeds[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = True
+    if min(np.ptp(row), np.ptp(column)) < 2:
+        return seeds
+    return convex_hull_image(seeds)
