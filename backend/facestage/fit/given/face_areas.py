@@ -80,9 +80,14 @@ def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
 
 
 def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
-    """(2,) pixels, the way up the face from the middle of its chin to that of its brows."""
+    """(2,) pixels, the way up the face from the middle of its chin to that of its brows; NaN where
+    one of them is unknown.
+    """
     scheme, points = scheme_of(landmarks.scheme), landmarks.points
-    return np.nanmean(points[scheme.brows], axis=0) - np.nanmean(points[scheme.chin], axis=0)
+    brows, chin = points[scheme.brows], points[scheme.chin]
+    if np.isnan(brows).all() or np.isnan(chin).all():
+        return np.full(2, np.nan)
+    return np.asarray(np.nanmean(brows, axis=0) - np.nanmean(chin, axis=0))
 
 
 def face_size_px(landmarks: Landmarks) -> float:

@@ -20,6 +20,7 @@ from facestage.fit.given.face_areas import (
     opening_share,
     with_forehead,
 )
+from facestage.fit.given.hair import hair_pixels
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
@@ -41,6 +42,8 @@ FULL, NONE = 2.0, 3.5
 PIGMENT_HUE, PIGMENT_REACH, HIGHLIGHT_SLACK = np.array([-0.67, 0.74]), 0.7, 0.25
 # Relative noise per pixel beyond which colors are read from the median of 3 x 3 or 5 x 5 pixels.
 NOISE_3, NOISE_5 = 0.04, 0.12
+# The most that a pixel of hair counts, whatever its color.
+HAIR_WEIGHT = np.float32(0.2)
 # GrabCut: how far around the landmarks it looks and at which size of the face, in sides of the
 # landmarks' box and pixels; weights that it may not change; how much its label counts against the
 # weight; pixels that make a color model.
@@ -95,10 +98,12 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     face = hull_pixels((height, width), with_forehead(landmarks))
     along = np.where(face, np.clip(offset[..., :2] @ PIGMENT_HUE, 0.0, reach), 0.0)
     offset[..., :2] -= along[..., None] * PIGMENT_HUE
+    hair = hair_pixels(offset, landmarks)
     offset[..., 2] = np.minimum(offset[..., 2], 0.0)
     distance = np.sqrt(((offset / spread) ** 2).sum(-1))
     weight = np.clip((NONE - distance) / (NONE - FULL), 0, 1)
-    return _coherent(photo, weight.astype(np.float32), landmarks)
+    weight = _coherent(photo, weight.astype(np.float32), landmarks)
+    return np.where(hair, np.minimum(weight, HAIR_WEIGHT), weight)
 
 
 def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np.ndarray:

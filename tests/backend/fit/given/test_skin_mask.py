@@ -5,7 +5,6 @@ known places.
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,38 +14,17 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.face_areas import brow_pixels, face_pixels, face_size_px, opening_share
 from facestage.fit.given.skin_mask import MASK_FACE_PX, clear_of_others, paint_weight, skin_weight
+from reference.drawn_face import SKIN, DrawnFace
 
-SIZE = 160
-SKIN = {"light": (0.72, 0.52, 0.44), "dark": (0.16, 0.085, 0.05)}
-Y, X = np.mgrid[:SIZE, :SIZE] + 0.5
-CENTER, RADII = np.array([80.0, 78.0]), np.array([46.0, 60.0])
+FACE = DrawnFace(1)
+Y, X = FACE.grid
+SIZE = len(X)
+draw = FACE.draw
 
 
 @pytest.fixture(scope="module")
-def landmarks(repository: Path) -> Landmarks:
-    """A real face's landmarks, moved into the drawn one."""
-    found = Landmarks.read(
-        repository / "addon/facestage_blender/headless/data/astronaut_landmarks.json"
-    )
-    low, high = found.points.min(axis=0), found.points.max(axis=0)
-    points = (found.points - low) / (high - low) * [72, 76] + CENTER + [-36, -22]
-    return Landmarks("ibug68", points, found.visible)
-
-
-def draw(
-    skin: str, light: tuple[float, float, float] = (0.6, 0.3, 0.75)
-) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w, 3) an ellipsoid of skin under a white lamp before a grey wall, and (h, w) bool where
-    it is.
-    """
-    x, y = (X - CENTER[0]) / RADII[0], (Y - CENTER[1]) / RADII[1]
-    inside = x**2 + y**2 < 1
-    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    cosine = np.maximum(x * light[0] - y * light[1] + z * light[2], 0)
-    # Pores and blotches, as smooth as the skin of a face is not.
-    uneven = 1 + 0.04 * np.sin(X / 3.1) * np.cos(Y / 2.3)
-    shade = ((0.08 + 0.9 * cosine) * uneven)[..., None] * np.array(SKIN[skin])
-    return np.where(inside[..., None], shade, [0.25, 0.27, 0.3]), inside
+def landmarks() -> Landmarks:
+    return FACE.landmarks
 
 
 def overlap(weight: np.ndarray, skin: np.ndarray, region: np.ndarray) -> float:
