@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Bool, Float
 from facestage.fit.energy.shadow_edges import Penumbra
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import Image
+
+# The weight from which a pixel is the face's rather than not: hair and cloth count less.
+COUNTED_MIN = 0.5
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,12 @@ class Evaluation:
     penumbra: Penumbra | None = None  # found where the motion of shadows counts
 
     @property
+    def counted(self) -> Bool[np.ndarray, "height width"]:
+        """The pixels that the fit is judged by: the face's own."""
+        return np.asarray(self.base_weight > COUNTED_MIN)
+
+    @property
     def rms(self) -> float | None:
         """Root mean square of the residual over the pixels that count; None where none does."""
-        used = self.residual[self.base_weight > 0]
+        used = self.residual[self.counted]
         return float(np.sqrt((used**2).mean())) if used.size else None

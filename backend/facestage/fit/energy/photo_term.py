@@ -274,7 +274,7 @@ class PhotoTerm(Term):
 
     def noise(self, evaluation: Evaluation) -> NoiseModel:
         """The noise that the residuals of an evaluation show."""
-        return estimate_noise(evaluation.residual, self.photo.color, evaluation.base_weight > 0.5)
+        return estimate_noise(evaluation.residual, self.photo.color, evaluation.counted)
 
     def weights(
         self, evaluation: Evaluation, noise: NoiseModel

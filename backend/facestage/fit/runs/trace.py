@@ -27,7 +27,7 @@ def trace_row(
     }
     photo = passage.photo
     if item.evaluation is not None and photo is not None:
-        residual, used = item.evaluation.residual, item.evaluation.base_weight > 0
+        residual, used = item.evaluation.residual, item.evaluation.counted
         row["photo_rms"] = item.evaluation.rms
         row["psnr"] = psnr(photo + residual, photo, used, passage.view.problem.white)
     if truth is not None and truth.cheap:

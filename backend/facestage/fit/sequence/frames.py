@@ -158,7 +158,7 @@ class FrameView:
     def seen(self, state: State) -> Seen:
         """What the picture says around ``state``."""
         evaluation = self.evaluated(state)
-        used = evaluation.base_weight > 0.5
+        used = evaluation.counted
         layout = Layout(evaluation.state)
         active = layout.mask(BLOCKS)
         lights = layout.mask([LIGHTS]) & (LIGHTS in self.term.blocks)

@@ -128,7 +128,7 @@ def exposure(
     y, x = photo.index(image.surface)
     lit = photo.forward.shade(evaluation.state, image.surface, image.terms, radiance=radiance)
     shown, seen = lit.color.mean(axis=1), photo.photo.color[y, x].mean(axis=1)
-    counted = (evaluation.base_weight[y, x] > 0.5) & ~photo.photo.clipped[y, x].any(axis=1)
+    counted = evaluation.counted[y, x] & ~photo.photo.clipped[y, x].any(axis=1)
     counted &= shown > DARK_SHARE * max(float(shown.max(initial=0.0)), 1e-30)
     found = float(np.median(seen[counted] / shown[counted])) if counted.any() else 0.0
     return found if found > 0 else 1.0

@@ -50,6 +50,19 @@ def test_a_clipped_channel_is_at_least_as_bright_and_a_highlight_is_its_specular
     np.testing.assert_allclose(plain.highlight[row, column, 0], gloss)
 
 
+def test_a_fit_is_judged_by_what_is_the_face_s_own(scene: Scene, term: PhotoTerm):
+    """A white hat that counts a fifth as much as skin says nothing of how well it is explained."""
+    plain = term.evaluate(scene.state, 1)
+    hat = np.broadcast_to(np.arange(96)[:, None] < 40, (96, 96))
+    skin = np.where(hat, 0.2, 1.0)
+    photo = replace(term.photo, skin=skin, color=np.where(hat[..., None], 5.0, term.photo.color))
+    found = replace(term, photo=photo).evaluate(scene.state, 1)
+    face = replace(term, photo=replace(term.photo, skin=np.where(hat, 0.0, 1.0)))
+    assert found.rms == face.evaluate(scene.state, 1).rms
+    assert not found.counted[hat].any() and (found.base_weight[hat] > 0).any()
+    np.testing.assert_array_equal(plain.counted, plain.base_weight > 0.5)
+
+
 def test_weights_are_inverse_variances_times_what_each_pixel_says(scene: Scene, term: PhotoTerm):
     found = term.evaluate(scene.state, 1)
     noise = NoiseModel(0.1, 10.0, 0.05, np.full((96, 96), 2.0))
