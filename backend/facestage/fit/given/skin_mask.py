@@ -42,8 +42,6 @@ FULL, NONE = 2.0, 3.5
 PIGMENT_HUE, PIGMENT_REACH, HIGHLIGHT_SLACK = np.array([-0.67, 0.74]), 0.7, 0.25
 # Relative noise per pixel beyond which colors are read from the median of 3 x 3 or 5 x 5 pixels.
 NOISE_3, NOISE_5 = 0.04, 0.12
-# The most that a pixel of hair counts, whatever its color.
-HAIR_WEIGHT = np.float32(0.2)
 # GrabCut: how far around the landmarks it looks and at which size of the face, in sides of the
 # landmarks' box and pixels; weights that it may not change; how much its label counts against the
 # weight; pixels that make a color model.
@@ -103,7 +101,7 @@ def _skin_weight(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     distance = np.sqrt(((offset / spread) ** 2).sum(-1))
     weight = np.clip((NONE - distance) / (NONE - FULL), 0, 1)
     weight = _coherent(photo, weight.astype(np.float32), landmarks)
-    return np.where(hair, np.minimum(weight, HAIR_WEIGHT), weight)
+    return np.where(hair, np.float32(0), weight)
 
 
 def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np.ndarray:
