@@ -9,6 +9,7 @@ the lock does not name, and builds nothing.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -16,11 +17,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 REFUSED, CANCELLED = 2, 3
 LOCKED = ("--require-hashes", "--no-deps", "--only-binary", ":all:")
+REMOVING_SECONDS = 3.0
 VENV, FETCHED, UNPACKED = 0.05, 0.75, 0.95  # shares of the work when each is done
 
 
@@ -32,12 +35,13 @@ def main(arguments: list[str]) -> int:
     """Install, or say why not. Returns the exit code."""
     folder, lock, wheel = (Path(each) for each in arguments[:3])
     stamp, fingerprint, *wheels = arguments[3:]
-    signal.signal(signal.SIGTERM, _on_cancel)
+    signal.signal(signal.SIGTERM, cancel)
     try:
         install(folder, lock, wheel, Path(wheels[0]) if wheels else None)
         (folder / stamp).write_text(f"{fingerprint}\n", encoding="utf-8")
     except KeyboardInterrupt:
-        shutil.rmtree(folder, ignore_errors=True)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        _remove(folder)
         print("facestage: cancelled.", file=sys.stderr)
         return CANCELLED
     except (RefusedError, OSError) as error:
@@ -111,27 +115,60 @@ def _make_environment(folder: Path) -> None:
 
 
 def run(command: list[str], hear: Callable[[str], None] | None = None) -> tuple[int, list[str]]:
-    """Run a command and hand on its lines; its exit code and its lines. Ends with this program."""
-    child = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-    )
-    assert child.stdout is not None
-    lines = []
+    """Run a command and hand on its lines; its exit code and its lines. It and all that it started
+    end with this program.
+    """
+    cancel.held = True
     try:
-        for line in child.stdout:
-            lines.append(line.rstrip())
-            if hear is not None:
-                hear(line)
+        child = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            errors="replace",
+            start_new_session=True,
+        )
+    except OSError:
+        cancel.let_go()
+        raise
+    lines: list[str] = []
+    try:
+        cancel.let_go()
+        assert child.stdout is not None
+        with child.stdout:
+            for line in child.stdout:
+                lines.append(line.rstrip())
+                if hear is not None:
+                    hear(line)
         return child.wait(), lines
     except BaseException:
-        child.kill()
-        child.wait()
+        _kill(child)
         raise
+
+
+class Cancel:
+    """What is done when this program is to end. While a child is being started it waits, lest the
+    child outlives the program.
+    """
+
+    def __init__(self) -> None:
+        self.held = self.asked = False
+
+    def __call__(self, _number: int, _frame: object) -> None:
+        """A signal came. Raises KeyboardInterrupt unless held."""
+        self.asked = True
+        if not self.held:
+            raise KeyboardInterrupt
+
+    def let_go(self) -> None:
+        """The child can be ended now. Raises KeyboardInterrupt where that was asked meanwhile."""
+        self.held = False
+        if self.asked:
+            raise KeyboardInterrupt
+
+
+cancel = Cancel()
 
 
 def explain(lines: list[str], wheels: Path | None) -> str:
@@ -163,8 +200,22 @@ def _last(lines: list[str]) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "no words")
 
 
-def _on_cancel(_number: int, _frame: object) -> None:
-    raise KeyboardInterrupt
+def _kill(child: subprocess.Popen[str]) -> None:
+    """Venv and pip start programs of their own, which would go on writing."""
+    if os.name == "nt":
+        child.kill()
+    else:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+
+
+def _remove(folder: Path) -> None:
+    """Until nothing comes back: what was killed may be amid a write."""
+    until = time.monotonic() + REMOVING_SECONDS
+    while folder.exists() and time.monotonic() < until:
+        shutil.rmtree(folder, ignore_errors=True)
+        time.sleep(0.02)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import signal
 import subprocess
 import sys
+import time
 import zipfile
 from pathlib import Path
 
@@ -19,7 +21,7 @@ from facestage_blender.backend.environment import (
     installed_command,
     remove_environment,
 )
-from facestage_blender.backend.install import explain
+from facestage_blender.backend.install import Cancel, explain, run
 from facestage_blender.backend.process import BAD_INPUT, CANCELLED, BackendProcess, Outcome
 
 
@@ -143,6 +145,42 @@ def test_cancelled_leaves_nothing(packages: Packages, wheels: Path, tmp_path: Pa
     outcome = process.wait(lambda _event: process.cancel())
     assert outcome.code == CANCELLED
     assert not folder.exists()
+
+
+def test_what_a_child_started_ends_with_it(tmp_path: Path):
+    """As pip ends with venv, which called it."""
+    beats = tmp_path / "beats"
+    beat = f"""import time
+while True:
+    open({str(beats)!r}, "a").write(".")
+    time.sleep(0.01)"""
+    child = f"""import subprocess, sys, time
+subprocess.Popen([sys.executable, "-c", {beat!r}])
+print("started", flush=True)
+time.sleep(60)"""
+
+    def cancelled(_line: str) -> None:
+        while not beats.exists():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run([sys.executable, "-c", child], cancelled)
+    time.sleep(0.1)  # for a write that was under way
+    heard = beats.stat().st_size
+    time.sleep(0.3)
+    assert beats.stat().st_size == heard
+
+
+def test_a_cancel_waits_until_its_child_is_known():
+    cancel = Cancel()
+    cancel.held = True
+    cancel(signal.SIGTERM, None)
+    with pytest.raises(KeyboardInterrupt):
+        cancel.let_go()
+    with pytest.raises(KeyboardInterrupt):
+        Cancel()(signal.SIGTERM, None)
+    Cancel().let_go()  # nothing was asked
 
 
 def test_removing_takes_all_of_it(packages: Packages, tmp_path: Path):
