@@ -90,6 +90,19 @@ def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
     return np.asarray(np.nanmean(brows, axis=0) - np.nanmean(chin, axis=0))
 
 
+def above_brows(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) how far up the face from the middle of its brows, in ways from chin to brows; NaN
+    where one of them is unknown.
+    """
+    brows = landmarks.points[scheme_of(landmarks.scheme).brows]
+    up = chin_to_brows(landmarks)
+    if not np.isfinite(up).all():
+        return np.full(shape, np.nan)
+    middle, direction = np.nanmean(brows, axis=0), up / (up @ up)
+    rows, columns = np.arange(shape[0]) + 0.5, np.arange(shape[1]) + 0.5
+    return ((rows - middle[1]) * direction[1])[:, None] + (columns - middle[0]) * direction[0]
+
+
 def face_size_px(landmarks: Landmarks) -> float:
     """Longer side in pixels of the bounding box of the face from chin to brows, as far as it shows;
     0 for no face.

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter, label
 
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.face_areas import (
+    above_brows,
     brow_pixels,
     chin_to_brows,
     face_size_px,
@@ -25,7 +26,6 @@ from facestage.fit.given.face_areas import (
 )
 from facestage.fit.given.hairline import STEP_MIN, hairline_step
 from facestage.fit.given.mixture import Mixture
-from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Lengths are in ways from chin to brows, if they are not pixels.
 # Where hair begins above the brows: usually, and where no hairline is seen there, as on a bald
@@ -80,7 +80,7 @@ def hair_pixels(looks: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     result = np.zeros((height, width), bool)
     features = _features(looks[part])
     shape = (features.shape[0], features.shape[1])
-    height_up = _height(shape, near, up)
+    height_up = above_brows(shape, near)
     for forehead in FOREHEADS:
         within = _within(shape, near, forehead, length)
         result[part] = _outside(features, near, within, height_up)
@@ -171,14 +171,6 @@ def _within(
     face = hull_pixels(shape, with_forehead(landmarks, forehead)).astype(np.uint8)
     inside = cv2.distanceTransform(face, cv2.DIST_L2, 5)
     return (inside - cv2.distanceTransform(1 - face, cv2.DIST_L2, 5)) / np.float32(length)
-
-
-def _height(shape: tuple[int, int], landmarks: Landmarks, up: np.ndarray) -> np.ndarray:
-    """(h, w) how far up the face from the middle of its brows, along the way from the chin."""
-    brows = np.nanmean(landmarks.points[scheme_of(landmarks.scheme).brows], axis=0)
-    direction = up / (up @ up)
-    rows, columns = np.arange(shape[0]) + 0.5, np.arange(shape[1]) + 0.5
-    return ((rows - brows[1]) * direction[1])[:, None] + (columns - brows[0]) * direction[0]
 
 
 def _around(shape: tuple[int, int], landmarks: Landmarks, margin: float) -> tuple[slice, slice]:

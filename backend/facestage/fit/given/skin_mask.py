@@ -21,6 +21,7 @@ from facestage.fit.given.face_areas import (
     with_forehead,
 )
 from facestage.fit.given.hair import hair_pixels
+from facestage.fit.given.strands import strand_pixels
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
@@ -75,6 +76,7 @@ def skin_weight(
         size = max(round(width * scale), 1), max(round(height * scale), 1)
         smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
         weight = resize(_skin_weight(resize(photo, *size), smaller), width, height)
+    weight = np.where(strand_pixels(photo, weight, landmarks), np.float32(0), weight)
     return weight * (1.0 - opening_share((height, width), landmarks)) if openings else weight
 
 
