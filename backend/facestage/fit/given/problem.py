@@ -41,6 +41,7 @@ from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import clear_of_others, paint_weight, skin_weight
 from facestage.fit.given.spectacles import spectacle_frame
+from facestage.fit.given.sunglasses import sunglasses
 from facestage.fit.given.teeth import closed_teeth
 from facestage.fit.given.window import Window
 from facestage.images.image_io import Photograph, read_photograph, resize
@@ -115,8 +116,9 @@ class Problem:
 
     @cached_property
     def frame(self) -> np.ndarray:
-        """(h, w) bool, what a frame of glasses hides."""
-        return spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+        """(h, w) bool, what a frame of glasses, or the dark glass of sunglasses, hides."""
+        line = spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+        return line | sunglasses(self._skin_colored, self.landmarks)
 
     @cached_property
     def _skin_colored(self) -> np.ndarray:

@@ -58,22 +58,15 @@ def spectacle_frame(
     size, eyes, bare = face_size_px(landmarks), Eyes.of(landmarks), color[skin > SURE_SKIN]
     if eyes is None or not len(bare) or size < FACE_MIN:
         return result
-    full = (skin.shape[1], skin.shape[0])
-    reach = REACH * eyes.width
-    left, top = np.clip(np.floor(eyes.middles.min(axis=0) - reach), 0, full).astype(int)
-    right, bottom = np.clip(np.ceil(eyes.middles.max(axis=0) + reach), 0, full).astype(int)
-    if left == right or top == bottom:
+    window = eyes.window((skin.shape[1], skin.shape[0]), min(1.0, FACE_PX / size))
+    if window is None:
         return result
-    window = Window(full, (left, top, right, bottom), min(1.0, FACE_PX / size))
+    left, top, right, bottom = window.box
     radiance = color[top:bottom, left:right].mean(axis=2).astype(np.float32)
     usual = max(float(np.median(bare.mean(axis=1))), 1e-9)
     lines = dark_lines(resize(radiance, *window.size) / usual, window.factor * size)
     found = _followed(lines, window.landmarks(landmarks), eyes.in_window(window))
-    wider = binary_dilation(found, _disc(AROUND_SHARE * window.factor * size))
-    result[top:bottom, left:right] = (
-        resize(wider.astype(np.float32), right - left, bottom - top) > 0.5
-    )
-    return result
+    return with_rim(found, window, size)
 
 
 def _followed(
@@ -85,7 +78,7 @@ def _followed(
     bridge, ends = eyes.bridge(place)
     depth = crossing_depth(np.where(bridge, lines, 0.0), ends)
     shape = (lines.shape[0], lines.shape[1])
-    lids = binary_dilation(opening_share(shape, landmarks) > 0.5, _disc(LASHES * eyes.width))
+    lids = binary_dilation(opening_share(shape, landmarks) > 0.5, disc(LASHES * eyes.width))
     around = (eyes.distance(place).min(axis=0) < REACH) & ~lids
     frame = binary_propagation(
         bridge & (lines > depth), np.ones((3, 3)), (bridge | around) & (lines > REST_SHARE * depth)
@@ -123,6 +116,19 @@ class Eyes:
         ]
         width = max(float(np.ptp(ring @ aside)) for ring in rings)
         return cls(middles, np.stack(inner), up, aside, width) if width > 0.0 else None
+
+    def window(self, full: tuple[int, int], factor: float) -> Window | None:
+        """What glasses may reach of a photo of ``full`` (width, height), at ``factor`` times its
+        size; None where that lies outside.
+        """
+        reach = REACH * self.width
+        left, top = np.clip(np.floor(self.middles.min(axis=0) - reach), 0, full).astype(int)
+        right, bottom = np.clip(np.ceil(self.middles.max(axis=0) + reach), 0, full).astype(int)
+        return (
+            Window(full, (left, top, right, bottom), factor)
+            if left < right and top < bottom
+            else None
+        )
 
     def in_window(self, window: Window) -> Eyes:
         """In the window's pixels."""
@@ -171,7 +177,7 @@ def dark_lines(
     import cv2
 
     light = np.log1p(np.maximum(beside_skin, 0.0) / FLOOR_SHARE).astype(np.float32)
-    around = np.asarray(cv2.morphologyEx(light, cv2.MORPH_CLOSE, _disc(0.5 * LINE_SHARE * size)))
+    around = np.asarray(cv2.morphologyEx(light, cv2.MORPH_CLOSE, disc(0.5 * LINE_SHARE * size)))
     return 1.0 - light / np.maximum(around, 1e-3)
 
 
@@ -189,7 +195,21 @@ def crossing_depth(
     return low
 
 
-def _disc(radius: float) -> UInt8[np.ndarray, "side side"]:
+def with_rim(
+    found: Bool[np.ndarray, "height width"], window: Window, size: float
+) -> Bool[np.ndarray, "full_height full_width"]:
+    """What is ``found`` in a window, in the whole photo and with the pixels around that may still
+    show some of it; ``size`` is the face's in pixels of the photo.
+    """
+    left, top, right, bottom = window.box
+    wider = binary_dilation(found, disc(AROUND_SHARE * window.factor * size)).astype(np.float32)
+    result = np.zeros(window.full[::-1], bool)
+    result[top:bottom, left:right] = resize(wider, right - left, bottom - top) > 0.5
+    return result
+
+
+def disc(radius: float) -> UInt8[np.ndarray, "side side"]:
+    """Of pixels within a radius, at least of one."""
     from skimage.morphology import disk
 
     return np.asarray(disk(max(round(radius), 1)))

@@ -8,54 +8,29 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from facestage.contract.landmarks import Landmarks
 from facestage.fit.given import problem as problem_module
 from facestage.fit.given.problem import read_problem
 from facestage.fit.given.spectacles import crossing_depth, spectacle_frame
 from facestage.models.anatomy.landmark_schemes import scheme_of
+from reference.drawn_glasses import (
+    APART,
+    BRIDGE,
+    BROW,
+    BROWS,
+    EYES,
+    FRAME,
+    LENS,
+    MIDDLE,
+    RING,
+    SIDE,
+    SIZES,
+    X,
+    Y,
+    drawn,
+    landmarks,
+)
 from reference.small_fit import QUICK
 from reference.synthetic_case import Case
-
-SIZES = {"mediapipe478": 478, "ibug68": 68}
-SIDE = 360
-SKIN, DARK = np.array([0.5, 0.32, 0.25]), np.array([0.03, 0.03, 0.03])
-Y, X = np.mgrid[:SIDE, :SIDE] + 0.5
-# The face reaches from the brows' row to the chin's; an eye is 56 wide and 16 high.
-MIDDLE, BROWS, EYES, CHIN = 180.0, 90.0, 130.0, 330.0
-APART, EYE_WIDTH, EYE_HEIGHT, LENS = 45.0, 56.0, 16.0, 40.0
-RING = np.abs(np.hypot(np.abs(X - MIDDLE) - APART, Y - EYES) - LENS) < 4
-BRIDGE = (np.abs(X - MIDDLE) < APART - LENS + 4) & (np.abs(Y - EYES + 3) < 4)
-BROW = (np.abs(np.abs(X - MIDDLE) - APART) < 40) & (np.abs(Y - BROWS) < 7)
-FRAME = (RING | BRIDGE) & (Y > BROWS + 12)
-
-
-def landmarks(scheme: str) -> Landmarks:
-    """Eyes, brows and chin of a face seen from the front, all other points at its middle."""
-    parts = scheme_of(scheme)
-    points = np.full((SIZES[scheme], 2), [MIDDLE, 220.0])
-    for ring, x in zip(parts.openings[1:], (MIDDLE - APART, MIDDLE + APART), strict=True):
-        angle = 2 * np.pi * np.arange(len(ring)) / len(ring)
-        points[ring] = np.stack(
-            [x + EYE_WIDTH / 2 * np.cos(angle), EYES + EYE_HEIGHT / 2 * np.sin(angle)], axis=1
-        )
-    points[parts.brows] = np.stack(
-        [np.linspace(MIDDLE - 85, MIDDLE + 85, len(parts.brows)), np.full(len(parts.brows), BROWS)],
-        axis=1,
-    )
-    points[parts.chin] = np.stack(
-        [np.linspace(MIDDLE - 40, MIDDLE + 40, len(parts.chin)), np.full(len(parts.chin), CHIN)],
-        axis=1,
-    )
-    return Landmarks(scheme, points, np.ones(len(points), bool))
-
-
-def drawn(*dark: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w, 3) skin with dark brows, eyes and whatever else is ``dark``, and its skin (h, w)."""
-    eyes = np.hypot((np.abs(X - MIDDLE) - APART) / EYE_WIDTH, (Y - EYES) / EYE_HEIGHT) < 0.5
-    black = np.any([BROW, eyes, *dark], axis=0)
-    shading = 0.6 + 0.4 * np.sin(X / 60)
-    color = np.where(black[..., None], DARK, shading[..., None] * SKIN)
-    return color, np.where(black, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("scheme", SIZES)
@@ -140,12 +115,15 @@ def test_the_deepest_way_across_is_as_deep_as_its_shallowest_place():
     assert crossing_depth(np.zeros_like(lines), ends) == 0.0
 
 
-def test_a_fit_neither_reads_nor_paints_a_frame(case: Case, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("found", ["spectacle_frame", "sunglasses"])
+def test_a_fit_neither_reads_nor_paints_glasses(
+    found: str, case: Case, monkeypatch: pytest.MonkeyPatch
+):
     problem = read_problem(case.job(), fineness=QUICK)
     assert not problem.frame.any()
     colored = problem.skin
     frame = (colored > 0.9) & (np.arange(colored.shape[1]) % 8 < 3)
-    monkeypatch.setattr(problem_module, "spectacle_frame", lambda *_: frame)
+    monkeypatch.setattr(problem_module, found, lambda *_: frame)
     worn = read_problem(case.job(), fineness=QUICK)
     for name in ("skin", "paintable"):
         assert (getattr(problem, name)[frame] > 0).any()
