@@ -106,7 +106,7 @@ def _whites(setup: Setup) -> Whites | None:
     low_y, low_x = ((setup.factor * at).astype(int) for at in (y, x))
     height, width = setup.photo.usable.shape
     clear = setup.photo.usable[np.minimum(low_y, height - 1), np.minimum(low_x, width - 1)]
-    clear &= photo.mask[y, x] & ~photo.clipped[y, x].any(axis=1)
+    clear &= photo.mask[y, x] & ~setup.problem.frame[y, x] & ~photo.clipped[y, x].any(axis=1)
     if clear.sum() < PIXELS_MIN or not radiance.any():
         return None
     surface = surface.part(np.flatnonzero(clear)[:: 1 + int(clear.sum()) // PIXELS_MAX])

@@ -116,9 +116,14 @@ class Problem:
 
     @cached_property
     def frame(self) -> np.ndarray:
-        """(h, w) bool, what a frame of glasses, or the dark glass of sunglasses, hides."""
-        line = spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
-        return line | sunglasses(self._skin_colored, self.landmarks)
+        """(h, w) bool, what a frame of glasses, or dark glass, hides."""
+        frame = spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+        return frame | self.dark_glass
+
+    @cached_property
+    def dark_glass(self) -> np.ndarray:
+        """(h, w) bool, what sunglasses hide."""
+        return sunglasses(self._skin_colored, self.landmarks)
 
     @cached_property
     def _skin_colored(self) -> np.ndarray:

@@ -118,7 +118,7 @@ def refine(
         photo = problem.photograph
         look = Look(
             photo.color,
-            photo.mask & ~fitted.hidden & ~photo.clipped.any(axis=2),
+            photo.mask & ~problem.frame & ~fitted.hidden & ~photo.clipped.any(axis=2),
             problem.skin,
             EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),
             photo.tinted,

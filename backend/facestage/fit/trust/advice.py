@@ -46,6 +46,8 @@ def verdict(
         if hidden > HIDDEN_MENTIONED
         else ""
     )
+    if problem.dark_glass.any():
+        hidden_words += "; eyes and brows are the model's own, because sunglasses hide them"
     explained = f"the render explains the skin with a PSNR of {value:.1f} dB"
     skin_words = f"{_toned(problem, fitted, errors)}{_uncolored(problem, fitted)}"
     return CONVERGED, f"Converged: {explained}{hidden_words}{skin_words}{_unsupported(fitted)}."

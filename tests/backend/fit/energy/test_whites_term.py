@@ -98,6 +98,9 @@ def test_closed_lids_say_nothing(
     assert whites(lidded, awake) is None, "a lid is where the white should be"
     masked = replace(problem.photograph, mask=np.zeros_like(problem.photograph.mask))
     assert whites(replace(problem, photograph=masked), state) is None
+    worn = replace(problem)
+    vars(worn).update(skin=problem.skin, frame=np.ones(problem.skin.shape, bool))
+    assert whites(worn, state) is None, "glass is before it"
 
 
 @pytest.mark.parametrize(

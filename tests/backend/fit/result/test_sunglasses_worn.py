@@ -1,0 +1,42 @@
+"""A whole fit of a face that wears sunglasses: they do not color its eyes, and it says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation
+
+from facestage.contract.job import Job
+from facestage.contract.texture_maps import EYE_MAP
+from facestage.fit.given.face_areas import opening_share
+from facestage.fit.given.spectacles import Eyes, disc
+from facestage.fit.result.run import fit_job
+from facestage.images.image_io import read_exr
+from facestage.models.registry import load_model
+from facestage.stress.scene import exposed, plain_scene, render, write_job
+from reference.small_fit import QUICK
+
+SIDE, GLASS = 256, np.array([0.0, 0.0, 0.02])
+
+
+@pytest.fixture(scope="module")
+def job(renderer: str, tmp_path_factory: pytest.TempPathFactory) -> Job:
+    """The built-in head behind glass that is nearly black, and blue."""
+    scene = exposed(plain_scene(load_model("default"), seed=5, side_px=SIDE))
+    bare, folder = render(scene), tmp_path_factory.mktemp("worn")
+    marks = write_job(folder, scene, bare).landmarks
+    assert marks is not None
+    eyes = Eyes.of(marks)
+    assert eyes is not None
+    lids = opening_share((SIDE, SIDE), marks) > 0.5
+    lids[SIDE * 3 // 5 :] = False  # the mouth
+    glass = binary_dilation(lids, disc(0.6 * eyes.width))
+    return write_job(folder, scene, np.where(glass[..., None], bare.max() * GLASS, bare))
+
+
+def test_eyes_stay_the_models_and_the_advice_says_so(job: Job, tmp_path: Path):
+    result = fit_job(job, tmp_path, fineness=QUICK)
+    assert "because sunglasses hide them" in result.advice
+    assert read_exr(tmp_path / EYE_MAP.file).mean() > 0.3  # 0.1 where the glass colors them
