@@ -33,8 +33,9 @@ from facestage.fit.given.mixture import Mixture
 FOREHEADS, BORDER = (0.3, 0.6, 0.9), 0.065
 # How far around that the surroundings are learnt, and how far up and down.
 AROUND, BELOW_CHIN = 0.35, -1.0
-# Beside and below the jaw lies the neck, which is skin and is no face.
-NECK = -0.55
+# Beside and below the jaw lies the neck, which is skin and is no face, and beside the cheeks, so
+# far down from here and so far out, lie ears.
+NECK, EARS_TOP, EARS_OUT = -0.55, 0.05, 0.25
 # Cheeks and chin are the face's: by how much more likely, of the logarithm, from where down.
 CHEEK_LOG, CHEEK = 2.0, -0.3
 # Bounds of the logarithm of the odds that the place alone gives, and that place and look give.
@@ -99,6 +100,7 @@ def _outside(
     cheek = np.where(within > -0.02, CHEEK_LOG * np.clip(height / CHEEK, 0, 1), 0.0)
     place = np.clip(within / BORDER + cheek, -PLACE_MAX, PLACE_MAX).astype(np.float32)
     learnt = (within > -AROUND) & (height > BELOW_CHIN) & ~((height < NECK) & (within < 0))
+    learnt &= ~((height < EARS_TOP) & (within < 0) & (within > -EARS_OUT))
     learnt &= (opening_share(shape, landmarks) < 0.2) & ~brow_pixels(shape, landmarks)
     chosen = np.flatnonzero(learnt)
     chosen = chosen[:: max(1, len(chosen) // SAMPLES)]

@@ -82,6 +82,16 @@ def test_a_bald_head_is_skin_up_to_its_crown(skin: str):
     assert found[wall].mean() > 0.9
 
 
+def test_ears_are_not_what_surroundings_are_learnt_from():
+    """A cheek that turns away looks as they do."""
+    photo, inside = FACE.draw("dark", crown=1.25)
+    ears = (((np.abs(X - 80) - 46) / 10) ** 2 + ((Y - 84) / 22) ** 2 < 1) & ~inside
+    beside = np.where((X > 80)[..., None], np.roll(photo, 60, axis=1), np.roll(photo, -60, axis=1))
+    found = hair_pixels(looks(np.where(ears[..., None], beside, photo)), LANDMARKS)
+    cheeks = (((X - 80) / 46) ** 2 + ((Y - 78) / 60) ** 2 < 0.9) & (Y > 70) & (Y < 105)
+    assert found[cheeks].mean() < 0.02
+
+
 def test_what_does_not_reach_the_face_from_outside_is_not_its_matter():
     """A patch of hair's look amid the chin: a beard's."""
     photo, _ = with_hair(0.6 * np.array(SKIN["light"]))
