@@ -24,3 +24,13 @@ def keep_freed_memory() -> bool:
         return False
     settings = ((MMAP_MAX, 0), (TRIM_THRESHOLD, LARGEST), (TOP_PAD, GROWTH))
     return all(mallopt(which, value) == 1 for which, value in settings)
+
+
+def give_back_freed_memory() -> None:
+    """Give the system every page that the process has freed, where its library can: before what is
+    large is made, because what is kept lies in pieces too small for it.
+    """
+    if sys.platform.startswith("linux"):
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(ctypes.c_size_t(0))

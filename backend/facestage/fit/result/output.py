@@ -49,6 +49,7 @@ from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import write_exr, write_png
 from facestage.report import ReportData, write_report
+from facestage.system.freed_memory import give_back_freed_memory
 
 # Errors against a truth that the end of the landmark phases is compared by.
 STARTS = ("similarity_mm", "covered_mm")
@@ -83,6 +84,7 @@ def finish(
         finer, finely = finer_photo(problem, fitted)
         refined = refine(finer, forward, finely)
         del finer, finely
+        give_back_freed_memory()
     else:
         refined = shared
     detail_seconds = time.monotonic() - started

@@ -39,6 +39,7 @@ from facestage.fit.textures.shown import Shown, light_on, what_is_shown
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
+from facestage.system.freed_memory import give_back_freed_memory
 
 # Texels along the atlas on which mirror images are looked up, and relief is found, at most.
 COARSE_SIZE = 1024
@@ -135,6 +136,7 @@ def refine(
             iris_size(problem.geometry, fitted.state, problem.landmarks),
         )
     del shown  # what the largest maps need memory for
+    give_back_freed_memory()
     logs = atlas.bake(vertices)
     if detail is not None:
         logs += detail.log_albedo
