@@ -9,7 +9,7 @@ lights what changes with the light is height.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.fft
@@ -22,8 +22,12 @@ STEPS, TOLERANCE = 90, 0.01
 PAD = 8  # texels around what is seen: the fields wrap around
 # Wavelengths in mm up to which pigment and height vary as much in one octave as in another. Longer
 # waves of height are light that is wrong, in one photo more than all that is right.
-PIGMENT_LONGEST, HEIGHT_LONGEST = 30.0, 12.0
+PIGMENT_LONGEST, HEIGHT_LONGEST = 30.0, 9.0
 PIGMENT_SIGMA = 0.06  # of log albedo, all octaves together, where nothing is painted
+# Freckles are sparse, pigment has longer tails than a Gaussian: where it is known roughly, as much
+# is expected of it as was found, over this times the spread of an octave (reweighted least squares
+# of a Student's t).
+TAIL = 1.5
 
 
 @dataclass(frozen=True)
@@ -35,12 +39,18 @@ class Spread:
 
 
 def solved(
-    seen: Evidence, spacing: Float[np.ndarray, "size size"], spread: Spread
+    seen: Evidence,
+    spacing: Float[np.ndarray, "size size"],
+    spread: Spread,
+    pigment: Float[np.ndarray, "size size"] | None = None,
 ) -> tuple[Float[np.ndarray, "size size"], Float[np.ndarray, "size size"]]:
     """Height in mm and pigment, 0 far from what is seen.
 
-    ``spacing``: mm between texels.
+    ``spacing``: mm between texels. ``pigment``, where it is known roughly.
     """
+    if pigment is not None:
+        expected = PIGMENT_SIGMA * pigment / (TAIL * spread.pigment)
+        seen = replace(seen, paint=np.hypot(seen.paint, expected))
     rows, columns = (_span(seen.weight.any(axis=axis)) for axis in (1, 0))
     result = np.zeros((2, *seen.weight.shape), np.float32)
     if rows.stop > rows.start:

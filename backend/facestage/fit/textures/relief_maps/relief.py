@@ -40,6 +40,7 @@ class Relief:
 
     height: Float32[np.ndarray, "size size"]  # mm
     normal: Float32[np.ndarray, "size size 3"]  # tangent space, 0 to 1
+    pigment: Float32[np.ndarray, "size size"]  # of log albedo, beside what the model knows
 
     def on(self, shown: Shown, geometry: FaceGeometry, state: State) -> Surface:
         """What the pixels see, with the relief's normals."""
@@ -129,9 +130,11 @@ class ReliefSeen:
         spread = self._spread
         if self._seen is None or self._frames is None or spread is None:
             return None
-        height = solved(self._seen, self._spacing, spread)[0]
+        known = None if self._about is None else self._about[0].pigment
+        height, pigment = solved(self._seen, self._spacing, spread, known)
         height = np.where(self._atlas.skin, height, 0.0).astype(np.float32)
-        return Relief(height, normal_map(self._atlas, self._frames, height))
+        normal = normal_map(self._atlas, self._frames, height)
+        return Relief(height, normal, pigment.astype(np.float32))
 
 
 def normal_map(

@@ -32,9 +32,9 @@ TEXELS_MIN = 2000  # below which a photo tells nothing of this
 # What is found of the slopes' amplitude on skin of known relief, because log radiance is no linear
 # function of steep slopes, and highlights on them run in all directions.
 FOUND = 0.15
-# Root mean square slope of an octave: of a scan's skin (0.49 mm a texel) 0.016 to 0.025, of deep
-# wrinkles as much as this.
-SLOPE_MAX = 0.08
+# Most that is believed of the root mean square slope of an octave: a scan's skin (0.49 mm a texel)
+# has 0.016 to 0.025, deep wrinkles 0.08, and these lie where they lie, no Gaussian field.
+SLOPE_MAX = 0.16
 SHARE_MIN = 0.1  # below which all is taken for pigment
 # Mean square of the log radiance's derivative by the slope, below which a single photo is not
 # believed: light that is wrong by a little feigns as much in soft light. A lamp that falls at 45
