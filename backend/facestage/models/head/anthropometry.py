@@ -1,8 +1,9 @@
 """Published means and standard deviations of adult heads, and how they are measured on the model.
 
 Zhuang and Bradtmiller 2005, "Head-and-face anthropometric survey of U.S. respirator users", J.
-Occup. Environ. Hyg. 2(11), averaged over men and women; ear, lips and eye openings after Farkas
-1994, "Anthropometry of the Head and Face". All in mm.
+Occup. Environ. Hyg. 2(11), averaged over men and women; ear, upper lip and eye opening after Farkas
+1994, "Anthropometry of the Head and Face". All in mm. Which of them were checked against a second
+source, and how they came out, is in docs/face-models.md.
 """
 
 from __future__ import annotations
@@ -32,9 +33,6 @@ MEASUREMENTS = {
     "nasal_root_breadth": Measurement(16.5, 2.2),
     "lip_length": Measurement(49.6, 4.1),
     "eye_fissure_length": Measurement(31.0, 1.4),
-    "eye_fissure_height": Measurement(10.8, 1.0),
     "ear_length": Measurement(61.0, 4.0),
-    "upper_lip_height": Measurement(21.0, 2.3),
-    "upper_vermilion_height": Measurement(8.4, 1.4),
-    "lower_vermilion_height": Measurement(9.7, 1.5),
+    "upper_lip_height": Measurement(21.2, 2.3),
 }
