@@ -14,7 +14,7 @@ from facestage.fit.forward.reflectance import albedo_of, albedo_seen
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, in_doubt, pigment_share
 from facestage.fit.textures.fine_detail import fine_detail, with_fine_detail
-from facestage.fit.textures.hair_shade import bared
+from facestage.fit.textures.hair_shade import bared, hair_shade
 from facestage.fit.textures.light_rest import light_rest
 from facestage.fit.textures.painted_features import Paint
 from facestage.fit.textures.shown import Shown
@@ -58,6 +58,8 @@ class AlbedoDetail:
     mirrored: Bool[np.ndarray, "size size"]  # the photo shows its mirror image only
     # of it, what is tone and goes on where nothing is seen
     tone: Float[np.ndarray, "vertices 3"] | None = None
+    # what is left of the model's shade of hair, see hair_shade.py
+    hair: Float[np.ndarray, "vertices 3"] | None = None
 
 
 def albedo_detail(
@@ -81,9 +83,11 @@ def albedo_detail(
     """
     weight, target = albedo_observations(shown, doubts)
     surface = shown.image.surface
-    painted, tone = None, None
+    painted, tone, hair = None, None, None
     if geometry is not None:
-        tone = bared(geometry, surface, weight)
+        hair = hair_shade(geometry)
+        tone = bared(geometry, surface, weight, hair)
+        hair = hair + tone
         target = target - surface.of_vertices(tone)
     if paint is not None:
         painted = paint.contradicted(surface, target, weight)
@@ -106,7 +110,7 @@ def albedo_detail(
     seen = (np.minimum(known, told) > KNOWN) & atlas.skin
     if half_mirror is None or coarse is None or not seen.any():
         return AlbedoDetail(
-            _on_basis(found, known, painted, tone, atlas), seen, np.zeros_like(seen), tone
+            _on_basis(found, known, painted, tone, atlas), seen, np.zeros_like(seen), tone, hair
         )
     while len(field.texels) > len(half_mirror):
         field = field.halved()
@@ -124,6 +128,7 @@ def albedo_detail(
         seen,
         (mirrored > KNOWN) & ~seen & atlas.skin,
         tone,
+        hair,
     )
 
 

@@ -21,31 +21,45 @@ SOFTNESS = 0.008  # metres over which a hairline that a photo moves is soft
 SEEN_SHARE = 0.3  # of how well skin is seen on average, from which on half of it is known
 
 
-def bared(
-    geometry: FaceGeometry, surface: Surface, weight: Float[np.ndarray, " pixels"]
-) -> Float[np.ndarray, "vertices 3"]:
-    """What takes the model's hair off its log albedo where pixels of ``weight`` at ``surface`` show
-    skin, and softly beside them; 0 where the model names no scalp.
+def hair_shade(geometry: FaceGeometry) -> Float[np.ndarray, "vertices 3"]:
+    """By how much hair that the model paints on its scalp darkens its log albedo: 0 or less.
 
     Skin below hair is the harmonic extension of the skin around it.
     """
     result = np.zeros((len(geometry.mean), 3))
     used, faces = np.unique(geometry.triangles[geometry.triangle_part == SKIN], return_inverse=True)
     hair = np.isin(used, geometry.new_index[geometry.model.regions.get(SCALP, np.zeros(0, int))])
-    if not hair.any() or weight.sum() <= 0:
+    if not hair.any():
         return result
     points = geometry.mean[used]
-    laplacian, mass = laplacian_and_mass(points, faces.reshape(-1, 3))
+    laplacian, _ = laplacian_and_mass(points, faces.reshape(-1, 3))
     below = cKDTree(points[hair]).query(points)[0] < THINNING
     logs = geometry.log_albedo[used].astype(np.float64)
     rows = laplacian[below]
     bare = splu(rows[:, below].tocsc()).solve(-(rows[:, ~below] @ logs[~below]))
-    shade = np.minimum(logs[below] - bare, 0.0)
+    result[used[below]] = np.minimum(logs[below] - bare, 0.0)
+    return result
+
+
+def bared(
+    geometry: FaceGeometry,
+    surface: Surface,
+    weight: Float[np.ndarray, " pixels"],
+    shade: Float[np.ndarray, "vertices 3"],
+) -> Float[np.ndarray, "vertices 3"]:
+    """What takes the model's ``shade`` of hair off its log albedo where pixels of ``weight`` at
+    ``surface`` show skin, and softly beside them.
+    """
+    result = np.zeros_like(shade)
+    if not shade.any() or weight.sum() <= 0:
+        return result
+    used, faces = np.unique(geometry.triangles[geometry.triangle_part == SKIN], return_inverse=True)
+    laplacian, mass = laplacian_and_mass(geometry.mean[used], faces.reshape(-1, 3))
     each = weight[:, None] * surface.weights
     seen = np.bincount(surface.corners.ravel(), each.ravel(), len(geometry.mean))[used]
     usual = np.average(seen / mass, weights=seen)
     spread = splu((sp.diags(mass) + SOFTNESS**2 * laplacian).tocsc())
     known = spread.solve(mass * seen / (seen + SEEN_SHARE * usual * mass))
     # At a straight border of what is seen, half is known.
-    result[used[below]] = -np.clip(2.0 * known[below], 0.0, 1.0)[:, None] * shade
+    result[used] = -np.clip(2.0 * known, 0.0, 1.0)[:, None] * shade[used]
     return result

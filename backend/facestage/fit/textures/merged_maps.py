@@ -12,9 +12,9 @@ from facestage.contract.texture_maps import REFLECTANCE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.rendering import Textures
-from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.merged_texture import MergedTexture
 from facestage.fit.textures.refine import Refined
+from facestage.fit.textures.stubble import grow_stubble
 
 
 class MergedMaps:
@@ -26,7 +26,6 @@ class MergedMaps:
         self, geometry: FaceGeometry, size: int, log_albedo: Float[np.ndarray, "vertices 3"]
     ) -> None:
         """``log_albedo``: by vertex, what the photos' textures are a detail of."""
-        self._skin = Atlas.build(geometry, size).skin
         self._detail = MergedTexture(geometry, size, log_albedo)
         self._weight = 0.0
         # Sums over the photos, by map; of the albedo the sum of logarithms.
@@ -35,6 +34,7 @@ class MergedMaps:
         self._coverage = np.zeros((size, size, 3), np.uint8)
         self._eyes: list[tuple[float, np.ndarray]] = []  # weights and logarithms
         self._tones: list[tuple[float, np.ndarray]] = []
+        self._hair: list[tuple[float, np.ndarray]] = []
 
     def add(self, maps: Refined, state: State, weight: float) -> None:
         """A photo's maps, with its ``weight`` 0..1 among the photos."""
@@ -54,6 +54,8 @@ class MergedMaps:
             self._eyes.append((weight, np.log(maps.eyes)))
         if maps.tone is not None:
             self._tones.append((weight, maps.tone))
+        if maps.hair is not None:
+            self._hair.append((weight, maps.hair))
         # Of all photos together already.
         self._relief = textures
         self._coverage = np.maximum(self._coverage, maps.coverage)
@@ -63,9 +65,10 @@ class MergedMaps:
         their mean.
         """
         maps = {name: total / self._weight for name, total in self._sums.items()}
-        maps["albedo"] = np.exp(
-            np.where(self._skin[..., None], self._detail.mean(_mean(self._tones)), maps["albedo"])
-        )
+        skin, hair = self._detail.mean(_mean(self._tones)), _mean(self._hair)
+        if hair is not None:
+            grow_stubble(skin, self._detail.atlas, self._detail.geometry, hair)
+        maps["albedo"] = np.exp(np.where(self._detail.atlas.skin[..., None], skin, maps["albedo"]))
         found = {name: values.astype(np.float32) for name, values in maps.items()}
         textures = Textures(**found)
         if self._relief is not None:

@@ -33,9 +33,9 @@ class MergedTexture:
         self, geometry: FaceGeometry, size: int, basis: Float[np.ndarray, "vertices channels"]
     ) -> None:
         """``basis``: by vertex, what the textures are a detail of."""
-        self._atlas = Atlas.build(geometry, size)
-        self._geometry = geometry
-        self._sum = BASIS * self._atlas.bake(basis).astype(np.float64)
+        self.atlas = Atlas.build(geometry, size)
+        self.geometry = geometry
+        self._sum = BASIS * self.atlas.bake(basis).astype(np.float64)
         self._weight = np.full((size, size), BASIS)
         self.coverage = np.zeros((size, size), bool)  # texels that any photo shows
 
@@ -49,7 +49,7 @@ class MergedTexture:
         """A photo's ``texture`` and ``coverage``, with its ``weight`` 0..1
         among the photos.
         """
-        confidence = weight * _confidence(self._atlas, self._geometry, state, coverage)
+        confidence = weight * _confidence(self.atlas, self.geometry, state, coverage)
         self._sum += confidence[..., None] * texture
         self._weight += confidence
         self.coverage |= coverage
@@ -58,7 +58,7 @@ class MergedTexture:
         self, tone: Float[np.ndarray, "vertices channels"] | None = None
     ) -> Float64[np.ndarray, "size size channels"]:
         """The merged texture; ``tone``: by vertex, what is to be added to the basis."""
-        total = self._sum if tone is None else self._sum + BASIS * self._atlas.bake(tone)
+        total = self._sum if tone is None else self._sum + BASIS * self.atlas.bake(tone)
         return np.asarray(total / self._weight[..., None])
 
 

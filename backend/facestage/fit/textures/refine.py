@@ -36,6 +36,7 @@ from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_s
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, light_on, what_is_shown
+from facestage.fit.textures.stubble import grow_stubble, matted
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
@@ -57,8 +58,10 @@ class Refined:
     coverage: UInt8[np.ndarray, "size size 3"]  # see CONVENTIONS.md
     # of the eyes' part of the atlas, see eye_picture.py
     eyes: Float32[np.ndarray, "height width 3"] | None = None
-    # of the log albedo, what goes on where nothing is seen, see unseen_tone.py
+    # of the log albedo, what goes on where nothing is seen, see unseen_tone.py, and what is left of
+    # the model's shade of hair, see hair_shade.py
     tone: Float[np.ndarray, "vertices 3"] | None = None
+    hair: Float[np.ndarray, "vertices 3"] | None = None
 
 
 def refine(
@@ -138,8 +141,11 @@ def refine(
     del shown  # what the largest maps need memory for
     give_back_freed_memory()
     logs = atlas.bake(vertices)
+    hair = None if detail is None else detail.hair
     if detail is not None:
         logs += detail.log_albedo
+        if hair is not None:
+            grow_stubble(logs, atlas, problem.geometry, hair)
         model, mean = problem.geometry.model, problem.geometry.mean
         draw_lash_line(logs, atlas, model, mean, problem.lash_depth)
         # Beyond the seams too, where lookups between texels reach.
@@ -148,11 +154,11 @@ def refine(
     del logs
     if eyes is not None:
         albedo = eyes_painted(albedo, atlas, problem.geometry, eyes)
-    textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss))
+    textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss, hair))
     if relief is not None:
         textures = replace(textures, normal=relief.normal, height=relief.height)
     tone = None if detail is None else detail.tone
-    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes, tone)
+    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes, tone, hair)
 
 
 def found_relief(
@@ -250,7 +256,11 @@ def _gloss(small: Atlas, shown: Shown, fitted: Fitted, freeze: set[str]) -> Glos
 
 
 def _gloss_textures(
-    small: Atlas, problem: Problem, fitted: Fitted, gloss: GlossStep | None
+    small: Atlas,
+    problem: Problem,
+    fitted: Fitted,
+    gloss: GlossStep | None,
+    hair: Float[np.ndarray, "vertices 3"] | None,
 ) -> tuple[Float32[np.ndarray, "size size"], Float32[np.ndarray, "size size"]]:
     """Specular and roughness of the ``small`` atlas: skin as found, eyes and teeth a clear
     layer.
@@ -263,6 +273,8 @@ def _gloss_textures(
         roughness = np.where(small.skin, roughness + resampled(gloss.roughness, size), roughness)
         small.spread(specular)
         small.spread(roughness)
+    if hair is not None and "specular" not in problem.job.freeze:
+        specular = specular * (1 - small.bake(matted(hair)[:, None])[..., 0])
     for part, c_spec, rough in (
         (EYES, EYE_SPECULAR, EYE_ROUGHNESS),
         (TEETH, WET_SPECULAR, WET_ROUGHNESS),

@@ -93,13 +93,14 @@ def hair_weight(masks: Masks) -> np.ndarray:
     """(n,) 1 where hair grows on the head, 0 on face, ears and neck; softer than the mesh is
     fine, so that no edge of it shows.
     """
-    y, z = masks.points[:, 1], masks.points[:, 2]
-    # The hairline: high over the forehead, down the temples, behind the ears, to the nape.
-    line = np.interp(
-        z,
-        (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0, 30.0, 52.0, 78.0),
-        (-72, -68, -40, 12, 14, 16, 34, 58, 72),
+    x, y, z = np.abs(masks.points[:, 0]), masks.points[:, 1], masks.points[:, 2]
+    # The hairline: lowest at the forehead's middle, back above its corners, down the temples ...
+    front = np.interp(
+        x, (0.0, 18.0, 36.0, 46.0, 54.0, 61.0, 67.0, 72.0), (64, 67, 76, 72, 58, 42, 26, 12)
     )
+    # ... behind the ears, to the nape.
+    back = np.interp(z, (-95.0, -70.0, -38.0, -28.0, -6.0, 14.0), (-72, -68, -40, 12, 14, 16))
+    line = back + smoothstep((z - 6.0) / 16.0) * (front - back)
     weight = smoothstep((y - line) / 18.0 + 0.5) * masks.skin
     for side in SIDES:
         weight[np.unique(masks.mesh.loops[f"ear_{side}"][2:])] = 0.0

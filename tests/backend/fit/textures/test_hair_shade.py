@@ -10,7 +10,7 @@ import pytest
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.albedo_detail import albedo_detail, albedo_observations
-from facestage.fit.textures.hair_shade import bared
+from facestage.fit.textures.hair_shade import bared, hair_shade
 from reference.painted_face import PaintedFace, painted_face
 
 
@@ -28,7 +28,8 @@ def scalp(face: PaintedFace) -> np.ndarray:
 def off(face: PaintedFace, seen: np.ndarray | None = None) -> np.ndarray:
     """(vertices,) by how much skin is lighter where ``seen`` pixels show it; None: all."""
     weight = np.ones(len(face.surface.pixels)) if seen is None else seen.astype(float)
-    return bared(face.forward.geometry, face.surface, weight).mean(axis=1)
+    geometry = face.forward.geometry
+    return bared(geometry, face.surface, weight, hair_shade(geometry)).mean(axis=1)
 
 
 def test_hair_goes_from_seen_temples_and_stays_on_the_back(face: PaintedFace, scalp: np.ndarray):
@@ -79,17 +80,23 @@ def test_without_a_scalp_or_seen_skin_nothing_changes(face: PaintedFace):
     geometry = face.forward.geometry
     regions = {name: each for name, each in geometry.model.regions.items() if name != "scalp"}
     plain = FaceGeometry(replace(geometry.model, regions=regions))
-    assert not bared(plain, face.surface, np.ones(len(face.surface.pixels))).any()
+    shade = hair_shade(plain)
+    assert not shade.any()
+    assert not bared(plain, face.surface, np.ones(len(face.surface.pixels)), shade).any()
     assert not off(face, np.zeros(len(face.surface.pixels), bool)).any()
 
 
 def test_beyond_bare_skin_hair_begins_with_no_pale_rim(face: PaintedFace):
     """A photo of the model, bare where its hair begins: nothing but hair is taken off."""
     geometry, atlas = face.forward.geometry, face.atlas
-    bare = bared(geometry, face.surface, np.ones(len(face.surface.pixels)))
+    shade = hair_shade(geometry)
+    bare = bared(geometry, face.surface, np.ones(len(face.surface.pixels)), shade)
     photo, _ = face.photo(atlas.bake(bare))
     shown = face.shown(photo)
     found = albedo_detail(atlas, shown, None, geometry=geometry)
-    tone = found.tone - bared(geometry, face.surface, albedo_observations(shown)[0])
+    off_there = bared(geometry, face.surface, albedo_observations(shown)[0], shade)
+    tone = found.tone - off_there
     print(f"tone that goes on, at most {np.abs(tone).max():.3f}, bared by {bare.max():.2f}")
     assert np.abs(tone).max() < 0.1 < 0.3 < bare.max()
+    assert found.hair is not None
+    np.testing.assert_allclose(found.hair, shade + off_there)

@@ -13,6 +13,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import BY_SYMMETRY, SEEN
+from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
@@ -83,6 +84,27 @@ def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
         np.testing.assert_array_equal(getattr(some.textures, name), getattr(held.textures, name))
         assert not some.coverage[..., channel].any()
         assert np.abs(getattr(free.textures, name) - getattr(held.textures, name)).max() > 1e-5
+
+
+def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, problem: Problem):
+    v = 2 * (scene.model.uvs[:, 1] - 0.02) / 0.96 - 1
+    hairy = v > 0.8
+    model = replace(
+        scene.model,
+        regions={**scene.model.regions, "scalp": np.flatnonzero(hairy).astype(np.int32)},
+        albedo_mean=np.where(hairy[:, None], 0.4, 1).astype(np.float32) * scene.model.albedo_mean,
+    )
+    shaded = replace(problem, geometry=FaceGeometry(model))
+    with_hair, without = refined(scene, shaded), refined(scene, problem)
+    ratio = with_hair.textures.specular / without.textures.specular
+    middle = ratio.shape[1] // 2
+    print("of the gloss stays, from top to bottom:", ratio[::8, middle])
+    assert ratio[1, middle] < 0.6
+    np.testing.assert_allclose(ratio[len(ratio) // 2 :], 1.0, atol=0.01)
+    held = refined(scene, shaded, "specular")
+    np.testing.assert_array_equal(
+        held.textures.specular, refined(scene, problem, "specular").textures.specular
+    )
 
 
 def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
