@@ -5,12 +5,14 @@ made up, and no gloss where it stands.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
-from facestage.contract.arrays import Float, Float32, Int
+from facestage.contract.arrays import Float, Float32
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.textures.atlas import Atlas
 
 SPACING = 0.0007  # metres from a follicle to the next, about; no finer than texels
+PERIOD = 64  # of them, after which their pattern begins again
 CONTRAST = 0.8  # by how much of it how much of the skin hair covers varies from place to place
 COVERS_MAX = 0.9  # of the skin's albedo
 MATTE = 0.6  # the share of gloss that dense stubble takes away
@@ -36,7 +38,7 @@ def grow_stubble(
         row, column = np.nonzero(atlas.covered[rows])
         row, column = row[covered] + rows.start, column[covered]
         left = np.exp(there[covered, :3])
-        grain = CONTRAST * value_noise(there[covered, 3:] / SPACING)[:, None]
+        grain = CONTRAST * noise_at(there[covered, 3:] / SPACING)[:, None]
         covers = np.minimum((1 - left) * (1 + grain), COVERS_MAX)
         log_albedo[row, column] += np.log((1 - covers) / left)
 
@@ -47,24 +49,9 @@ def matted(shade: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, " vertic
     return np.asarray(MATTE * covers / max(float(covers.max()), 1e-9))
 
 
-def value_noise(places: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " places"]:
-    """-1..1, smooth noise of unit wavelength about: random values of a lattice, interpolated."""
-    low = np.floor(places).astype(np.int64)
-    part = (places - low).astype(np.float32)
-    part = part * part * (3 - 2 * part)
-    total = np.zeros(len(places), np.float32)
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, part, 1 - part), axis=1)
-        total += weight * _hashed(low + corner)
-    return total
-
-
-def _hashed(lattice: Int[np.ndarray, "places 3"]) -> Float32[np.ndarray, " places"]:
-    """-1..1, the random value of a place of a lattice: its bits, well mixed."""
-    bits = (lattice.astype(np.uint64) * np.array([73856093, 19349663, 83492791], np.uint64)).sum(
-        axis=1
-    )
-    bits ^= bits >> np.uint64(15)
-    bits *= np.uint64(0x9E3779B97F4A7C15)
-    bits ^= bits >> np.uint64(32)
-    return (bits & np.uint64(0xFFFF)).astype(np.float32) / 32767.5 - 1.0
+def noise_at(places: Float[np.ndarray, "places 3"]) -> Float32[np.ndarray, " places"]:
+    """-1..1: random values of a lattice of unit width that repeats itself, interpolated."""
+    values = np.random.default_rng(0).uniform(-1, 1, (PERIOD,) * 3).astype(np.float32)
+    at = np.ascontiguousarray(places.T, np.float32)
+    found = map_coordinates(values, at, np.float32, order=1, mode="grid-wrap")
+    return np.asarray(found)
