@@ -43,7 +43,9 @@ class KnownTone(QuadraticResiduals):
         """Of skin of a typology ``angle`` in degrees: on the narrow face where the model says which
         that is, else wherever the face is compared with photos.
         """
-        skin = geometry.model.regions.get("narrow_face", geometry.fitted_vertices)
+        named = geometry.model.regions.get("narrow_face")
+        skin = geometry.fitted_vertices if named is None else geometry.new_index[named]
+        skin = skin[skin >= 0]  # of a region, what is rendered
         mean, basis = geometry.log_albedo[skin], geometry.albedo_basis[:, skin]
         return cls(angle, mean.mean(axis=0), basis.mean(axis=1), weight)
 

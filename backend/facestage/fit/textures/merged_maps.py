@@ -67,7 +67,11 @@ class MergedMaps:
         maps = {name: total / self._weight for name, total in self._sums.items()}
         skin, hair = self._detail.mean(_mean(self._tones)), _mean(self._hair)
         if hair is not None:
+            # What a photo shows is as that photo has it: bare, or with its stubble.
+            shown = self._detail.coverage
+            seen = skin[shown]
             grow_stubble(skin, self._detail.atlas, self._detail.geometry, hair)
+            skin[shown] = seen
         maps["albedo"] = np.exp(np.where(self._detail.atlas.skin[..., None], skin, maps["albedo"]))
         found = {name: values.astype(np.float32) for name, values in maps.items()}
         textures = Textures(**found)

@@ -62,6 +62,30 @@ def test_the_likeliest_skin_has_the_tone(state: State, angle: float):
     assert (skin.albedo[3:] ** 2).sum() < 0.01 * (skin.albedo[:3] ** 2).sum()
 
 
+def test_vertices_that_are_not_rendered_change_nothing():
+    """Lashes or clothes of a user's mesh may come before its face."""
+    model, count = load_model("default"), 5000
+
+    def after(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros_like(values[..., :count, :]), values], axis=-2)
+
+    polygons = model.polygons
+    moved = replace(
+        model,
+        vertices=after(model.vertices),
+        polygons=np.where(polygons < 0, polygons, polygons + count).astype(polygons.dtype),
+        identity_basis=after(model.identity_basis),
+        expression_basis=after(model.expression_basis),
+        albedo_mean=np.concatenate([np.full((count, 3), 0.5, np.float32), model.albedo_mean]),
+        albedo_basis=after(model.albedo_basis),
+        regions={name: index + np.int32(count) for name, index in model.regions.items()},
+        landmarks={},
+    )
+    tone, other = (KnownTone.of(FaceGeometry(each), 20.0) for each in (model, moved))
+    np.testing.assert_allclose(other.mean, tone.mean)
+    np.testing.assert_allclose(other.by_albedo, tone.by_albedo)
+
+
 def test_a_model_of_one_skin_stays_as_it_is(state: State):
     tone = KnownTone.of(geometry(), -30.0)
     alike = replace(tone, by_albedo=0 * tone.by_albedo)

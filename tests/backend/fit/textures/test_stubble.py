@@ -105,3 +105,23 @@ def test_several_photos_show_it_too(face: PaintedFace, shade: np.ndarray):
         found.append(merged.maps().textures.albedo)
     dense = face.atlas.covered & (face.atlas.bake(shade).min(axis=2) < -0.3)
     assert np.log(found[0] / found[1])[dense].std() > 0.1
+
+
+def test_what_a_photo_shows_bare_stays_bare_among_several(face: PaintedFace, shade: np.ndarray):
+    from facestage.contract.result import SEEN
+    from facestage.fit.forward.rendering import Textures
+    from facestage.fit.textures.refine import Refined
+
+    geometry, atlas = face.forward.geometry, face.atlas
+    flat = np.full((256, 256), 0.5, np.float32)
+    albedo = np.exp(atlas.bake(geometry.log_albedo - shade)).astype(np.float32)
+    shown, hidden = np.zeros((2, 512, 512, 3), np.uint8)
+    shown[atlas.skin, 0] = SEEN
+    merged = MergedMaps(geometry, 512, geometry.log_albedo)
+    merged.add(Refined(Textures(albedo, flat, flat), shown, hair=0 * shade), face.state, 1.0)
+    merged.add(Refined(Textures(albedo, flat, flat), hidden, hair=shade), face.state, 1.0)
+    found = np.log(merged.maps().textures.albedo)
+    dense = atlas.skin & (atlas.bake(shade).min(axis=2) < -0.3)
+    places = np.abs(np.diff(found, axis=0)).mean(axis=2)[(dense[1:] & dense[:-1])]
+    print(f"from texel to texel {places.mean():.4f}")
+    assert places.mean() < 0.02
