@@ -145,8 +145,9 @@ def _write_skin(
         float(result.parameters.get(name, 0.0)) for name in ("scattering", "translucency")
     )
     set_scattering(rig, scattering, translucency)
-    if translucency > 0:
-        set_curvature(rig, result.vertices)
+    # EEVEE, which only blurs, is as uneven where light scatters too.
+    uneven = scattering > 0 or translucency > 0
+    set_curvature(rig, result.vertices if uneven else None)
     color_lashes(rig)
     renew_brows(rig)
     keep_wet(rig)

@@ -9,9 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from facestage.contract.texture_maps import ALBEDO
-
-from .material import GROUP, node_at, skin_nodes
+from .albedo_nodes import put_before_skin, take_out
+from .material import node_at, skin_nodes
 
 NODE = "Skin below Brows"
 COLOR, SHARE = "facestage_brow_skin", "facestage_brow_share"  # attributes of the rig's vertices
@@ -37,9 +36,7 @@ def restore_paint(rig: bpy.types.Object) -> None:
         mix = tree.nodes.get(NODE)
         if mix is None:
             continue
-        before = _socket(mix.inputs, "A").links
-        if before:
-            tree.links.new(before[0].from_socket, tree.nodes[GROUP].inputs[ALBEDO.socket])
+        take_out(tree, _socket(mix.inputs, "A"), _socket(mix.outputs, "Result"))
         for link in [*_socket(mix.inputs, "B").links, *mix.inputs["Factor"].links]:
             tree.nodes.remove(link.from_node)
         tree.nodes.remove(mix)
@@ -50,11 +47,9 @@ def restore_paint(rig: bpy.types.Object) -> None:
 
 def _insert(tree: bpy.types.NodeTree) -> None:
     """Mix what the skin's albedo is so far with the attributes."""
-    albedo = tree.nodes[GROUP].inputs[ALBEDO.socket]
     mix = node_at(tree.nodes, "ShaderNodeMix", -250, 100)
     mix.name, mix.label, mix.data_type = NODE, NODE, "RGBA"
-    if albedo.links:
-        tree.links.new(albedo.links[0].from_socket, _socket(mix.inputs, "A"))
+    put_before_skin(tree, _socket(mix.inputs, "A"), _socket(mix.outputs, "Result"))
     for name, output, target in (
         (COLOR, "Vector", _socket(mix.inputs, "B")),
         (SHARE, "Fac", mix.inputs["Factor"]),
@@ -62,7 +57,6 @@ def _insert(tree: bpy.types.NodeTree) -> None:
         attribute = node_at(tree.nodes, "ShaderNodeAttribute", -450, 0)
         attribute.attribute_name = name
         tree.links.new(attribute.outputs[output], target)
-    tree.links.new(_socket(mix.outputs, "Result"), albedo)
 
 
 def _socket(sockets: Any, name: str) -> bpy.types.NodeSocket:

@@ -14,12 +14,13 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 
-from .material import GROUP, node_at, skin_nodes
+from .albedo_nodes import put_before_skin, take_out
+from .material import node_at, skin_nodes
 
 HAEMOGLOBIN = "Haemoglobin"  # the frame of its nodes
 ATTRIBUTE = "facestage_haemoglobin"  # each holds three functions
 WEIGHTS = "Haemoglobin Weights"
-ALBEDO, FACTOR = "Albedo", "Albedo with Haemoglobin"
+FACTOR = "Albedo with Haemoglobin"
 
 
 def give_haemoglobin(
@@ -101,20 +102,14 @@ def _insert(tree: bpy.types.NodeTree, count: int, color: Float[np.ndarray, " 3"]
         links.new(power.outputs[0], factor.inputs[channel])
     product = node("ShaderNodeVectorMath", 5, 0)
     product.operation, product.name = "MULTIPLY", FACTOR
-    albedo = nodes[GROUP].inputs[ALBEDO]
-    product.inputs[0].default_value = tuple(albedo.default_value)[:3]
-    if albedo.is_linked:
-        links.new(albedo.links[0].from_socket, product.inputs[0])
     links.new(factor.outputs[0], product.inputs[1])
-    links.new(product.outputs[0], albedo)
+    put_before_skin(tree, product.inputs[0], product.outputs[0])
 
 
 def _remove(tree: bpy.types.NodeTree) -> None:
-    before = tree.nodes[FACTOR].inputs[0]
-    before = before.links[0].from_socket if before.is_linked else None
+    product = tree.nodes[FACTOR]
+    take_out(tree, product.inputs[0], product.outputs[0])
     frame = tree.nodes[HAEMOGLOBIN]
     for each in [node for node in tree.nodes if node.parent == frame]:
         tree.nodes.remove(each)
     tree.nodes.remove(frame)
-    if before is not None:
-        tree.links.new(before, tree.nodes[GROUP].inputs[ALBEDO])

@@ -56,14 +56,19 @@ def emerging(group: bpy.types.NodeTree, strength: Any, normal: Any, white: Any) 
     return vector("MULTIPLY", -600, white, factor.outputs["Vector"]).outputs["Vector"]
 
 
-def set_curvature(rig: bpy.types.Object, vertices: np.ndarray) -> None:
-    """Let the skin of a rig know where it bulges in the shape ``vertices`` (n, 3), m."""
+def set_curvature(rig: bpy.types.Object, vertices: np.ndarray | None) -> None:
+    """Let the skin of a rig know where it bulges in the shape ``vertices`` (n, 3), m; None: where
+    nothing asks.
+    """
     mesh = rig.data
+    attribute = mesh.attributes.get(CURVATURE)
+    if vertices is None:
+        if attribute is not None:
+            mesh.attributes.remove(attribute)
+        return
     mesh.calc_loop_triangles()
     triangles = np.empty(3 * len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get("vertices", triangles)
     bends = Curvature(triangles.reshape(-1, 3), len(vertices)).of(vertices.astype(np.float64))
-    attribute = mesh.attributes.get(CURVATURE)
-    if attribute is None:
-        attribute = mesh.attributes.new(CURVATURE, "FLOAT", "POINT")
+    attribute = attribute or mesh.attributes.new(CURVATURE, "FLOAT", "POINT")
     attribute.data.foreach_set("value", bends.astype(np.float32))

@@ -287,8 +287,14 @@ def test_skin_knows_how_light_comes_out_of_it(ready, stand_in, tmp_path: Path) -
     wanted = Curvature(result.triangles, len(result.vertices)).of(result.vertices)
     np.testing.assert_allclose(shown, wanted, atol=1.0)
     assert np.ptp(wanted) > 30
+    moved = result.vertices * [1.0, 1.0, 0.8]
+    scattering = older | {"scattering": np.array(0.5)}
+    apply_result(ready, replace(result, further=scattering, vertices=moved))
+    rig.data.attributes["facestage_curvature"].data.foreach_get("value", shown)
+    np.testing.assert_allclose(shown, Curvature(result.triangles, len(moved)).of(moved), atol=1.0)
     apply_result(ready, replace(result, further=older))
     assert skin.default_value == 0.0
+    assert "facestage_curvature" not in rig.data.attributes
 
 
 def test_relief_comes_with_a_result_and_goes_with_an_older_one(
