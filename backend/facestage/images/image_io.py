@@ -104,7 +104,7 @@ def read_photograph(path: Path) -> Photograph:
 
 
 def _read_display(path: Path) -> Photograph:
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     if path.suffix.lower() in RAW_SUFFIXES:
         raise InputError(
@@ -140,6 +140,8 @@ def _read_display(path: Path) -> Photograph:
                     color, clipped, alpha, space = _decoded(file, image, deep)
         except (*_UNREADABLE, Image.DecompressionBombError) as error:
             reason = _plain(str(error)) or type(error).__name__
+            if isinstance(error, UnidentifiedImageError):
+                reason = "it is of no known format, or damaged"
             raise InputError(
                 f"The photo '{path}' is not a readable image ({reason}); expected "
                 f"{', '.join(PHOTO_SUFFIXES)}."

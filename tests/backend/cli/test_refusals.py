@@ -48,7 +48,7 @@ BAD_OPTIONS: dict[str, tuple[Callable[[Case, Path], dict[str, str | Path | None]
     "missing photo": (lambda _, d: {"image": d / "none.png"}, ["none.png", "does not exist"]),
     "text renamed .png": (
         lambda _, d: {"image": write(d / "t.png", "hello " * 99)},
-        ["t.png", "not a readable image"],
+        ["t.png", "not a readable image (it is of no known format, or damaged)"],
     ),
     "text renamed .exr": (
         lambda _, d: {"image": write(d / "t.exr", "hello " * 99)},

@@ -56,7 +56,8 @@ class Tone(QuadraticResiduals):
 
     def coefficients(self, luminance: float) -> Float[np.ndarray, " albedos"]:
         """The likeliest ones of skin of this logarithm of ``luminance``."""
-        return self.by_albedo * (luminance - self.mean) / float(self.by_albedo @ self.by_albedo)
+        by_itself = max(float(self.by_albedo @ self.by_albedo), 1e-30)  # of one tone: 0
+        return self.by_albedo * (luminance - self.mean) / by_itself
 
     def _tone(self, state: State) -> float:
         return self.mean + float(self.by_albedo @ state.albedo)

@@ -15,7 +15,7 @@ import numpy as np
 
 from facestage import __version__
 from facestage.contract.certainty import DEVIATION, FACE
-from facestage.contract.face_model import OTHER
+from facestage.contract.face_model import EYES, OTHER
 from facestage.contract.files.storage import finite, write_json
 from facestage.contract.light_stage import LIGHT_ARRAYS, LightStage
 from facestage.contract.parameters import as_fields
@@ -199,7 +199,8 @@ def write_result(
     model, state = problem.geometry.model, finished.state
     stage = _whole_stage(problem, fitted.stage, fitted.camera_to_stage)
     vertices = problem.geometry.all_vertices(state) @ state.rotation.T + state.translation
-    status, advice = verdict(problem, fitted, finished.picture, finished.errors)
+    told = EYES in finished.refined.told
+    status, advice = verdict(problem, fitted, finished.picture, finished.errors, told)
     result = Result(
         status=status,
         advice=advice,

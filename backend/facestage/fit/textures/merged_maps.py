@@ -6,15 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from facestage.contract.arrays import Float
+from facestage.contract.arrays import Float, Int
+from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import SEEN
 from facestage.contract.texture_maps import REFLECTANCE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.rendering import Textures
+from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.merged_texture import MergedTexture
 from facestage.fit.textures.refine import Refined
 from facestage.fit.textures.stubble import grow_stubble
+
+# How much a photo counts, beside one that shows them, whose eyes are shut or behind dark glasses,
+# or whose lips are closed: it has the model's own.
+UNTOLD = 1e-6
 
 
 class MergedMaps:
@@ -30,8 +36,12 @@ class MergedMaps:
         self._weight = 0.0
         # Sums over the photos, by map; of the albedo the sum of logarithms.
         self._sums: dict[str, np.ndarray] = {}
+        # By part, its texels in the albedo, row by row, and what the photos count for there.
+        self._texels = _texels_of_parts(self._detail.atlas, geometry)
+        self._weights = dict.fromkeys(self._texels, 0.0)
         self._relief: Textures | None = None
         self._coverage = np.zeros((size, size, 3), np.uint8)
+        self._told: frozenset[int] = frozenset()
         self._eyes: list[tuple[float, np.ndarray]] = []  # weights and logarithms
         self._tones: list[tuple[float, np.ndarray]] = []
         self._hair: list[tuple[float, np.ndarray]] = []
@@ -43,6 +53,9 @@ class MergedMaps:
         # logarithms.
         logs = np.log(np.maximum(textures.albedo, 1e-6))
         self._detail.add(logs, maps.coverage[..., 0] == SEEN, state, weight)
+        counts = {part: weight if part in maps.told else UNTOLD * weight for part in self._texels}
+        for part, texels in self._texels.items():
+            logs.reshape(-1, 3)[texels] *= counts[part] / weight
         for each in REFLECTANCE_MAPS:
             own = logs if each.name == "albedo" else textures.known.get(each.name)
             if own is None:
@@ -50,8 +63,10 @@ class MergedMaps:
                 own = np.full_like(textures.specular, value)
             self._sums[each.name] = self._sums.get(each.name, 0.0) + weight * own
         self._weight += weight
+        for part, count in counts.items():
+            self._weights[part] += count
         if maps.eyes is not None:
-            self._eyes.append((weight, np.log(maps.eyes)))
+            self._eyes.append((counts[EYES], np.log(maps.eyes)))
         if maps.tone is not None:
             self._tones.append((weight, maps.tone))
         if maps.hair is not None:
@@ -59,12 +74,15 @@ class MergedMaps:
         # Of all photos together already.
         self._relief = textures
         self._coverage = np.maximum(self._coverage, maps.coverage)
+        self._told |= maps.told
 
     def maps(self) -> Refined:
         """The merged maps, once there is a photo: skin by how well each photo sees it, all else
         their mean.
         """
         maps = {name: total / self._weight for name, total in self._sums.items()}
+        for part, texels in self._texels.items():
+            maps["albedo"].reshape(-1, 3)[texels] *= self._weight / self._weights[part]
         skin, hair = self._detail.mean(_mean(self._tones)), _mean(self._hair)
         if hair is not None:
             # What a photo shows is as that photo has it: bare, or with its stubble.
@@ -78,7 +96,16 @@ class MergedMaps:
         if self._relief is not None:
             textures = replace(textures, normal=self._relief.normal, height=self._relief.height)
         eyes = _mean(self._eyes)
-        return Refined(textures, self._coverage, None if eyes is None else np.exp(eyes))
+        picture = None if eyes is None else np.exp(eyes)
+        return Refined(textures, self._coverage, picture, told=self._told)
+
+
+def _texels_of_parts(atlas: Atlas, geometry: FaceGeometry) -> dict[int, Int[np.ndarray, " texels"]]:
+    """Of eyes and teeth, those that show them and those beyond their seams."""
+    part = np.zeros((atlas.size, atlas.size), np.uint8)
+    part[atlas.covered] = geometry.triangle_part[atlas.triangle]
+    atlas.spread(part)
+    return {each: np.flatnonzero(part == each) for each in (EYES, TEETH)}
 
 
 def _mean(weighted: list[tuple[float, np.ndarray]]) -> np.ndarray | None:

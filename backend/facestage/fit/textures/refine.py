@@ -62,6 +62,8 @@ class Refined:
     # the model's shade of hair, see hair_shade.py
     tone: Float[np.ndarray, "vertices 3"] | None = None
     hair: Float[np.ndarray, "vertices 3"] | None = None
+    # EYES and TEETH, as far as the photo says what color they are
+    told: frozenset[int] = frozenset()
 
 
 def refine(
@@ -95,7 +97,7 @@ def refine(
         size = texture_size(problem.face_size_px, problem.fineness)
     # The largest atlas and the light on each pixel of a large photo would not fit together.
     coarse = Atlas.build(problem.geometry, min(size, COARSE_SIZE))
-    detail, relief, eyes = None, None, None
+    detail, relief, eyes, told = None, None, None, frozenset[int]()
     if shown is not None and "albedo" not in freeze:
         relief = (
             found_relief(problem, forward, fitted, shown, coarse)
@@ -128,7 +130,7 @@ def refine(
             photo.tinted,
         )
         parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
-        vertices = vertices + parts.log_change
+        vertices, told = vertices + parts.log_change, parts.told
         shade = None
         if parts.lid_shade is not None:
             shade = LidShade.of(problem.geometry, fitted.state, parts.lid_shade)
@@ -158,7 +160,8 @@ def refine(
     if relief is not None:
         textures = replace(textures, normal=relief.normal, height=relief.height)
     tone = None if detail is None else detail.tone
-    return Refined(textures, _coverage(atlas, small.size, detail, gloss), eyes, tone, hair)
+    coverage = _coverage(atlas, small.size, detail, gloss)
+    return Refined(textures, coverage, eyes, tone, hair, told)
 
 
 def found_relief(

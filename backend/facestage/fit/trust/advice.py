@@ -26,10 +26,14 @@ COLOR_MENTIONED = 0.15
 
 
 def verdict(
-    problem: Problem, fitted: Fitted, picture: Picture, errors: Mapping[str, float]
+    problem: Problem,
+    fitted: Fitted,
+    picture: Picture,
+    errors: Mapping[str, float],
+    eyes_told: bool = False,
 ) -> tuple[str, str]:
     """Status and advice: CONVERGED only when nothing speaks against the fit, then the advice begins
-    "Converged:".
+    "Converged:". ``eyes_told``: the eyes are as this or another photo shows them.
     """
     value = errors.get("psnr_skin", np.nan)
     if not fitted.in_time:
@@ -46,7 +50,7 @@ def verdict(
         if hidden > HIDDEN_MENTIONED
         else ""
     )
-    if problem.dark_glass.any():
+    if problem.dark_glass.any() and not eyes_told:
         hidden_words += "; eyes and brows are the model's own, because sunglasses hide them"
     explained = f"the render explains the skin with a PSNR of {value:.1f} dB"
     skin_words = f"{_toned(problem, fitted, errors)}{_uncolored(problem, fitted)}"

@@ -82,3 +82,8 @@ def test_a_person_s_skin_counts_once(start: State):
     for shared, energy in ((frozenset({"albedo"}), 0.0), (frozenset({"identity"}), alone)):
         beside = term.beside_another(shared).at(state).weighed(state)
         assert beside.energies["tone"] == energy == beside.robust["tone"]
+
+
+def test_skin_of_one_color_is_as_it_is(start: State):
+    tone = replace(tone_of(geometry()), by_albedo=np.zeros(len(start.albedo)))
+    assert not tone.coefficients(-1.0).any()

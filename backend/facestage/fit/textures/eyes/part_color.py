@@ -133,6 +133,7 @@ class PartColors:
 
     log_change: Float[np.ndarray, "vertices 3"]  # to be added to the vertices' log albedo
     lid_shade: float | None  # depth at the lid, see lid_shade.py; None: no whites to tell by
+    told: frozenset[int]  # EYES and TEETH, as far as the photo shows them
 
 
 def part_colors(
@@ -155,14 +156,15 @@ def part_colors(
         and not _behind_glasses(forward, state, look, white.sure)
     )
     shade = _lid_shade(white) if white is not None and open_eyes else None
-    change = np.zeros_like(geometry.log_albedo)
+    change, told = np.zeros_like(geometry.log_albedo), set()
     for part, pixels in zip(parts, shown, strict=True):
         if len(pixels.albedo) >= PIXELS_MIN and (open_eyes or part.name == "teeth"):
+            told.add(TEETH if part.name == "teeth" else EYES)
             color = _log_change(part, pixels.out_of(shade), look.tinted)
             change[part.vertices] = color
             if part.name == "teeth" and pixels.sure:
                 change[part.vertices] += _in_the_open(geometry, part, pixels, color)
-    return PartColors(change, shade)
+    return PartColors(change, shade, frozenset(told))
 
 
 @dataclass(frozen=True)
