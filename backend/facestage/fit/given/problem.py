@@ -197,11 +197,14 @@ class Problem:
 
     def photo_at(self, factor: float) -> Photo:
         """The photo resized by ``factor``."""
-        source = self.photograph
-        if factor == 1.0:
-            return Photo(source.color.astype(np.float64), source.mask, self.skin, source.clipped)
         camera = self.camera.scaled(factor)
-        size = (camera.width, camera.height)
+        return self.photo_of(camera.width, camera.height)
+
+    def photo_of(self, width: int, height: int) -> Photo:
+        """The photo in this size."""
+        source, size = self.photograph, (width, height)
+        if size == source.size:
+            return Photo(source.color.astype(np.float64), source.mask, self.skin, source.clipped)
         return Photo(
             resize(source.color, *size).astype(np.float64),
             resize(source.mask.astype(np.float32), *size) > 0.99,

@@ -32,9 +32,13 @@ class VisiblePhoto:
 
     def at(self, factor: float) -> Photo:
         """The photo resized by ``factor``, without what is hidden or dark."""
-        photo = self.problem.photo_at(factor)
-        size = photo.usable.shape
-        away = self.hidden_at(*size) | self.dark_at(*size)
+        camera = self.problem.camera.scaled(factor)
+        return self.of(camera.width, camera.height)
+
+    def of(self, width: int, height: int) -> Photo:
+        """The photo in this size, likewise."""
+        photo = self.problem.photo_of(width, height)
+        away = self.hidden_at(height, width) | self.dark_at(height, width)
         return without(photo, away) if away.any() else photo
 
     def hidden_at(self, height: int, width: int) -> np.ndarray:

@@ -93,8 +93,8 @@ def photo_doubt(
     descent = view.descent(Schedule()[PhaseName.LANDMARKS], start)
     assert descent is not None
     statistic = landmark_statistic(descent.energy, start, end)
-    width = last.evaluation.base_weight.shape[1]
-    share = informative_share(view.visible.at(width / view.problem.camera.width), last.evaluation)
+    height, width = last.evaluation.base_weight.shape
+    share = informative_share(view.visible.of(width, height), last.evaluation)
     return doubt(statistic, statistic_limit(free), psnr, share), statistic
 
 

@@ -46,8 +46,8 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         asked.append((phase, state))
         return changes.get("stage")
 
-    def at(factor: float) -> Any:
-        asked.append(factor)
+    def of(width: int, height: int) -> Any:
+        asked.append((width, height))
         return photo
 
     def dark_at(height: int, width: int) -> np.ndarray:
@@ -78,7 +78,7 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         held=lambda _: layout.mask(held),
         anchor=lambda state: ("anchored", state),
         placed_stage=lambda state: ("placed", state),
-        visible=SimpleNamespace(at=at, dark_at=dark_at, unpainted_at=unpainted_at),
+        visible=SimpleNamespace(of=of, dark_at=dark_at, unpainted_at=unpainted_at),
         plan=SimpleNamespace(ledger=Ledger()),
         penumbra=0.25,
         surround=None,
@@ -109,9 +109,9 @@ def test_the_photo_is_doubted_by_the_landmarks_its_likeness_and_what_it_shows(
     end = moved(scene.state, identity=[0.5, 0, 0, 0])
     words, statistic = photo_doubt(view, scene.state, end, last, None)
     assert statistic == landmark_statistic(stage.energy, scene.state, end) != 0
-    # The photo is black, and is looked at in the size of the last evaluation: 96 of 2 pixels.
+    # The photo is black, and is looked at in the size of the last evaluation, to the pixel.
     assert "black" in words
-    assert view.asked == [(Schedule()[PhaseName.LANDMARKS], scene.state), 48.0]
+    assert view.asked == [(Schedule()[PhaseName.LANDMARKS], scene.state), (96, 96)]
     # A pull that no face explains, by one free parameter; by seven it would.
     far = moved(scene.state, identity=[0.5, 0, 0, 0.75])
     pull = landmark_statistic(stage.energy, scene.state, far)
