@@ -36,7 +36,7 @@ class MergedMaps:
         self._weight = 0.0
         # Sums over the photos, by map; of the albedo the sum of logarithms.
         self._sums: dict[str, np.ndarray] = {}
-        # By part, its texels in the albedo, row by row, and what the photos count for there.
+        # By part, rows and columns of its texels in the albedo, and what the photos count for there.
         self._texels = _texels_of_parts(self._detail.atlas, geometry)
         self._weights = dict.fromkeys(self._texels, 0.0)
         self._relief: Textures | None = None
@@ -55,7 +55,7 @@ class MergedMaps:
         self._detail.add(logs, maps.coverage[..., 0] == SEEN, state, weight)
         counts = {part: weight if part in maps.told else UNTOLD * weight for part in self._texels}
         for part, texels in self._texels.items():
-            logs.reshape(-1, 3)[texels] *= counts[part] / weight
+            logs[texels] *= counts[part] / weight
         for each in REFLECTANCE_MAPS:
             own = logs if each.name == "albedo" else textures.known.get(each.name)
             if own is None:
@@ -82,7 +82,7 @@ class MergedMaps:
         """
         maps = {name: total / self._weight for name, total in self._sums.items()}
         for part, texels in self._texels.items():
-            maps["albedo"].reshape(-1, 3)[texels] *= self._weight / self._weights[part]
+            maps["albedo"][texels] *= self._weight / self._weights[part]
         skin, hair = self._detail.mean(_mean(self._tones)), _mean(self._hair)
         if hair is not None:
             # What a photo shows is as that photo has it: bare, or with its stubble.
@@ -100,12 +100,16 @@ class MergedMaps:
         return Refined(textures, self._coverage, picture, told=self._told)
 
 
-def _texels_of_parts(atlas: Atlas, geometry: FaceGeometry) -> dict[int, Int[np.ndarray, " texels"]]:
-    """Of eyes and teeth, those that show them and those beyond their seams."""
+def _texels_of_parts(
+    atlas: Atlas, geometry: FaceGeometry
+) -> dict[int, tuple[Int[np.ndarray, " texels"], ...]]:
+    """Of eyes and teeth, rows and columns of those that show them and of those beyond their
+    seams.
+    """
     part = np.zeros((atlas.size, atlas.size), np.uint8)
     part[atlas.covered] = geometry.triangle_part[atlas.triangle]
     atlas.spread(part)
-    return {each: np.flatnonzero(part == each) for each in (EYES, TEETH)}
+    return {each: np.nonzero(part == each) for each in (EYES, TEETH)}
 
 
 def _mean(weighted: list[tuple[float, np.ndarray]]) -> np.ndarray | None:
