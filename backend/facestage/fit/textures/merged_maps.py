@@ -36,7 +36,7 @@ class MergedMaps:
         self._weight = 0.0
         # Sums over the photos, by map; of the albedo the sum of logarithms.
         self._sums: dict[str, np.ndarray] = {}
-        # By part, rows and columns of its texels in the albedo, and what the photos count for there.
+        # By part, rows and columns of its texels in the albedo, and what photos count for there.
         self._texels = _texels_of_parts(self._detail.atlas, geometry)
         self._weights = dict.fromkeys(self._texels, 0.0)
         self._relief: Textures | None = None
