@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.trust.fitted import Fitted
-from facestage.images.image_io import resize
 
 # How many times finer it must be at least, to be read once more.
 WORTH = 1.25
@@ -25,8 +22,4 @@ def finer_photo(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
     finer = read_problem(problem.job, geometry=problem.geometry, fineness=fineness).lit_as(problem)
     focal_px = fitted.state.camera.focal_px * finer.window.factor / problem.window.factor
     state = replace(fitted.state, camera=replace(finer.camera, focal_px=focal_px))
-    hidden, dark = (
-        resize(each.astype(np.float32), *finer.photograph.size) > 0.5
-        for each in (fitted.hidden, fitted.dark)
-    )
-    return finer, replace(fitted, state=state, hidden=hidden, dark=dark)
+    return finer, fitted.in_size(state, *finer.photograph.size, least=0.5)

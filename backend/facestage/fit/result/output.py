@@ -157,6 +157,7 @@ def _errors(
     state, photo = fitted.state, problem.photograph
     seen = picture.fitted & photo.mask
     skin = (problem.skin > 0.5) & (problem.clear(picture.fitted) > 0.5) & ~fitted.hidden
+    skin &= ~fitted.shadowed
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
         # Without what the color model took for hair, cloth or glasses, what lies beside these, and

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from facestage.contract.errors import InputError
 from facestage.contract.events import Event
 from facestage.contract.job import USUAL_TEXTURE_SIZE, Job
@@ -20,7 +18,6 @@ from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.runs.member import Member
 from facestage.fit.trust.fitted import Fitted
-from facestage.images.image_io import resize
 from facestage.models.anatomy.relief import relief_basis
 
 # What the jobs of one person must agree on, in words.
@@ -103,11 +100,7 @@ def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
         return problem, fitted
     focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
     state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
-    hidden, dark = (
-        resize(mask.astype(np.float32), *problem.photograph.size) > 0
-        for mask in (fitted.hidden, fitted.dark)
-    )
-    return problem, replace(fitted, state=state, hidden=hidden, dark=dark)
+    return problem, fitted.in_size(state, *problem.photograph.size)
 
 
 def face_px(member: Member) -> float:

@@ -5,7 +5,7 @@ darker than light explains.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import center_of_mass, label
+from scipy.ndimage import center_of_mass, label, mean
 
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -17,6 +17,9 @@ from facestage.images.image_io import resize
 
 # Share of the face that must be left to see; with less, the photo says nothing of the shape.
 VISIBLE_SHARE_MIN = 0.1
+# Share of a dark region that must be skin for nothing to hang over it: 0.77 and more of ten real
+# photographs' eye sockets, temples and foreheads in shade, 0.28 to 0.68 below hair.
+BARE_SHARE = 0.75
 
 
 class VisiblePhoto:
@@ -71,22 +74,37 @@ class VisiblePhoto:
 
     def unpainted_at(self, height: int, width: int, state: State) -> np.ndarray:
         """(height, width) bool, the pixels that show no skin of the face of ``state``: what is
-        hidden, and what is dark above the middle of its landmarks; dark skin below is a beard, also
-        where it meets the shadow of the nose or of glasses.
+        hidden, and what is dark above the middle of its landmarks and mostly no skin, as below
+        hair.
         """
-        hidden, dark = self.hidden_at(height, width), self.dark_at(height, width)
+        hidden = self.hidden_at(height, width)
+        return np.asarray(hidden | self._dark_above(height, width, state, bare=False))
+
+    def shadowed_at(self, height: int, width: int, state: State) -> np.ndarray:
+        """Likewise, bare skin there that lies in a shadow which the fitted light does not throw."""
+        return self._dark_above(height, width, state, bare=True)
+
+    def _dark_above(self, height: int, width: int, state: State, bare: bool) -> np.ndarray:
+        """(height, width) bool, the dark regions above the middle of the landmarks of which bare
+        skin is BARE_SHARE and more, or is not; dark skin below is a beard, also where it meets the
+        shadow of the nose or of glasses.
+        """
+        dark = self.dark_at(height, width)
         labels, count = label(dark)
         if not count:
-            return hidden
+            return dark
         up = state.rotation[:, 1] * [1.0, -1.0, 0.0]  # of the head, in the picture
         middle = (
             np.nanmean(self.problem.landmarks.points, axis=0) * width / self.problem.camera.width
         )
-        centres = np.array(center_of_mass(dark, labels, np.arange(1, count + 1)))[:, ::-1] + 0.5
+        numbers = np.arange(1, count + 1)
+        centres = np.array(center_of_mass(dark, labels, numbers))[:, ::-1] + 0.5
         above = (centres - middle) @ up[:2] > 0
+        skin = resize(self.problem.skin.astype(np.float32), width, height) > 0.5
+        above &= (np.asarray(mean(skin, labels, numbers)) >= BARE_SHARE) == bare
         y, x = np.mgrid[:height, :width] + 0.5
         upper = (x - middle[0]) * up[0] + (y - middle[1]) * up[1] > 0
-        return np.asarray(hidden | (np.isin(labels, 1 + np.flatnonzero(above)) & upper))
+        return np.asarray(np.isin(labels, numbers[above]) & upper)
 
 
 def resized_mask(mask: np.ndarray | None, height: int, width: int) -> np.ndarray:

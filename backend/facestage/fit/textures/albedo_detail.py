@@ -37,6 +37,7 @@ HUE_NONE, HUE_WHOLE = 0.15, 0.7
 # Dark lines by how much are surely creases, whose hue is that of light between their walls; the
 # share of them that is painted, because the fitted shape lacks the crease.
 CREASE_NONE, CREASE_SURE, CREASE_PAINTED = 0.15, 0.3, 0.6
+HUE_LOST = 2.0  # of skin that is lifted out of a shadow, per unit of log radiance
 FEATURE_HUE = 0.3  # departure from which on all of the hue is believed: lips, brows
 # By how much the hue of a face's bare skin varies at most (root mean square): where the photo shows
 # more, its colors were made stronger, or its light is not known.
@@ -223,6 +224,8 @@ def _with_skins_hue(
     plain = 1 - np.minimum(shown.feature / FEATURE_HUE, 1.0)
     sure = np.clip((shown.crease - CREASE_NONE) / (CREASE_SURE - CREASE_NONE), 0, 1)
     own = np.clip((cosine - HUE_NONE) / (HUE_WHOLE - HUE_NONE), 0, 1) * (1 - sure)
+    # What is left in a shadow is light of another color.
+    own *= np.exp(-HUE_LOST * shown.lifted_there)
     brightness = target.mean(axis=1, keepdims=True)
     hue = target - brightness
     usual = np.median(hue[confidence >= np.median(confidence[confidence > 0])], axis=0)

@@ -37,7 +37,7 @@ def crease_depth(
     where = row * width + column
     count = np.bincount(where, minlength=height * width)
     mean = np.bincount(where, residual, height * width) / np.maximum(count, 1)
-    filled = _bottom_hat(
+    filled = bottom_hat(
         mean.reshape(height, width),
         (count > 0).reshape(height, width),
         max(3, round(WIDTH * face_px / cell)),
@@ -49,7 +49,7 @@ def crease_depth(
     return np.asarray(map_coordinates(lines, (place - 0.5)[:, ::-1].T, order=1, mode="nearest"))
 
 
-def _bottom_hat(
+def bottom_hat(
     values: Float[np.ndarray, "height width"], known: Bool[np.ndarray, "height width"], side: int
 ) -> Float[np.ndarray, "height width"]:
     """How far a closing by a square lifts what is ``known``; 0 where it has too little to go by."""

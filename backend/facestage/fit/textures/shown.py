@@ -14,6 +14,7 @@ from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.face_areas import brow_pixels, opening_share
 from facestage.fit.given.problem import Problem
+from facestage.fit.textures.cast_shadow import shadow_depth
 from facestage.fit.textures.creases import crease_depth
 from facestage.fit.textures.lids_beside import lids_beside
 from facestage.fit.trust.fitted import Fitted
@@ -34,6 +35,10 @@ GRAZING, FACING = 0.15, 0.45
 BROW_DEPARTURE, LASH_DEPARTURE = 2.0, 4.0
 # By how much, in log radiance, what is darker than skin may be hair, and surely is.
 HAIR_DARKER = 0.3, 0.7
+# Of the depth of a shadow that skin is lifted out of, in log radiance.
+SHADOW_DOUBT = 0.5
+# Depths up to which what is seen in it counts in full, and from which on nothing.
+SHADOW_BELIEVED = 1.0, 1.5
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Shown:
 
     image: Image
     uvs: Float[np.ndarray, "pixels 2"]
-    photo: Float[np.ndarray, "pixels 3"]  # linear
+    photo: Float[np.ndarray, "pixels 3"]  # linear, out of shadows that the fit lacks
     clipped: Bool[np.ndarray, "pixels 3"]  # at least as bright as the photo says
     # 0..1 how well the pixel shows skin, and not at a grazing angle
     clear: Float[np.ndarray, " pixels"]
@@ -57,6 +62,9 @@ class Shown:
     crease: Float[np.ndarray, " pixels"]
     face_px: float  # how large the face is
     shift_px: int  # how far the fitted face may be off
+    # 0 or more, by how much the log radiance was lifted at each pixel of the photo, see
+    # cast_shadow.py
+    lifted: Float[np.ndarray, "height width"]
     rougher: Float[np.ndarray, " pixels"] | None = None  # than the state's skin, see with_gloss
 
     @property
@@ -69,6 +77,12 @@ class Shown:
         """Radiance of a white diffuser."""
         skin = self.image.skin
         return by_albedo(self.image.diffuse) * skin.sent / skin.albedo
+
+    @property
+    def lifted_there(self) -> Float[np.ndarray, " pixels"]:
+        """By how much each pixel may have been lifted, at most."""
+        column, row = self.image.surface.pixels.astype(int).T
+        return self.lifted[row, column]
 
     @property
     def albedo(self) -> Float[np.ndarray, "pixels 3"]:
@@ -187,12 +201,23 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
     photo = _read(problem.photograph.color, *beside)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
-    return Shown(
+    clear = np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin
+    shift_px = max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1)
+    lifted, lifted_here = shadow_depth(
+        surface.pixels,
+        _log_ratio(photo, image.color),
+        clear,
+        fitted.shadowed,
+        problem.face_size_px,
+        shift_px,
+    )
+    photo = photo * np.exp(lifted_here)[:, None]
+    shown = Shown(
         image=image,
         uvs=forward.uvs(surface),
         photo=photo,
         clipped=_read(problem.photograph.clipped, *beside) > 0,
-        clear=np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin,
+        clear=clear * np.interp(lifted[row, column], SHADOW_BELIEVED, (1.0, 0.0)),
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.maximum.reduce(
             [
@@ -203,8 +228,13 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         ),
         crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
         face_px=problem.face_size_px,
-        shift_px=max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1),
+        shift_px=shift_px,
+        lifted=lifted,
     )
+    # Where the shadow ends, photo and fit may not agree; nor is it as smooth as it is taken for.
+    depth = shown.lifted_there
+    uneven = np.hypot(shown.change_over_shift(depth), SHADOW_DOUBT * depth)
+    return replace(shown, doubt=np.hypot(shown.doubt, uneven))
 
 
 def _read(
@@ -263,9 +293,16 @@ def hair_share(
     """0..1, how surely a pixel shows a brow or lashes: it lies ``where`` they may be, and is darker
     than bare skin is ``rendered`` under the same light.
     """
-    seen, expected = photo.mean(axis=1), rendered.mean(axis=1)
-    darker = np.log(np.maximum(expected, 1e-9)) - np.log(np.maximum(seen, 1e-9))
+    darker = -_log_ratio(photo, rendered)
     return np.where(where, np.interp(darker, HAIR_DARKER, (0.0, 1.0)), 0.0)
+
+
+def _log_ratio(
+    photo: Float[np.ndarray, "pixels 3"], rendered: Float[np.ndarray, "pixels 3"]
+) -> Float[np.ndarray, " pixels"]:
+    """Of the radiance in the ``photo`` over what is ``rendered``."""
+    seen, expected = photo.mean(axis=1), rendered.mean(axis=1)
+    return np.asarray(np.log(np.maximum(seen, 1e-9)) - np.log(np.maximum(expected, 1e-9)))
 
 
 def _shading_doubt(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "height width"]:

@@ -67,6 +67,7 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         shading,
         view.visible.unpainted_at(*size, state),
         view.visible.dark_at(*size),
+        view.visible.shadowed_at(*size, state),
         ending.doubt,
         settled,
         lens,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.color_doubt import ColorDoubt
 from facestage.fit.trust.lens_check import LensCheck
 from facestage.fit.trust.support import Support
+from facestage.images.image_io import resize
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Fitted:
     shading_doubt: np.ndarray | None  # (h, w) at the last phase's size, see shading_doubt.py
     hidden: np.ndarray  # (h, w) bool at the photo's size, what shows no skin of the face
     dark: np.ndarray  # likewise, what is darker than the light on the rest explains
+    shadowed: np.ndarray  # of it, bare skin that is painted as it would be without its shadow
     # why the photo was not believed about the shape, which is then the landmarks' own; or empty
     doubt: str
     settled: bool  # the last phase ended by itself, not at a limit or a wall
@@ -53,3 +55,13 @@ class Fitted:
     below: Below | None = None  # what light below the skin was found; None: was not looked for
     between: SkinToSkin | None = None  # light from skin to skin; None: was not looked for
     company: str = ""  # what speaks against this photo beside others of the same person; or empty
+
+    def in_size(self, state: State, width: int, height: int, least: float = 0.0) -> Fitted:
+        """The same with ``state`` in the photo of another size, whose pixels are hidden, dark or in
+        shadow where more of them is than the share ``least``.
+        """
+        hidden, dark, shadowed = (
+            resize(mask.astype(np.float32), width, height) > least
+            for mask in (self.hidden, self.dark, self.shadowed)
+        )
+        return replace(self, state=state, hidden=hidden, dark=dark, shadowed=shadowed)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,10 +129,15 @@ def test_lights_that_are_held_light_the_face_too(
     assert not dark_regions(term, evaluation, held).any()
 
 
+def darkened(scene: Scene, skin: np.ndarray) -> Any:
+    """A problem of the scene's landmarks whose photo shows ``skin`` (96, 96)."""
+    return SimpleNamespace(landmarks=scene.landmarks(), camera=scene.state.camera, skin=skin)
+
+
 def test_dark_skin_below_the_middle_is_painted_as_a_beard_is(scene: Scene):
-    landmarks = scene.landmarks()
-    problem = SimpleNamespace(landmarks=landmarks, camera=scene.state.camera)
-    visible = VisiblePhoto(cast(Any, problem))
+    problem = darkened(scene, np.zeros((96, 96)))
+    landmarks = problem.landmarks
+    visible = VisiblePhoto(problem)
     middle = landmarks.points.mean(axis=0)
     visible.dark = np.zeros((96, 96), bool)
     above, below = (int(middle[1] - 15), int(middle[0])), (int(middle[1] + 15), int(middle[0]))
@@ -155,15 +160,36 @@ def test_dark_skin_below_the_middle_is_painted_as_a_beard_is(scene: Scene):
 
 def test_a_beard_that_meets_a_shadow_is_painted(scene: Scene):
     """Glasses, the shadow of the nose and a mustache, dark all the way."""
-    landmarks = scene.landmarks()
-    problem = SimpleNamespace(landmarks=landmarks, camera=scene.state.camera)
-    visible = VisiblePhoto(cast(Any, problem))
-    middle = landmarks.points.mean(axis=0)
+    problem = darkened(scene, np.zeros((96, 96)))
+    visible = VisiblePhoto(problem)
+    middle = problem.landmarks.points.mean(axis=0)
     row, column = int(middle[1]), int(middle[0])
     visible.dark = np.zeros((96, 96), bool)
     visible.dark[row - 20 : row + 13, column - 4 : column + 5] = True
     unpainted = visible.unpainted_at(96, 96, scene.state)
     assert unpainted[row - 15, column] and not unpainted[row + 10, column]
+
+
+@pytest.mark.parametrize(("bare", "painted"), [(0.9, True), (0.6, False)])
+def test_bare_skin_in_a_shadow_is_painted_and_what_lies_below_hair_is_not(
+    scene: Scene, bare: float, painted: bool
+):
+    problem = darkened(scene, np.ones((96, 96)))
+    visible = VisiblePhoto(problem)
+    middle = problem.landmarks.points.mean(axis=0)
+    row, column = int(middle[1]), int(middle[0])
+    visible.dark = np.zeros((96, 96), bool)
+    visible.dark[row - 25 : row - 5, column - 10 : column + 10] = True
+    problem.skin[row - 25 : row - 5, column - 10 + round(20 * bare) : column + 10] = 0.0
+    # Bare all over, below the middle.
+    visible.dark[row + 10 : row + 15, column - 5 : column + 5] = True
+    for size in (96, 48):
+        above = visible.dark_at(size, size) & (np.arange(size)[:, None] < row * size // 96)
+        nothing = np.zeros((size, size), bool)
+        unpainted = visible.unpainted_at(size, size, scene.state)
+        shadowed = visible.shadowed_at(size, size, scene.state)
+        np.testing.assert_array_equal(shadowed, above if painted else nothing)
+        np.testing.assert_array_equal(unpainted, nothing if painted else above)
 
 
 def test_a_region_that_is_explained_by_now_counts_again(

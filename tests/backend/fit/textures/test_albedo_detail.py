@@ -146,6 +146,20 @@ def test_skin_is_of_no_more_hues_than_skin_has(face: PaintedFace):
     assert spreads[0.5] < 1.1 * HUE_VARIES
 
 
+def test_what_light_a_shadow_has_does_not_color_the_skin(face: PaintedFace):
+    """A patch that was lifted out of it is bluer than the rest."""
+    patch = face.uv_blob(face.atlas.size, (0.0, 0.05, 0.0), 0.02)
+    photo, _ = face.photo(0.1 * patch[..., None] * np.array([-1.0, 0.0, 1.0]))
+    bluer = {}
+    for depth in (0.0, 1.0):
+        shown = face.shown(photo)
+        shown = replace(shown, lifted=np.full_like(shown.lifted, depth))
+        found = albedo_detail(face.atlas, shown, None).log_albedo[(patch > 0.99)].mean(axis=0)
+        bluer[depth] = found[2] - found[0]
+    print(f"bluer by {bluer} (0.2 in the photo)")
+    assert bluer[0.0] > 0.04 and bluer[1.0] < 0.3 * bluer[0.0]
+
+
 @pytest.mark.parametrize("level", [0.0, 1.0, 1e4])
 def test_black_and_white_photos_give_numbers(
     face: PaintedFace, half_mirror: np.ndarray, level: float

@@ -5,6 +5,7 @@ what is what.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,18 @@ import pytest
 from facestage.contract.camera import Camera
 from facestage.contract.job import Job
 from facestage.contract.landmarks import Landmarks
+from facestage.contract.light_stage import LightStage
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.cast_shadow import DARKER
+from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.lids_beside import LidsBeside
 from facestage.fit.textures.refine import Refined, refine, texture_size
 from facestage.fit.textures.shown import LASH_DEPARTURE, what_is_shown
@@ -63,6 +69,7 @@ def at_truth(scene: Scene, problem: Problem) -> Fitted:
         shading_doubt=None,
         hidden=np.zeros(problem.photograph.mask.shape, bool),
         dark=np.zeros(problem.photograph.mask.shape, bool),
+        shadowed=np.zeros(problem.photograph.mask.shape, bool),
         doubt="",
         settled=True,
         lens=None,
@@ -155,6 +162,45 @@ def test_teeth_that_the_photo_shows_on_fitted_lips_are_not_painted(scene: Scene,
     assert not shown.clear[inside].any() and shown.clear[outside].mean() > 0.5
 
 
+def test_a_shadow_that_the_fit_lacks_is_lifted_from_skin_and_eyes(
+    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
+):
+    photo, plain = problem.photograph, at_truth(scene, problem)
+    monkeypatch.setattr(Problem, "paintable", problem.paintable)  # dark skin is skin
+    shadowed = np.zeros(photo.mask.shape, bool)
+    shadowed[:, :48] = True
+    color = photo.color * np.where(shadowed, np.exp(-0.9), 1.0)[..., None]
+    dark = replace(problem, photograph=replace(photo, color=color.astype(np.float32)))
+    fitted = replace(plain, shadowed=shadowed)
+    lit = what_is_shown(problem, scene.forward, plain)
+    shown = what_is_shown(dark, scene.forward, fitted)
+    assert lit is not None and shown is not None and not lit.lifted.any()
+    column, row = shown.image.surface.pixels.astype(int).T
+    change = np.log(shown.photo.mean(axis=1) / lit.photo.mean(axis=1))
+    inside, outside = column < 40, column > 56
+    print(f"{inside.sum()} pixels of 0.9 in shadow have {change[inside].mean():.3f} of it left")
+    np.testing.assert_allclose(change[inside], -DARKER, atol=0.03)
+    np.testing.assert_allclose(change[outside], 0.0, atol=1e-6)
+    edge = np.abs(column - 47.5) < 1
+    assert shown.doubt[edge].mean() > lit.doubt[edge].mean() + 0.3
+    assert shown.doubt[inside].mean() > lit.doubt[inside].mean() + 0.1
+    np.testing.assert_allclose(shown.clear[inside], lit.clear[inside], atol=0.02)
+    black = replace(photo, color=np.where(shadowed[..., None], 0.1 * photo.color, photo.color))
+    nothing = what_is_shown(replace(problem, photograph=black), scene.forward, fitted)
+    assert nothing is not None and not nothing.clear[inside].any()
+    looks: list[Look] = []
+
+    def noted(forward: ForwardModel, state: State, stage: LightStage, look: Look, seed: int) -> Any:
+        looks.append(look)
+        return part_colors(forward, state, stage, look, seed)
+
+    monkeypatch.setattr("facestage.fit.textures.refine.part_colors", noted)
+    refine(dark, scene.forward, fitted)
+    seen = np.log(looks[0].color[row, column] / photo.color[row, column]).mean(axis=1)
+    np.testing.assert_allclose(seen[inside], -DARKER, atol=0.03)
+    np.testing.assert_allclose(seen[outside], 0.0, atol=1e-6)
+
+
 def test_the_texture_s_size_follows_the_face():
     assert [texture_size(px) for px in (50, 170, 171, 342, 5000)] == [512, 512, 1024, 2048, 2048]
 
@@ -173,9 +219,8 @@ def test_a_photo_is_painted_finer_than_it_was_fitted(scene: Scene, problem: Prob
     wide = replace(SMALL, photo_pixels=100, face_px=24.0, texture_max=144)
     small = read_problem(problem.job, geometry=problem.geometry, fineness=wide)
     state = replace(scene.state, camera=small.camera)
-    fitted = replace(
-        at_truth(scene, small), state=state, hidden=np.ones(small.photograph.mask.shape, bool)
-    )
+    everywhere = np.ones(small.photograph.mask.shape, bool)
+    fitted = replace(at_truth(scene, small), state=state, hidden=everywhere, shadowed=everywhere)
     finer, finely = finer_photo(small, fitted)
     ratio = finer.window.factor / small.window.factor
     assert ratio == pytest.approx(2.0, rel=0.05)
@@ -183,7 +228,7 @@ def test_a_photo_is_painted_finer_than_it_was_fitted(scene: Scene, problem: Prob
     assert finely.state.camera.focal_px == pytest.approx(ratio * state.camera.focal_px)
     assert finely.state.camera.width == finer.photograph.size[0]
     assert finely.hidden.shape == finer.photograph.mask.shape
-    assert finely.hidden.all()
+    assert finely.hidden.all() and finely.shadowed.all() and not finely.dark.any()
     assert finer_photo(problem, fitted) == (problem, fitted)  # as large as the photo is
 
 

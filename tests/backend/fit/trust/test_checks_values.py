@@ -58,6 +58,10 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         asked.append((height, width, state))
         return HIDDEN
 
+    def shadowed_at(height: int, width: int, state: Any) -> np.ndarray:
+        assert (height, width, state) == asked[-1]
+        return np.ones(HIDDEN.shape, bool)
+
     problem = SimpleNamespace(
         camera=SimpleNamespace(width=2, height=4),
         fineness=SimpleNamespace(settled_share=0.05),
@@ -78,7 +82,9 @@ def view_of(scene: Scene, held: tuple[str, ...] = (), **changes: Any) -> Any:
         held=lambda _: layout.mask(held),
         anchor=lambda state: ("anchored", state),
         placed_stage=lambda state: ("placed", state),
-        visible=SimpleNamespace(of=of, dark_at=dark_at, unpainted_at=unpainted_at),
+        visible=SimpleNamespace(
+            of=of, dark_at=dark_at, unpainted_at=unpainted_at, shadowed_at=shadowed_at
+        ),
         plan=SimpleNamespace(ledger=Ledger()),
         penumbra=0.25,
         surround=None,
@@ -210,6 +216,7 @@ def test_a_fit_ends_with_what_its_last_step_said(scene: Scene):
     ending = Ending(JOINT, scene.state, end, step_of(scene, None), trace, "a doubt", 6.5)
     found = conclude(view, ending, 12.5, in_time=True)
     assert found.state is end and found.trace is trace and found.hidden is HIDDEN
+    assert found.shadowed.all()
     assert (found.dark == ~HIDDEN).all() and (*HIDDEN.shape, end) in view.asked
     anchored: Any = ("anchored", end)
     placed: Any = ("placed", end)
