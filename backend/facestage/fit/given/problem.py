@@ -32,6 +32,7 @@ from facestage.contract.pins import Pins
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
+from facestage.fit.given.beard import beard_share
 from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.face_areas import face_pixels, face_size_px
@@ -140,6 +141,11 @@ class Problem:
     def lash_depth(self) -> float:
         """By how much the line of the lashes is darker than the lids, of the logarithm."""
         return lash_depth(self.photograph.color, self.landmarks)
+
+    @cached_property
+    def beard(self) -> np.ndarray:
+        """(h, w) 0..1, how surely what is dark there is a beard."""
+        return beard_share(self.photograph.color, self.landmarks)
 
     @cached_property
     def paintable(self) -> np.ndarray:

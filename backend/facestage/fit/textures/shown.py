@@ -17,6 +17,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.textures.cast_shadow import shadow_depth
 from facestage.fit.textures.creases import crease_depth
 from facestage.fit.textures.lids_beside import lids_beside
+from facestage.fit.textures.unseen_tone import FEATURE_MAX
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import resize
 from facestage.render.light_terms import PLAIN, Asked, LightTerms
@@ -201,6 +202,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
     photo = _read(problem.photograph.color, *beside)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
+    beard = problem.beard[row, column] * (painted < FEATURE_MAX)
     clear = np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin
     shift_px = max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1)
     lifted, lifted_here = shadow_depth(
@@ -223,6 +225,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
             [
                 painted,
                 BROW_DEPARTURE * hair_share(brows, photo, image.color),
+                BROW_DEPARTURE * beard * hair_share(beard > 0, photo, image.color),
                 LASH_DEPARTURE * lids.lashes * hair_share(lids.lashes > 0, photo, image.color),
             ]
         ),

@@ -27,7 +27,8 @@ from facestage.fit.textures.cast_shadow import DARKER
 from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.lids_beside import LidsBeside
 from facestage.fit.textures.refine import Refined, refine, texture_size
-from facestage.fit.textures.shown import LASH_DEPARTURE, what_is_shown
+from facestage.fit.textures.shown import BROW_DEPARTURE, LASH_DEPARTURE, what_is_shown
+from facestage.fit.textures.unseen_tone import FEATURE_MAX
 from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.fitted import Fitted
 from facestage.models.anatomy.landmark_schemes import scheme_of
@@ -199,6 +200,22 @@ def test_a_shadow_that_the_fit_lacks_is_lifted_from_skin_and_eyes(
     seen = np.log(looks[0].color[row, column] / photo.color[row, column]).mean(axis=1)
     np.testing.assert_allclose(seen[inside], -DARKER, atol=0.03)
     np.testing.assert_allclose(seen[outside], 0.0, atol=1e-6)
+
+
+def test_a_beard_may_be_as_dark_as_a_brow(
+    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
+):
+    photo = problem.photograph
+    dark = replace(problem, photograph=replace(photo, color=0.2 * photo.color))
+    fitted = at_truth(scene, problem)
+    bare = what_is_shown(dark, scene.forward, fitted)
+    beard = np.tile(np.where(np.arange(96) < 48, 1.0, 0.0), (96, 1))
+    monkeypatch.setattr(Problem, "beard", beard)
+    shown = what_is_shown(replace(dark), scene.forward, fitted)  # which has looked for none yet
+    assert bare is not None and shown is not None
+    there = (shown.image.surface.pixels[:, 0] < 48) & (bare.feature < FEATURE_MAX)
+    np.testing.assert_allclose(shown.feature[there], BROW_DEPARTURE, atol=0.1)
+    np.testing.assert_array_equal(shown.feature[~there], bare.feature[~there])
 
 
 def test_the_texture_s_size_follows_the_face():

@@ -1,0 +1,66 @@
+"""Hair below the nose is rough over more than a line; shadows, folds and spots are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.beard import beard_share
+from facestage.fit.given.face_areas import above_brows, face_pixels
+from reference.drawn_face import DrawnFace
+
+FACE = DrawnFace(4)
+LANDMARKS = FACE.landmarks
+Y, X = FACE.grid
+SHAPE = (X.shape[0], X.shape[1])
+HEIGHT = above_brows(SHAPE, LANDMARKS)
+CHIN = face_pixels(SHAPE, LANDMARKS) & (HEIGHT < -0.8) & (HEIGHT > -0.95) & (np.abs(X - 80) < 14)
+BROW = face_pixels(SHAPE, LANDMARKS) & (HEIGHT > -0.3) & (np.abs(X - 80) < 14)
+
+
+def strands(where: np.ndarray, depth: float = 1.2) -> np.ndarray:
+    """A face where every second or third pixel of a place is darker by so much of the logarithm."""
+    photo = FACE.draw("light", (0.2, 0.2, 0.96))[0]
+    grain = np.random.default_rng(3).uniform(size=SHAPE) < 0.4
+    return photo * np.exp(-depth * (where & grain))[..., None]
+
+
+def test_a_goatee_is_found_and_skin_beside_it_is_not():
+    found = beard_share(strands(CHIN), LANDMARKS)
+    assert found[CHIN].mean() > 0.7
+    assert not found[HEIGHT > -0.45].any() and found[~CHIN].mean() < 0.01
+
+
+@pytest.mark.parametrize("where", ["shadow", "fold", "brow", "nothing"])
+def test_what_is_smooth_or_thin_or_above_the_mouth_is_none(where: str):
+    photo = {
+        "shadow": strands(CHIN & False)
+        * np.exp(-1.2 * gaussian_filter(1.0 * CHIN, 8.0))[..., None],
+        "fold": strands(CHIN & (np.abs(X - 80) < 1)),
+        "brow": strands(BROW),
+        "nothing": strands(CHIN & False),
+    }[where]
+    assert beard_share(photo, LANDMARKS)[np.abs(X - 80) < 10].mean() < 0.01
+
+
+def test_it_is_the_same_at_another_size_and_exposure():
+    photo = strands(CHIN)
+    found = beard_share(photo, LANDMARKS)
+    np.testing.assert_allclose(beard_share(3.0 * photo, LANDMARKS), found, atol=1e-6)
+    large = np.repeat(np.repeat(photo, 2, axis=0), 2, axis=1)
+    twice = beard_share(large, replace(LANDMARKS, points=2 * LANDMARKS.points))
+    assert twice.shape == large.shape[:2]
+    np.testing.assert_allclose(twice[::2, ::2].mean(), found.mean(), rtol=0.2)
+
+
+def test_without_strands_to_see_there_is_none():
+    small = replace(LANDMARKS, points=0.2 * LANDMARKS.points)
+    assert not beard_share(strands(CHIN), small).any()
+    nowhere = Landmarks(LANDMARKS.scheme, np.full_like(LANDMARKS.points, np.nan), LANDMARKS.visible)
+    assert not beard_share(strands(CHIN), nowhere).any()
+    black = beard_share(np.zeros((*SHAPE, 3)), LANDMARKS)
+    assert not black.any()
