@@ -77,7 +77,7 @@ class PaintedFace:
             crease=np.zeros(len(photo)),
             face_px=float(np.ptp(self.surface.pixels[:, 1])),
             shift_px=1,
-            lifted=np.zeros((SIDE, SIDE)),
+            lifted=np.zeros((SIDE, SIDE), np.float32),
         )
 
     def uv_blob(self, size: int, point: tuple[float, float, float], radius: float) -> np.ndarray:

@@ -24,4 +24,4 @@ def read_environment(said: str) -> tuple[np.ndarray, float]:
         raise InputError(
             f"The surroundings '{given}' are no .exr file; save them as OpenEXR (ZIP)."
         )
-    return read_exr(Path(given)), degrees
+    return read_exr(Path(given), "map of the surroundings"), degrees

@@ -95,10 +95,15 @@ def read_photograph(path: Path) -> Photograph:
     pixel.
     """
     path = Path(path)
-    photograph = _read_exr(path) if path.suffix.lower() == ".exr" else _read_display(path)
+    if path.suffix.lower() == ".exr":
+        return _read_exr(path, "photo")
+    return _with_pixels(path, "photo", _read_display(path))
+
+
+def _with_pixels(path: Path, what: str, photograph: Photograph) -> Photograph:
     if not photograph.mask.any():
         raise InputError(
-            f"The photo '{path}' has no usable pixel: all are transparent, NaN or infinite."
+            f"The {what} '{path}' has no usable pixel: all are transparent, NaN or infinite."
         )
     return photograph
 
@@ -226,12 +231,12 @@ def _has_alpha(image: Any) -> bool:
     return "A" in image.getbands() or "transparency" in image.info
 
 
-def _read_exr(path: Path) -> Photograph:
+def _read_exr(path: Path, what: str) -> Photograph:
     try:
-        image, header = read_exr_pixels(path, "photo")
+        image, header = read_exr_pixels(path, what)
     except ValueError as error:
         raise InputError(
-            f"The photo '{path}' is not a readable EXR ({_plain(str(error))}); expected a flat "
+            f"The {what} '{path}' is not a readable EXR ({_plain(str(error))}); expected a flat "
             "OpenEXR file with RGB channels."
         ) from error
     finite = np.isfinite(image)
@@ -253,9 +258,9 @@ def _read_exr(path: Path) -> Photograph:
     if matrix is not None:
         color = color @ matrix.T.astype(np.float32)
     name = LINEAR_REC709 if matrix is None else "linear, by its chromaticities"
-    return Photograph(
-        np.maximum(color, 0.0), mask, np.zeros(color.shape, bool), name, developed=False
-    )
+    clipped = np.zeros(color.shape, bool)
+    photograph = Photograph(np.maximum(color, 0.0), mask, clipped, name, developed=False)
+    return _with_pixels(path, what, photograph)
 
 
 def write_exr(path: Path, image: np.ndarray) -> None:
@@ -284,9 +289,12 @@ def write_png(path: Path, image: np.ndarray) -> None:
         Image.fromarray(image).save(temporary, format="PNG")
 
 
-def read_exr(path: Path) -> np.ndarray:
-    """(h, w, 3) float32 linear RGB of an EXR."""
-    return read_photograph(path).color
+def read_exr(path: Path, what: str = "picture") -> np.ndarray:
+    """(h, w, 3) float32 linear RGB of an EXR; ``what`` it is, for errors.
+
+    Raises InputError as :func:`read_photograph` does.
+    """
+    return _read_exr(Path(path), what).color
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:

@@ -68,7 +68,13 @@ def test_a_map_of_the_surroundings_is_the_light(case: Case, tmp_path: Path):
     assert (stage.state == FROZEN).all() and (stage.position[:, 2] < 0).any()
     fewer = read_job(build_parser().parse_args([*fit, str(sky), "--lights", "20"]))
     assert len(known(fewer.stage)) == 20
-    for wrong, words in ((f"{sky}@left", "turned by 'left'"), ("sky.png", "no .exr")):
+    empty = tmp_path / "empty.exr"
+    write_exr(empty, np.full((8, 16, 3), np.nan, np.float32))
+    for wrong, words in (
+        (f"{sky}@left", "turned by 'left'"),
+        ("sky.png", "no .exr"),
+        (str(empty), "^The map of the surroundings '.*' has no usable pixel"),
+    ):
         with pytest.raises(InputError, match=words):
             read_job(build_parser().parse_args([*fit, wrong]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from facestage.contract.landmarks import Landmarks
@@ -115,6 +117,19 @@ def face_size_px(landmarks: Landmarks) -> float:
     chosen = landmarks.counted & outline
     points = landmarks.points[chosen if chosen.sum() >= OUTLINE_MIN else landmarks.counted]
     return float(np.ptp(points, axis=0).max())
+
+
+def no_larger(
+    landmarks: Landmarks, shape: tuple[int, int], face_px: float
+) -> tuple[tuple[int, int], Landmarks]:
+    """Width and height that a photo (h, w) has where its face is no larger than ``face_px``, and
+    the landmarks there.
+    """
+    height, width = shape
+    scale = min(face_px / max(face_size_px(landmarks), 1.0), 1.0)
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
+    points = landmarks.points * np.array(size) / [width, height]
+    return size, replace(landmarks, points=points)
 
 
 def hull_pixels(shape: tuple[int, int], chosen: np.ndarray) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, label, mean
 
@@ -17,6 +15,7 @@ from facestage.fit.given.face_areas import (
     face_pixels,
     face_size_px,
     hull_pixels,
+    no_larger,
     opening_share,
     with_forehead,
 )
@@ -69,12 +68,10 @@ def skin_weight(
     looked at where the face has ``face_px`` pixels at most.
     """
     height, width = photo.shape[:2]
-    scale = face_px / max(face_size_px(landmarks), 1.0)
-    if scale >= 1:
+    size, smaller = no_larger(landmarks, (height, width), face_px)
+    if size == (width, height):
         weight = _skin_weight(photo, landmarks)
     else:
-        size = max(round(width * scale), 1), max(round(height * scale), 1)
-        smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
         weight = resize(_skin_weight(resize(photo, *size), smaller), width, height)
     weight = np.where(strand_pixels(photo, weight, landmarks), np.float32(0), weight)
     return weight * (1.0 - opening_share((height, width), landmarks)) if openings else weight

@@ -4,8 +4,6 @@ so dark that they would be painted on the skin.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import binary_dilation, label, maximum
 
@@ -15,6 +13,7 @@ from facestage.fit.given.face_areas import (
     brow_pixels,
     face_pixels,
     face_size_px,
+    no_larger,
     opening_share,
 )
 from facestage.images.image_io import resize
@@ -41,16 +40,13 @@ def strand_pixels(photo: np.ndarray, skin: np.ndarray, landmarks: Landmarks) -> 
     What is dark and thin is what a closing fills in (black top-hat, Serra 1982).
     """
     height, width = skin.shape
-    face_px = face_size_px(landmarks)
-    if not face_px > 1.0:
+    if not face_size_px(landmarks) > 1.0:
         return np.zeros((height, width), bool)
-    scale = LOOKED_AT_PX / face_px
-    if scale < 1:
-        size = max(round(width * scale), 1), max(round(height * scale), 1)
-        smaller = replace(landmarks, points=landmarks.points * np.array(size) / [width, height])
-        found = _strands(resize(photo, *size), resize(skin, *size), smaller)
-        return resize(found.astype(np.float32), width, height) > 0.5
-    return _strands(photo, skin, landmarks)
+    size, smaller = no_larger(landmarks, (height, width), LOOKED_AT_PX)
+    if size == (width, height):
+        return _strands(photo, skin, landmarks)
+    found = _strands(resize(photo, *size), resize(skin, *size), smaller)
+    return resize(found.astype(np.float32), width, height) > 0.5
 
 
 def _strands(photo: np.ndarray, skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:

@@ -156,12 +156,12 @@ def _errors(
 ) -> dict[str, float]:
     state, photo = fitted.state, problem.photograph
     seen = picture.fitted & photo.mask
-    skin = (problem.skin > 0.5) & (problem.clear(picture.fitted) > 0.5) & ~fitted.hidden
-    skin &= ~fitted.shadowed
+    skin = (problem.skin > 0.5) & (problem.clear(picture.fitted) > 0.5)
+    skin &= ~(fitted.hidden | fitted.shadowed)
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
         # Without what the color model took for hair, cloth or glasses, what lies beside these, and
-        # what something flat hides.
+        # what something flat hides or throws a shadow on.
         "psnr_skin": psnr(picture.color, photo.color, seen & skin, problem.white),
     }
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from facestage.contract.arrays import Bool, Float
+from facestage.contract.arrays import Bool, Float, Float32
 from facestage.fit.textures.creases import bottom_hat
 from facestage.images.image_io import resize
 
@@ -16,7 +16,6 @@ BROW, GRAIN, SMOOTH = 0.1, 0.01, 0.03
 # Log radiance below that of the rest of the face from which on more and more is shadow, and beyond
 # which what is seen is no skin in a shadow.
 DARKER, DARKEST = 0.1, 2.0
-CLEAR = 0.3  # how well a pixel must show skin
 FACE_PX = 128.0  # of a larger face pixels are put together: nothing finer is left
 
 
@@ -27,7 +26,7 @@ def shadow_depth(
     shadowed: Bool[np.ndarray, "height width"],
     face_px: float,
     edge_px: float,
-) -> tuple[Float[np.ndarray, "height width"], Float[np.ndarray, " pixels"]]:
+) -> tuple[Float32[np.ndarray, "height width"], Float[np.ndarray, " pixels"]]:
     """0 or more, by how much log radiance has to be lifted there to be out of the shadow, with soft
     edges over ``edge_px``; and of each of the pixels, which is not lifted where it is as light as
     the rest of the face, or shines.
@@ -39,8 +38,8 @@ def shadow_depth(
     height, width = shadowed.shape
     column, row = pixels.astype(int).T
     rest = weight * ~shadowed[row, column]
-    if not rest.any():
-        return np.zeros((height, width)), np.zeros(len(pixels))
+    if not (shadowed.any() and rest.any()):
+        return np.zeros((height, width), np.float32), np.zeros(len(pixels))
     darker = np.average(residual, weights=rest) - residual
     cell = max(1.0, face_px / FACE_PX)
     rows, columns = int(np.ceil(height / cell)), int(np.ceil(width / cell))
@@ -55,13 +54,13 @@ def shadow_depth(
         seen = gaussian_filter(weights * values, over, truncate=6.0)
         return np.asarray(seen / np.maximum(known, float(np.finfo(float).tiny)))
 
-    seen = summed(weight * (weight > CLEAR))
-    values = summed(weight * (weight > CLEAR) * np.clip(darker, -DARKEST, DARKEST))
+    seen = summed(weight)
+    values = summed(weight * np.clip(darker, -DARKEST, DARKEST))
     level = mean(values / np.maximum(seen, 1e-9), seen, GRAIN)
     depth = level - bottom_hat(-level, seen > 0, max(3, round(BROW * face_px / cell)))
     inside = resize(shadowed.astype(np.float32), columns, rows) > 0
     depth = np.maximum(mean(depth, 1.0 * ((seen > 0) & inside), SMOOTH), 0.0)
     depth -= DARKER * np.tanh(depth / DARKER)
     soft = gaussian_filter(shadowed.astype(np.float32), edge_px)
-    lifted = np.asarray(soft * resize(depth, width, height), np.float64)
+    lifted = soft * resize(depth, width, height)
     return lifted, np.clip(darker + DARKER, 0.0, lifted[row, column])

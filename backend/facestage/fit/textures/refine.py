@@ -123,7 +123,7 @@ def refine(
         )
         photo = problem.photograph
         look = Look(
-            photo.color * np.exp(shown.lifted)[..., None].astype(np.float32),
+            photo.color * np.exp(shown.lifted)[..., None],
             photo.mask & ~problem.frame & ~fitted.hidden & ~photo.clipped.any(axis=2),
             problem.skin,
             EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),

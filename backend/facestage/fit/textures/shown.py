@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, map_coordinates, maximum_filter, minimum_filter
 
 from facestage.contract import brdf
-from facestage.contract.arrays import Bool, Float, Int
+from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pixels
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
@@ -65,7 +65,7 @@ class Shown:
     shift_px: int  # how far the fitted face may be off
     # 0 or more, by how much the log radiance was lifted at each pixel of the photo, see
     # cast_shadow.py
-    lifted: Float[np.ndarray, "height width"]
+    lifted: Float32[np.ndarray, "height width"]
     rougher: Float[np.ndarray, " pixels"] | None = None  # than the state's skin, see with_gloss
 
     @property

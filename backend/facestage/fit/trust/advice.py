@@ -178,4 +178,5 @@ def informative_share(problem: Problem, picture: Picture) -> float:
 
 
 def _hidden_share(fitted: Fitted, picture: Picture) -> float:
-    return float(fitted.hidden[picture.fitted].mean()) if picture.fitted.any() else 0.0
+    left_out = (fitted.hidden | fitted.shadowed)[picture.fitted]
+    return float(left_out.mean()) if left_out.size else 0.0

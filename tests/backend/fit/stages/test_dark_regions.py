@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,12 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.problem import Problem
 from facestage.fit.result.run import fit_job
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
 from facestage.fit.stages.visible import VisiblePhoto
+from facestage.fit.trust.checks import conclude
+from facestage.fit.trust.fitted import Fitted
 from reference.small_fit import QUICK
 from reference.synthetic_case import Case, upper_third, write_case
 from reference.synthetic_scene import Scene, moved
@@ -192,6 +196,18 @@ def test_bare_skin_in_a_shadow_is_painted_and_what_lies_below_hair_is_not(
         np.testing.assert_array_equal(unpainted, nothing if painted else above)
 
 
+@pytest.mark.parametrize("skin", [0.0, 1.0])
+def test_a_beard_that_reaches_above_the_middle_is_one(scene: Scene, skin: float):
+    problem = darkened(scene, np.full((96, 96), skin))
+    visible = VisiblePhoto(problem)
+    middle = problem.landmarks.points.mean(axis=0)
+    row, column = int(middle[1]), int(middle[0])
+    visible.dark = np.zeros((96, 96), bool)
+    visible.dark[row - 6 : row + 15, column - 20 : column - 10] = True
+    assert not visible.unpainted_at(96, 96, scene.state).any()
+    assert not visible.shadowed_at(96, 96, scene.state).any()
+
+
 def test_a_region_that_is_explained_by_now_counts_again(
     scene: Scene, picture: tuple[np.ndarray, np.ndarray]
 ):
@@ -213,3 +229,21 @@ def test_a_fit_leaves_the_shadow_out_and_says_so(case: Case, scene: Scene, tmp_p
     words = [[entry["what"] for entry in result.left_out] for result in (plain, found)]
     assert [any("dark pixels" in what for what in entries) for entries in words] == [False, True]
     assert "in its shadow" in found.advice
+
+
+def test_bare_skin_in_a_shadow_is_left_out_of_the_fit_too_and_said_so(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    shadowed = write_case(tmp_path, scene, shadow=0.5)
+    monkeypatch.setattr(Problem, "skin", np.ones((96, 96)))
+    ended: list[Fitted] = []
+
+    def noted(*args: Any) -> Fitted:
+        ended.append(conclude(*args))
+        return ended[0]
+
+    monkeypatch.setattr("facestage.fit.runs.driver.conclude", noted)
+    found = fit_job(shadowed.job(lights=6), tmp_path / "out", fineness=QUICK)
+    assert ended[0].shadowed.any() and not ended[0].hidden.any()
+    share = re.search(r"(\d+)% of the face is behind something or in its shadow", found.advice)
+    assert share is not None and 5 < int(share[1]) < 60
