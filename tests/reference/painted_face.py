@@ -74,6 +74,7 @@ class PaintedFace:
             clear=np.ones(len(photo)) if clear is None else clear,
             doubt=np.zeros(len(photo)),
             feature=np.zeros(len(photo)),
+            lips=np.zeros(len(photo)),
             crease=np.zeros(len(photo)),
             face_px=float(np.ptp(self.surface.pixels[:, 1])),
             shift_px=1,

@@ -23,19 +23,30 @@ def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips or between the
     lids.
     """
-    import cv2
-
     result = np.zeros(shape, np.float32)
     for ring in scheme_of(landmarks.scheme).openings:
-        border = landmarks.points[ring]
-        if not np.isfinite(border).all():
-            continue
+        result = np.maximum(result, _share_within(shape, landmarks.points[ring]))
+    return result
+
+
+def lips_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) float32 in 0..1, how much of a pixel shows lips."""
+    outer = _share_within(shape, landmarks.points[scheme_of(landmarks.scheme).lips])
+    return np.asarray(outer * (1.0 - opening_share(shape, landmarks)))
+
+
+def _share_within(shape: tuple[int, int], border: np.ndarray) -> np.ndarray:
+    """(h, w) float32 in 0..1, how much of a pixel lies within a ``border`` (k, 2) of points; 0
+    where one of them is unknown.
+    """
+    import cv2
+
+    filled = np.zeros(shape, np.uint8)
+    if np.isfinite(border).all():
         # Pixel centres are at halves in the points, at whole numbers in OpenCV.
         fixed = np.round((border - 0.5) * 2**BORDER_BITS).astype(np.int32)
-        filled = np.zeros(shape, np.uint8)
         cv2.fillPoly(filled, [fixed], 255, cv2.LINE_AA, BORDER_BITS)
-        result = np.maximum(result, filled / np.float32(255))
-    return result
+    return np.asarray(filled / np.float32(255))
 
 
 def with_forehead(landmarks: Landmarks, share: float = FOREHEAD_SHARE) -> np.ndarray:

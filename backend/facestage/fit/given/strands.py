@@ -13,10 +13,12 @@ from facestage.fit.given.face_areas import (
     brow_pixels,
     face_pixels,
     face_size_px,
+    hull_pixels,
     no_larger,
     opening_share,
 )
 from facestage.images.image_io import resize
+from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # The widest that a strand may be, and how far it and what it hangs from may seem apart, in shares
 # of the face; the face's size in pixels beyond which it is looked at smaller.
@@ -24,6 +26,9 @@ WIDTH, GAP, LOOKED_AT_PX = 0.025, 0.012, 512.0
 # How much darker than what is beside it, of the logarithm: all along, and somewhere. Wrinkles of
 # foreheads are 0.1 to 0.3.
 DARKER, DARKER_SOMEWHERE = 0.25, 0.45
+# By how much three quarters of the skin are less darker than what is beside them, on faces of
+# which these are true; both grow with it.
+SMOOTH = 0.125
 # How far around lids their own folds and lashes lie, in shares of the face.
 LIDS = 0.06
 # How far below the brows strands are looked for, in ways from chin to brows: down to the nose's
@@ -66,7 +71,11 @@ def _strands(photo: np.ndarray, skin: np.ndarray, landmarks: Landmarks) -> np.nd
     looks = np.log(np.maximum(luminance, 0) + dark).astype(np.float32)
     reach = max(round(WIDTH * face_px / 2), 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    darker = np.where(around, cv2.morphologyEx(looks, cv2.MORPH_CLOSE, disc) - looks, 0.0)
+    darker = cv2.morphologyEx(looks, cv2.MORPH_CLOSE, disc) - looks
+    bare = hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).skin]) & (skin >= 0.5)
+    # Pores and wrinkles are on cheeks, too, and a beard is on no forehead.
+    usual = min(float(np.quantile(darker[each], 0.75)) for each in (around, bare) if each.any())
+    darker = np.where(around, darker / max(usual / SMOOTH, 1.0), 0.0)
     lines, count = label(darker > DARKER, np.ones((3, 3)))
     hanging = np.asarray(maximum(darker, lines, np.arange(count + 1))) > DARKER_SOMEWHERE
     gap = max(round(GAP * face_px), 1)

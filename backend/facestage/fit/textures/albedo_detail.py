@@ -31,6 +31,11 @@ FEATURE_DARKER = 0.5
 LIT_FULL = 0.4
 # No pigment of skin turns it blue or green: a larger change of hue is a highlight taken for skin.
 LOG_CHROMA_MAX = 0.5
+# By how much more red over green, of the logarithm, lips may be than the model's, and from which on
+# they surely are made up; and how much stronger in color, and darker, as the feature of Shown, they
+# then are.
+BARE_LIPS, LIPSTICK = 0.4, 1.0
+LIPSTICK_STRONGER, LIPSTICK_DARKER = 1.5, 1.0
 # Cosine between view and skin from which its hue is its own: below, more and more is of what
 # stands around it (hair, walls), and of light that comes out of the skin at its side.
 HUE_NONE, HUE_WHOLE = 0.15, 0.7
@@ -193,29 +198,46 @@ def albedo_observations(
     skin = diffuse * shown.albedo * np.exp(np.clip(target, 0, shown.feature[:, None]))
     # Relative error of the albedo grows where little of the light is diffuse.
     share = (skin / np.maximum(skin + specular, 1e-9)).min(axis=1)
-    darker, lighter = (
-        LOG_DARKER_MAX + FEATURE_DARKER * shown.feature,
-        LOG_LIGHTER_MAX + shown.feature,
-    )
-    brightness = target.mean(axis=1)
+    lipstick = _lipstick(shown, target)
+    departure = np.maximum(shown.feature, LIPSTICK_DARKER * lipstick)
+    darker, lighter = LOG_DARKER_MAX + FEATURE_DARKER * departure, LOG_LIGHTER_MAX + shown.feature
+    # Of what hardly has green or blue their logarithms say little.
+    whole = np.log(wanted.mean(axis=1) / np.maximum(shown.albedo.mean(axis=1), 1e-6))
+    brightness = (1 - lipstick) * target.mean(axis=1) + lipstick * whole
     robust = 1.0 / (1.0 + (brightness / np.where(brightness < 0, darker, lighter)) ** 4)
     confidence = shown.weight * np.minimum(lit / LIT_FULL, 1.0) ** 3 * share**2 * robust
-    chroma = np.clip(target - brightness[:, None], -LOG_CHROMA_MAX, LOG_CHROMA_MAX)
+    strongest = (LOG_CHROMA_MAX + LIPSTICK_STRONGER * lipstick)[:, None]
+    chroma = np.clip(target - brightness[:, None], -strongest, strongest)
     target = np.clip(brightness, -darker, lighter)[:, None] + chroma
 
-    target = _with_skins_hue(shown, target, confidence)
+    target = _with_skins_hue(shown, target, confidence, lipstick)
     body = np.maximum(skin.mean(axis=1), 1e-9)
     shading, highlight = in_doubt(shown, body, doubts)
-    sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
+    sigma = np.hypot(PIGMENT_SIGMA, np.where(brightness < 0, departure, shown.feature))
     confidence *= pigment_share(brightness, np.hypot(shading, shown.doubt), highlight, sigma)
     return confidence, target * pigment_share(brightness, shading, highlight, sigma)[:, None]
 
 
+def _lipstick(shown: Shown, target: Float[np.ndarray, "pixels 3"]) -> Float[np.ndarray, " pixels"]:
+    """0..1, how surely each pixel shows lipstick: no light makes lips, and nothing else of a face,
+    much redder than lips are.
+    """
+    redness = target[:, 0] - target[:, 1]
+    lips, skin = (shown.weight * share > 0.5 for share in (shown.lips, 1 - shown.lips))
+    if not (lips.any() and skin.any()):
+        return np.zeros(len(lips))
+    redder = float(np.median(redness[lips]) - np.median(redness[skin]))
+    return np.interp(redder, (BARE_LIPS, LIPSTICK), (0.0, 1.0)) * shown.lips
+
+
 def _with_skins_hue(
-    shown: Shown, target: Float[np.ndarray, "pixels 3"], confidence: Float[np.ndarray, " pixels"]
+    shown: Shown,
+    target: Float[np.ndarray, "pixels 3"],
+    confidence: Float[np.ndarray, " pixels"],
+    lipstick: Float[np.ndarray, " pixels"],
 ) -> Float[np.ndarray, "pixels 3"]:
-    """``target`` with the hue of the rest of the skin where the photo's is not skin's own, and
-    with shallower creases.
+    """``target`` with the hue of the rest of the skin where the photo's is not skin's own, nor
+    ``lipstick``'s (0..1), and with shallower creases.
     """
     if not (confidence > 0).any():
         return target
@@ -232,12 +254,12 @@ def _with_skins_hue(
     shade = sure * plain * np.clip(-brightness[:, 0], 0, shown.crease)
     skin = confidence * plain * own
     spread = np.sqrt((skin[:, None] * (hue - usual) ** 2).sum() / max(skin.sum(), 1e-9))
-    believed = min(1.0, HUE_VARIES / max(float(spread), 1e-9))
+    believed = min(1.0, HUE_VARIES / max(float(spread), 1e-9)) * np.maximum(own, 1 - plain)
     return (
         brightness
         + ((1 - CREASE_PAINTED) * shade)[:, None]
         + usual
-        + believed * (hue - usual) * np.maximum(own, 1 - plain)[:, None]
+        + np.maximum(believed, lipstick)[:, None] * (hue - usual)
     )
 
 

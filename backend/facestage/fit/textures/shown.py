@@ -12,7 +12,7 @@ from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pixels
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.fit.given.face_areas import brow_pixels, opening_share
+from facestage.fit.given.face_areas import brow_pixels, lips_share, opening_share
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.cast_shadow import shadow_depth
 from facestage.fit.textures.creases import crease_depth
@@ -59,6 +59,7 @@ class Shown:
     # how far log albedo may depart there from the skin: by what the mean face's does, where it
     # has brows or lips, and by a brow's around the brows' landmarks
     feature: Float[np.ndarray, " pixels"]
+    lips: Float[np.ndarray, " pixels"]  # 0..1, how much of the pixel shows them
     # by how much log radiance lies below that beside a dark line, see creases.py
     crease: Float[np.ndarray, " pixels"]
     face_px: float  # how large the face is
@@ -135,7 +136,7 @@ class Shown:
                 for name in ("albedo", "c_spec", "diffuse", "specular", "color")
             },
         )
-        names = ("uvs", "photo", "clipped", "clear", "doubt", "feature", "crease")
+        names = ("uvs", "photo", "clipped", "clear", "doubt", "feature", "lips", "crease")
         rougher = None if self.rougher is None else self.rougher[kept]
         part = {name: getattr(self, name)[kept] for name in names}
         return replace(self, image=image, rougher=rougher, **part)
@@ -229,6 +230,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
                 LASH_DEPARTURE * lids.lashes * hair_share(lids.lashes > 0, photo, image.color),
             ]
         ),
+        lips=lips_share((height, width), problem.landmarks)[row, column].astype(np.float64),
         crease=crease_depth(surface.pixels, photo, image.color, problem.face_size_px),
         face_px=problem.face_size_px,
         shift_px=shift_px,

@@ -34,27 +34,8 @@ _JAW = _OVAL[8:29]
 _BROWS = (70, 63, 105, 66, 107, 336, 296, 334, 293, 300)
 _LIPS = (61, 291, 0, 17)
 _OUTER_LIPS = (
-    61,
-    146,
-    91,
-    181,
-    84,
-    17,
-    314,
-    405,
-    321,
-    375,
-    291,
-    409,
-    270,
-    269,
-    267,
-    0,
-    37,
-    39,
-    40,
-    185,
-)
+    61, 146, 91, 181, 84, 17, 314, 405, 321, 375, 291, 409, 270, 269, 267, 0, 37, 39, 40, 185,
+)  # fmt: skip
 # Once around between the lips, and between the lids of the subject's right and left eye.
 _OPENINGS = (
     (78, 95, 88, 178, 87, 14, 317, 402, 318, 324, 308, 415, 310, 311, 312, 13, 82, 81, 80, 191),
@@ -97,7 +78,8 @@ class Scheme:
     skin: np.ndarray  # their hull is bare skin: cheeks, nose and chin
     brows: np.ndarray
     chin: np.ndarray  # the lowest of the jaw
-    # borders of lips and lids in order: what shows between them is no skin
+    lips: np.ndarray  # their outer border, once around
+    # inner borders of lips and borders of lids in order: what shows between them is no skin
     openings: tuple[np.ndarray, ...]
     eyes: tuple[Eye, ...] = ()
     # (b, 2) points of the outline on either side, from the temples to the chin
@@ -134,6 +116,7 @@ def _schemes() -> Mapping[str, Scheme]:
         skin=np.array([*range(2, 15), *range(27, 36)]),
         brows=np.arange(17, 27),
         chin=np.arange(6, 11),
+        lips=np.arange(48, 60),
         openings=(np.arange(60, 68), np.arange(36, 42), np.arange(42, 48)),
     )
     deviation, independent = read_deviations()
@@ -152,6 +135,7 @@ def _schemes() -> Mapping[str, Scheme]:
         skin=np.array([*_JAW[1:-1], *_NOSE]),
         brows=np.array(_BROWS),
         chin=np.array(_JAW[7:14]),
+        lips=np.array(_OUTER_LIPS),
         openings=tuple(map(np.array, _OPENINGS)),
         eyes=(
             Eye(tuple(range(468, 473)), 159, 145, (33, 133), _across(_OPENINGS[1])),

@@ -4,6 +4,7 @@ known places.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,9 +12,16 @@ import pytest
 from matplotlib.path import Path as Outline
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.face_areas import brow_pixels, face_pixels, face_size_px, opening_share
+from facestage.contract.landmarks import SCHEME_SIZES, Landmarks
+from facestage.fit.given.face_areas import (
+    brow_pixels,
+    face_pixels,
+    face_size_px,
+    lips_share,
+    opening_share,
+)
 from facestage.fit.given.skin_mask import MASK_FACE_PX, clear_of_others, paint_weight, skin_weight
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.drawn_face import SKIN, DrawnFace
 
 FACE = DrawnFace(1)
@@ -112,6 +120,25 @@ def test_the_share_of_an_opening_is_its_area(landmarks: Landmarks):
     # A border has the width of a pixel: half of it outside.
     assert 0.0 <= share.sum() - 0.5 * (20 + 10) * 10.6 < 40
     assert share[105, 79] == 1.0 and share[:98].max() == 0.0 and share[:, :68].max() == 0.0
+
+
+@pytest.mark.parametrize("scheme", SCHEME_SIZES)
+def test_lips_lie_around_what_is_between_them(scheme: str):
+    known, points = scheme_of(scheme), np.full((SCHEME_SIZES[scheme], 2), np.nan)
+    for ring, radius in ((known.lips, 20.0), (known.openings[0], 9.0)):
+        angle = np.linspace(0, 2 * np.pi, len(ring), endpoint=False)
+        points[ring] = 80 + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    share = lips_share((SIZE, SIZE), Landmarks(scheme, points, np.isfinite(points).all(axis=1)))
+    rows, columns = np.indices(share.shape) + 0.5
+    apart = np.hypot(rows - 80, columns - 80)
+    assert share[(apart > 11) & (apart < 17)].min() == 1.0
+    assert share[apart < 7].max() == 0.0 and share[apart > 22].max() == 0.0
+
+
+def test_nobody_knows_lips_of_which_a_point_is_missing(landmarks: Landmarks):
+    points = landmarks.points.copy()
+    points[50] = np.nan
+    assert not lips_share((SIZE, SIZE), replace(landmarks, points=points)).any()
 
 
 def test_noise_leaves_no_holes(landmarks: Landmarks):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, gaussian_filter
 
 from facestage.fit.given.face_areas import above_brows, brow_pixels, chin_to_brows, opening_share
 from facestage.fit.given.skin_mask import paint_weight, skin_weight
@@ -58,6 +58,32 @@ def test_a_strand_is_not_painted_on_the_skin():
 )
 def test_what_is_no_strand_stays(mark: np.ndarray, share: float):
     assert not found(drawn(mark, share))[~HAIR & (X > 50) & (X < 110)].any()
+
+
+def rough(where: np.ndarray) -> np.ndarray:
+    """(h, w) factor on the light of skin that shines, or is wrinkled, ``where`` it is."""
+    noise = gaussian_filter(np.random.default_rng(3).normal(size=SHAPE), 1.0)
+    return np.exp(np.where(where, 0.35 * noise / noise.std(), 0.0))
+
+
+def test_shining_skin_is_no_web_of_strands():
+    """Between its highlights dark skin is darker than a strand is on a smooth forehead."""
+    bare = ~HAIR & (np.abs(X - 80) < 30) & (Y > 42)
+    photo = drawn(STRAND & False, 0.1) * rough(~HAIR)[..., None]
+    share = found(photo)[bare].mean()
+    print(f"{share:.1%} of the skin hang from hair")
+    assert share < 0.02
+    assert found(drawn(STRAND, 0.02) * rough(~HAIR)[..., None])[STRAND].mean() > 0.7
+
+
+def test_a_beard_hides_no_strand_of_the_forehead():
+    photo = drawn(STRAND, 0.5) * rough(~HAIR & (Y > 75))[..., None] ** 2
+    assert found(photo)[STRAND].mean() > 0.9
+
+
+def test_many_strands_are_no_rough_skin():
+    strands = ((X - (Y - 40) / 4) % 3 < 1.5) & (Y >= 40) & (Y < 75)
+    assert found(drawn(strands, 0.3))[strands & (Y < 50) & (np.abs(X - 80) < 18)].mean() > 0.85
 
 
 def test_a_line_at_a_spot_amid_the_face_is_no_strand():

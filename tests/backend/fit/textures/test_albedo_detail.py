@@ -44,6 +44,13 @@ def brows(face: PaintedFace) -> np.ndarray:
     )
 
 
+def hues(face: PaintedFace) -> np.ndarray:
+    """(S, S, 3) log albedo: waves from red to blue."""
+    place = face.atlas.bake(face.forward.geometry.mean.astype(np.float32))
+    wave = np.sin(place[..., 0] / 0.012) * np.cos(place[..., 1] / 0.012)
+    return wave[..., None] * np.array([1.0, -0.2, -0.8])
+
+
 def test_a_mole_stays_on_its_side(face: PaintedFace, half_mirror: np.ndarray):
     spot = face.uv_blob(face.atlas.size, MOLE, 0.008)
     photo, _ = face.photo(-0.4 * spot[..., None] * np.ones(3))
@@ -57,6 +64,66 @@ def test_a_mole_stays_on_its_side(face: PaintedFace, half_mirror: np.ndarray):
     assert not alone.mirrored.any()
     change = np.abs(found.log_albedo - alone.log_albedo)[found.seen]
     assert change.mean() < 0.005
+
+
+# Of the logarithm, beside the model's lips: as photographed, of which one has next to no green.
+LIPSTICKS = [(-0.5, -2.2, -1.4), (0.1, -1.2, -0.5), (-0.5, -3.0, -1.6)]
+
+
+def lips_found(
+    face: PaintedFace,
+    change: tuple[float, ...],
+    light: tuple[float, ...] = (0, 0, 0),
+    skin: np.ndarray | float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) log albedo that a photo of lips whose log albedo is changed, in light that is another by
+    so much, adds to them, with landmarks that know them, and without. ``skin``: log albedo of the
+    rest.
+    """
+    lips = np.minimum(face.uv_blob(face.atlas.size, (0.0, -0.034, 0.01), 0.012), 1.0)
+    photo, _ = face.photo(lips[..., None] * np.array(change) + (1 - lips[..., None]) * skin)
+    shown = face.shown(photo * np.exp(light))
+    there = sample_bilinear(lips, shown.uvs)
+    results = []
+    for known in (there, np.zeros_like(there)):
+        # As a model says whose lips are painted.
+        shown = replace(shown, lips=known, feature=0.4 * there)
+        found = albedo_detail(face.atlas, shown, None).log_albedo
+        results.append(found[lips == 1].mean(axis=0))
+    return results[0], results[1]
+
+
+@pytest.mark.parametrize("change", LIPSTICKS)
+def test_lips_are_as_red_as_they_are_made_up(face: PaintedFace, change: tuple[float, ...]):
+    painted = np.array(change) / np.square(change).sum()
+    found, without = lips_found(face, change)
+    print(f"lipstick {change}: {found.round(2)}, without landmarks {without.round(2)}")
+    assert 0.7 < found @ painted < 1.1 and without @ painted < 0.65
+    assert found[0] == pytest.approx(change[0], abs=0.2)
+
+
+def test_lips_may_have_colors_that_skin_has_not(face: PaintedFace):
+    found, _ = lips_found(face, LIPSTICKS[1])
+    mottled, without = lips_found(face, LIPSTICKS[1], skin=0.5 * hues(face))
+    print(f"lipstick {found.round(2)}, beside mottled skin {mottled.round(2)}, {without.round(2)}")
+    assert mottled[0] - mottled[1] > 0.9 * (found[0] - found[1]) > 2 * (without[0] - without[1])
+
+
+def test_lips_that_are_not_made_up_are_as_the_rest_of_the_face(face: PaintedFace):
+    found, without = lips_found(face, (-0.1, -0.35, -0.2))
+    assert found == pytest.approx(without, abs=1e-9)
+
+
+def test_red_light_is_no_lipstick(face: PaintedFace):
+    """Which the fit lacks: it is on the skin, too."""
+    found, without = lips_found(face, (0, 0, 0), (0.4, -0.6, -0.6))
+    assert found == pytest.approx(without, abs=1e-9)
+
+
+def test_nothing_makes_lips_blue(face: PaintedFace):
+    found, without = lips_found(face, (-1.6, -1.0, 0.4))
+    assert found == pytest.approx(without, abs=1e-9)
+    assert found[2] - found.mean() < 0.6
 
 
 def test_the_hidden_half_is_completed_from_the_other(face: PaintedFace, half_mirror: np.ndarray):
@@ -130,9 +197,7 @@ def test_skin_is_of_no_more_hues_than_skin_has(face: PaintedFace):
     """In a photo whose colors were made stronger, or whose light is of another color in each
     place.
     """
-    place = face.atlas.bake(face.forward.geometry.mean.astype(np.float32))
-    wave = np.sin(place[..., 0] / 0.012) * np.cos(place[..., 1] / 0.012)
-    pattern = wave[..., None] * np.array([1.0, -0.2, -0.8])
+    pattern = hues(face)
     shares, spreads = {}, {}
     for strength in (0.06, 0.5):
         photo, _ = face.photo(strength * pattern)

@@ -18,7 +18,7 @@ from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
-from facestage.fit.given.face_areas import opening_share
+from facestage.fit.given.face_areas import lips_share, opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.result.finer_photo import finer_photo
@@ -158,6 +158,9 @@ def test_teeth_that_the_photo_shows_on_fitted_lips_are_not_painted(scene: Scene,
     assert shown is not None
     column, row = shown.image.surface.pixels.astype(int).T
     inside, outside = between[row, column] == 1, between[row, column] == 0
+    lips = lips_share(between.shape, opened)[row, column]
+    np.testing.assert_array_equal(shown.lips, lips)
+    assert lips.max() == 1.0 and not lips[inside].any()
     print(f"{inside.sum()} pixels between the lips, weights up to {shown.clear[inside].max()}")
     assert inside.sum() > 20
     assert not shown.clear[inside].any() and shown.clear[outside].mean() > 0.5
