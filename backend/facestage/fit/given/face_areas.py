@@ -92,6 +92,12 @@ def face_pixels(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     return hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).outline])
 
 
+def below_mouth(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, from the mouth down to the chin, as far to the sides as both are wide."""
+    scheme = scheme_of(landmarks.scheme)
+    return hull_pixels(shape, landmarks.points[np.concatenate([scheme.lips, scheme.chin])])
+
+
 def chin_to_brows(landmarks: Landmarks) -> np.ndarray:
     """(2,) pixels, the way up the face from the middle of its chin to that of its brows; NaN where
     one of them is unknown.
@@ -144,12 +150,14 @@ def no_larger(
 
 
 def hull_pixels(shape: tuple[int, int], chosen: np.ndarray) -> np.ndarray:
-    """(h, w) bool, inside the convex hull of points ``chosen`` (k, 2)."""
+    """(h, w) bool, inside the convex hull of those points ``chosen`` (k, 2) that are known."""
     from skimage.morphology import convex_hull_image
 
     chosen = chosen[np.isfinite(chosen).all(1)]
-    column, row = np.round(chosen - 0.5).astype(int).T
     seeds = np.zeros(shape, bool)
+    if not len(chosen):
+        return seeds
+    column, row = np.round(chosen - 0.5).astype(int).T
     seeds[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = True
     if min(np.ptp(row), np.ptp(column)) < 2:
         return seeds

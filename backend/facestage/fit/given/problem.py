@@ -32,7 +32,7 @@ from facestage.contract.pins import Pins
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
-from facestage.fit.given.beard import beard_share
+from facestage.fit.given.beard import beard_share, dark_beard
 from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.face_areas import face_pixels, face_size_px
@@ -146,6 +146,11 @@ class Problem:
     def beard(self) -> np.ndarray:
         """(h, w) 0..1, how surely what is dark there is a beard."""
         return beard_share(self.photograph.color, self.landmarks)
+
+    @cached_property
+    def dark_beard(self) -> np.ndarray:
+        """(h, w) bool, what of a beard is so much darker than the face that no skin is."""
+        return dark_beard(self.photograph.color, self.beard, self.landmarks)
 
     @cached_property
     def paintable(self) -> np.ndarray:

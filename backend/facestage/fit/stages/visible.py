@@ -42,6 +42,7 @@ class VisiblePhoto:
         """The photo in this size, likewise."""
         photo = self.problem.photo_of(width, height)
         away = self.hidden_at(height, width) | self.dark_at(height, width)
+        away |= resized_mask(self.problem.dark_beard, height, width)
         return without(photo, away) if away.any() else photo
 
     def hidden_at(self, height: int, width: int) -> np.ndarray:

@@ -9,8 +9,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.beard import beard_share
-from facestage.fit.given.face_areas import above_brows, face_pixels
+from facestage.fit.given.beard import beard_share, dark_beard
+from facestage.fit.given.face_areas import above_brows, below_mouth, face_pixels
 from reference.drawn_face import DrawnFace
 
 FACE = DrawnFace(4)
@@ -22,10 +22,10 @@ CHIN = face_pixels(SHAPE, LANDMARKS) & (HEIGHT < -0.8) & (HEIGHT > -0.95) & (np.
 BROW = face_pixels(SHAPE, LANDMARKS) & (HEIGHT > -0.3) & (np.abs(X - 80) < 14)
 
 
-def strands(where: np.ndarray, depth: float = 1.2) -> np.ndarray:
-    """A face where every second or third pixel of a place is darker by so much of the logarithm."""
+def strands(where: np.ndarray, depth: float = 1.2, share: float = 0.4) -> np.ndarray:
+    """A face where a ``share`` of a place's pixels are darker by so much of the logarithm."""
     photo = FACE.draw("light", (0.2, 0.2, 0.96))[0]
-    grain = np.random.default_rng(3).uniform(size=SHAPE) < 0.4
+    grain = np.random.default_rng(3).uniform(size=SHAPE) < share
     return photo * np.exp(-depth * (where & grain))[..., None]
 
 
@@ -64,3 +64,33 @@ def test_without_strands_to_see_there_is_none():
     assert not beard_share(strands(CHIN), nowhere).any()
     black = beard_share(np.zeros((*SHAPE, 3)), LANDMARKS)
     assert not black.any()
+
+
+def covered(photo: np.ndarray) -> np.ndarray:
+    return dark_beard(photo, beard_share(photo, LANDMARKS), LANDMARKS)
+
+
+def test_a_black_goatee_covers_the_skin():
+    found = covered(strands(CHIN, 2.5, 0.7))
+    assert found[CHIN].mean() > 0.7 and found[~CHIN].mean() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("where", "depth"),
+    [
+        (CHIN, 0.5),  # stubble
+        (CHIN & (np.abs(X - 80) < 3), 2.5),  # the lower lip's shadow
+        (face_pixels(SHAPE, LANDMARKS) & (np.abs(X - 54) < 9) & (HEIGHT < -0.5), 2.5),  # a cheek
+        (CHIN & False, 0.0),
+    ],
+)
+def test_nothing_else_does(where: np.ndarray, depth: float):
+    assert not covered(strands(where, depth, 0.7)).any()
+
+
+def test_between_mouth_and_chin_lies_neither_of_the_cheeks():
+    inside = below_mouth(SHAPE, LANDMARKS)
+    assert inside[CHIN].mean() > 0.9
+    assert not inside[(np.abs(X - 80) > 30) | (HEIGHT > -0.45) | (HEIGHT < -1.1)].any()
+    nobody = replace(LANDMARKS, points=np.full_like(LANDMARKS.points, np.nan))
+    assert not dark_beard(strands(CHIN, 2.5), np.ones(SHAPE), nobody).any()

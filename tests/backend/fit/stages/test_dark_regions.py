@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
 from facestage.fit.result.run import fit_job
 from facestage.fit.stages.dark_regions import dark_regions, still_dark
@@ -160,6 +161,23 @@ def test_dark_skin_below_the_middle_is_painted_as_a_beard_is(scene: Scene):
     visible.dark = visible.dark.T[::-1]
     unpainted = visible.unpainted_at(96, 96, lying)
     assert unpainted[95 - above[1], above[0]] and not unpainted[95 - below[1], below[0]]
+
+
+def test_a_beard_that_covers_the_skin_is_not_fitted(scene: Scene):
+    """Nor is what hides the face, nor a shadow; and all three are painted, or not, as ever."""
+    size = 48
+    skin = Photo(np.ones((size, size, 3)), *np.ones((3, size, size), bool))
+    problem = darkened(scene, np.ones((96, 96)))
+    problem.photo_of = lambda width, height: skin
+    problem.dark_beard = np.zeros((96, 96), bool)
+    visible = VisiblePhoto(problem)
+    assert visible.of(size, size) is skin
+    problem.dark_beard[60:80, 40:60] = True
+    left = visible.of(size, size).skin
+    assert not left[30:40, 20:30].any() and left.sum() == size**2 - 100
+    visible.hidden = np.zeros((96, 96), bool)
+    visible.hidden[:10] = True
+    assert visible.of(size, size).skin.sum() == size**2 - 100 - 5 * size
 
 
 def test_a_beard_that_meets_a_shadow_is_painted(scene: Scene):

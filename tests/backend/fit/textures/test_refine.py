@@ -158,7 +158,7 @@ def test_teeth_that_the_photo_shows_on_fitted_lips_are_not_painted(scene: Scene,
     assert shown is not None
     column, row = shown.image.surface.pixels.astype(int).T
     inside, outside = between[row, column] == 1, between[row, column] == 0
-    lips = lips_share(between.shape, opened)[row, column]
+    lips = lips_share((between.shape[0], between.shape[1]), opened)[row, column]
     np.testing.assert_array_equal(shown.lips, lips)
     assert lips.max() == 1.0 and not lips[inside].any()
     print(f"{inside.sum()} pixels between the lips, weights up to {shown.clear[inside].max()}")
