@@ -66,14 +66,23 @@ def dark_beard(
     """Between mouth and chin, what is more likely beard than not, by its ``share``
     (:func:`beard_share`), and so much darker than the face's bare skin that it covers that.
     """
+    height, width = share.shape
+    if not (share.any() and face_size_px(landmarks) >= FACE_MIN):
+        return np.zeros((height, width), bool)
+    size, smaller = no_larger(landmarks, (height, width), LOOKED_AT_PX)
+    found = _covered(resize(photo, *size), resize(share.astype(np.float32), *size), smaller)
+    return resize(found.astype(np.float32), width, height) > 0.5
+
+
+def _covered(photo: np.ndarray, share: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     shape = photo.shape[0], photo.shape[1]
     bare = hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).skin])
-    if not (bare.any() and share.any()):
+    chin = below_mouth(shape, landmarks)
+    if not bare.any():
         return np.zeros(shape, bool)
     luminance = gaussian_filter(photo.mean(axis=2), HAIRS * face_size_px(landmarks))
-    chin = below_mouth(shape, landmarks)
     covered = chin & (share > 0.5) & (luminance < COVERS * np.median(luminance[bare]))
-    return covered if covered.sum() > OF_CHIN * chin.sum() else np.zeros_like(covered)
+    return covered if covered.sum() > OF_CHIN * chin.sum() else np.zeros(shape, bool)
 
 
 def _share(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:

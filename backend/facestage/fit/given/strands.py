@@ -26,8 +26,8 @@ WIDTH, GAP, LOOKED_AT_PX = 0.025, 0.012, 512.0
 # How much darker than what is beside it, of the logarithm: all along, and somewhere. Wrinkles of
 # foreheads are 0.1 to 0.3.
 DARKER, DARKER_SOMEWHERE = 0.25, 0.45
-# By how much three quarters of the skin are less darker than what is beside them, on faces of
-# which these are true; both grow with it.
+# By how much three quarters of a smooth face are darker than what is beside them, at the most:
+# strands on rougher skin are by as many times more.
 SMOOTH = 0.125
 # How far around lids their own folds and lashes lie, in shares of the face.
 LIDS = 0.06
