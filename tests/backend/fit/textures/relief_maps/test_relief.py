@@ -217,6 +217,7 @@ def test_a_thinned_lattice_shows_every_second_pixel_each_way(face: PaintedFace):
     assert (np.diff(np.unique(places[:, 0])) == 2).all()
     row = {tuple(place): k for k, place in enumerate(whole.image.surface.pixels)}
     index = np.array([row[tuple(place)] for place in places])
-    np.testing.assert_array_equal(part.photo, whole.photo[index])
+    for name in ("photo", "uvs", "clipped", "clear", "doubt", "feature", "lips", "crease"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[index], name)
     np.testing.assert_array_equal(part.image.color, whole.image.color[index])
     assert part.rougher is not None and len(part.rougher) == len(places)
