@@ -4,6 +4,8 @@ are smooth.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
@@ -44,45 +46,27 @@ COVERS, HAIRS, OF_CHIN = 0.5, 0.01, 0.1
 WIDTH = 0.08
 
 
-def beard_share(
-    photo: Num[np.ndarray, "height width 3"], landmarks: Landmarks
-) -> Float[np.ndarray, "height width"]:
-    """0..1, how surely a pixel of the linear ``photo``, if it is darker than the skin, shows hair
-    of a beard.
-    """
+@dataclass(frozen=True)
+class Beard:
+    """What a photo shows of one."""
+
+    # 0..1, how surely a pixel, if it is darker than the skin, shows hair of a beard
+    share: Float[np.ndarray, "height width"]
+    # hair on the chin so much darker than the face that it covers the skin
+    covers: Bool[np.ndarray, "height width"]
+
+
+def beard_of(photo: Num[np.ndarray, "height width 3"], landmarks: Landmarks) -> Beard:
+    """The beard of the face with such ``landmarks`` in a linear ``photo``."""
     height, width = photo.shape[:2]
     if not face_size_px(landmarks) >= FACE_MIN:
-        return np.zeros((height, width))
+        return Beard(np.zeros((height, width)), np.zeros((height, width), bool))
     size, smaller = no_larger(landmarks, (height, width), LOOKED_AT_PX)
-    small = _share(resize(photo, *size), smaller)
-    return np.clip(resize(small, width, height), 0.0, 1.0).astype(np.float64)
-
-
-def dark_beard(
-    photo: Num[np.ndarray, "height width 3"],
-    share: Float[np.ndarray, "height width"],
-    landmarks: Landmarks,
-) -> Bool[np.ndarray, "height width"]:
-    """Between mouth and chin, what is more likely beard than not, by its ``share``
-    (:func:`beard_share`), and so much darker than the face's bare skin that it covers that.
-    """
-    height, width = share.shape
-    if not (share.any() and face_size_px(landmarks) >= FACE_MIN):
-        return np.zeros((height, width), bool)
-    size, smaller = no_larger(landmarks, (height, width), LOOKED_AT_PX)
-    found = _covered(resize(photo, *size), resize(share.astype(np.float32), *size), smaller)
-    return resize(found.astype(np.float32), width, height) > 0.5
-
-
-def _covered(photo: np.ndarray, share: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    shape = photo.shape[0], photo.shape[1]
-    bare = hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).skin])
-    chin = below_mouth(shape, landmarks)
-    if not bare.any():
-        return np.zeros(shape, bool)
-    luminance = gaussian_filter(photo.mean(axis=2), HAIRS * face_size_px(landmarks))
-    covered = chin & (share > 0.5) & (luminance < COVERS * np.median(luminance[bare]))
-    return covered if covered.sum() > OF_CHIN * chin.sum() else np.zeros(shape, bool)
+    small = resize(photo, *size)
+    share = _share(small, smaller)
+    covers = _covers(small, share, smaller)
+    share, covering = (resize(each.astype(np.float32), width, height) for each in (share, covers))
+    return Beard(np.clip(share, 0.0, 1.0).astype(np.float64), covering > 0.5)
 
 
 def _share(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
@@ -109,3 +93,15 @@ def _share(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     filled = cv2.morphologyEx(share.astype(np.float32), cv2.MORPH_CLOSE, disc)
     wide = cv2.morphologyEx(np.where(where, filled, 0.0), cv2.MORPH_OPEN, disc)
     return np.minimum(filled, cv2.dilate(wide, disc))
+
+
+def _covers(photo: np.ndarray, share: np.ndarray, landmarks: Landmarks) -> np.ndarray:
+    shape = photo.shape[0], photo.shape[1]
+    nothing = np.zeros(shape, bool)
+    if not share.any():
+        return nothing
+    bare = hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).skin])
+    chin = below_mouth(shape, landmarks)
+    luminance = gaussian_filter(photo.mean(axis=2), HAIRS * face_size_px(landmarks))
+    covered = chin & (share > 0.5) & (luminance < COVERS * np.median(luminance[bare]))
+    return covered if covered.sum() > OF_CHIN * chin.sum() else nothing

@@ -31,8 +31,11 @@ def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
 
 def lips_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) float32 in 0..1, how much of a pixel shows lips."""
-    outer = _share_within(shape, landmarks.points[scheme_of(landmarks.scheme).lips])
-    return np.asarray(outer * (1.0 - opening_share(shape, landmarks)))
+    scheme = scheme_of(landmarks.scheme)
+    outer, inner = (
+        _share_within(shape, landmarks.points[ring]) for ring in (scheme.lips, scheme.openings[0])
+    )
+    return np.asarray(outer * (1.0 - inner))
 
 
 def _share_within(shape: tuple[int, int], border: np.ndarray) -> np.ndarray:

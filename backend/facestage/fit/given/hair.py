@@ -17,7 +17,6 @@ from scipy.ndimage import gaussian_filter, label
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.face_areas import (
     above_brows,
-    below_mouth,
     brow_pixels,
     chin_to_brows,
     face_size_px,
@@ -88,7 +87,7 @@ def hair_pixels(looks: np.ndarray, landmarks: Landmarks) -> np.ndarray:
         result[part] = _outside(features, near, within, height_up)
         if hairline_step(result[part], features, within, height_up, up) >= STEP_MIN:
             break
-    return result & ~below_mouth((height, width), landmarks)
+    return result
 
 
 def _outside(

@@ -32,7 +32,7 @@ from facestage.contract.pins import Pins
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.unknowns import FOCAL_SIGMA, kept_shapes
-from facestage.fit.given.beard import beard_share, dark_beard
+from facestage.fit.given.beard import Beard, beard_of
 from facestage.fit.given.black_and_white import as_seen_in_color
 from facestage.fit.given.detection import known_to, with_landmarks
 from facestage.fit.given.face_areas import face_pixels, face_size_px
@@ -143,21 +143,17 @@ class Problem:
         return lash_depth(self.photograph.color, self.landmarks)
 
     @cached_property
-    def beard(self) -> np.ndarray:
-        """(h, w) 0..1, how surely what is dark there is a beard."""
-        return beard_share(self.photograph.color, self.landmarks)
-
-    @cached_property
-    def dark_beard(self) -> np.ndarray:
-        """(h, w) bool, what of a beard is so much darker than the face that no skin is."""
-        return dark_beard(self.photograph.color, self.beard, self.landmarks)
+    def beard(self) -> Beard:
+        """What the photo shows of one."""
+        return beard_of(self.photograph.color, self.landmarks)
 
     @cached_property
     def paintable(self) -> np.ndarray:
         """(h, w) 0..1, which pixels may color the texture: the face inside its landmarks, brows
-        too, and skin.
+        and beard too, and skin.
         """
-        return np.where(self.frame, 0.0, paint_weight(self._skin_colored, self.landmarks))
+        paint = paint_weight(self._skin_colored, self.landmarks)
+        return np.where(self.frame, 0.0, np.where(self.beard.covers, 1.0, paint))
 
     def clear(self, face: np.ndarray) -> np.ndarray:
         """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""

@@ -39,10 +39,10 @@ class VisiblePhoto:
         return self.of(camera.width, camera.height)
 
     def of(self, width: int, height: int) -> Photo:
-        """The photo in this size, likewise."""
+        """The photo in this size, likewise, and without a beard that covers the skin."""
         photo = self.problem.photo_of(width, height)
         away = self.hidden_at(height, width) | self.dark_at(height, width)
-        away |= resized_mask(self.problem.dark_beard, height, width)
+        away |= resized_mask(self.problem.beard.covers, height, width)
         return without(photo, away) if away.any() else photo
 
     def hidden_at(self, height: int, width: int) -> np.ndarray:

@@ -203,7 +203,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
     photo = _read(problem.photograph.color, *beside)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
-    beard = problem.beard[row, column] * (painted < FEATURE_MAX)
+    beard = problem.beard.share[row, column] * (painted < FEATURE_MAX)
     clear = np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin
     shift_px = max(round(LANDMARK_SIGMA_SHARE * problem.face_size_px), 1)
     lifted, lifted_here = shadow_depth(

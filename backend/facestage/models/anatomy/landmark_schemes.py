@@ -79,7 +79,7 @@ class Scheme:
     brows: np.ndarray
     chin: np.ndarray  # the lowest of the jaw
     lips: np.ndarray  # their outer border, once around
-    # inner borders of lips and borders of lids in order: what shows between them is no skin
+    # the inner border of the lips, then those of the lids, in order: what shows between is no skin
     openings: tuple[np.ndarray, ...]
     eyes: tuple[Eye, ...] = ()
     # (b, 2) points of the outline on either side, from the temples to the chin

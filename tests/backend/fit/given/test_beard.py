@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.beard import beard_share, dark_beard
+from facestage.fit.given.beard import beard_of
 from facestage.fit.given.face_areas import above_brows, below_mouth, face_pixels
+from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.drawn_face import DrawnFace
 
 FACE = DrawnFace(4)
@@ -30,7 +32,7 @@ def strands(where: np.ndarray, depth: float = 1.2, share: float = 0.4) -> np.nda
 
 
 def test_a_goatee_is_found_and_skin_beside_it_is_not():
-    found = beard_share(strands(CHIN), LANDMARKS)
+    found = beard_of(strands(CHIN), LANDMARKS).share
     assert found[CHIN].mean() > 0.7
     assert not found[HEIGHT > -0.45].any() and found[~CHIN].mean() < 0.01
 
@@ -44,30 +46,37 @@ def test_what_is_smooth_or_thin_or_above_the_mouth_is_none(where: str):
         "brow": strands(BROW),
         "nothing": strands(CHIN & False),
     }[where]
-    assert beard_share(photo, LANDMARKS)[np.abs(X - 80) < 10].mean() < 0.01
+    assert beard_of(photo, LANDMARKS).share[np.abs(X - 80) < 10].mean() < 0.01
 
 
 def test_it_is_the_same_at_another_size_and_exposure():
     photo = strands(CHIN)
-    found = beard_share(photo, LANDMARKS)
-    np.testing.assert_allclose(beard_share(3.0 * photo, LANDMARKS), found, atol=1e-6)
+    found = beard_of(photo, LANDMARKS).share
+    np.testing.assert_allclose(beard_of(3.0 * photo, LANDMARKS).share, found, atol=1e-6)
     large = np.repeat(np.repeat(photo, 2, axis=0), 2, axis=1)
-    twice = beard_share(large, replace(LANDMARKS, points=2 * LANDMARKS.points))
+    twice = beard_of(large, replace(LANDMARKS, points=2 * LANDMARKS.points)).share
     assert twice.shape == large.shape[:2]
     np.testing.assert_allclose(twice[::2, ::2].mean(), found.mean(), rtol=0.2)
 
 
 def test_without_strands_to_see_there_is_none():
     small = strands(CHIN)[::4, ::4]
-    assert not beard_share(small, replace(LANDMARKS, points=LANDMARKS.points / 4)).any()
+    assert not beard_of(small, replace(LANDMARKS, points=LANDMARKS.points / 4)).share.any()
     nowhere = Landmarks(LANDMARKS.scheme, np.full_like(LANDMARKS.points, np.nan), LANDMARKS.visible)
-    assert not beard_share(strands(CHIN), nowhere).any()
-    black = beard_share(np.zeros((*SHAPE, 3)), LANDMARKS)
-    assert not black.any()
+    assert not beard_of(strands(CHIN), nowhere).share.any()
+    cheeks = LANDMARKS.points.copy()
+    cheeks[scheme_of(LANDMARKS.scheme).skin] = np.nan  # unknown
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        known = np.isfinite(cheeks).all(axis=1)
+        unknown = beard_of(strands(CHIN), Landmarks(LANDMARKS.scheme, cheeks, known))
+    assert not (unknown.share.any() or unknown.covers.any())
+    black = beard_of(np.zeros((*SHAPE, 3)), LANDMARKS)
+    assert not (black.share.any() or black.covers.any())
 
 
 def covered(photo: np.ndarray) -> np.ndarray:
-    return dark_beard(photo, beard_share(photo, LANDMARKS), LANDMARKS)
+    return beard_of(photo, LANDMARKS).covers
 
 
 def test_a_black_goatee_covers_the_skin():
@@ -93,4 +102,4 @@ def test_between_mouth_and_chin_lies_neither_of_the_cheeks():
     assert inside[CHIN].mean() > 0.9
     assert not inside[(np.abs(X - 80) > 30) | (HEIGHT > -0.45) | (HEIGHT < -1.1)].any()
     nobody = replace(LANDMARKS, points=np.full_like(LANDMARKS.points, np.nan))
-    assert not dark_beard(strands(CHIN, 2.5), np.ones(SHAPE), nobody).any()
+    assert not below_mouth(SHAPE, nobody).any()

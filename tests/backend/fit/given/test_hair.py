@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import binary_dilation, binary_erosion, rotate
 
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.face_areas import below_mouth, face_size_px
+from facestage.fit.given.face_areas import face_size_px
 from facestage.fit.given.hair import FACE_MIN, hair_pixels
 from facestage.fit.given.skin_mask import skin_weight
 from reference.drawn_face import SKIN, DrawnFace
@@ -58,17 +58,6 @@ def test_the_line_of_hair_is_where_it_is_drawn():
     line = len(column) - np.argmax(column[::-1], axis=0)
     # Within 1.5 % of the face.
     assert np.abs(np.median(line) - 80) < 4
-
-
-def test_a_beard_that_meets_the_hair_hides_no_chin():
-    photo, _ = with_hair(0.3 * np.array(SKIN["light"]))
-    jaw = ((X - 80) / 46) ** 2 + ((Y - 78) / 60) ** 2 < 1.0
-    beard = jaw & (Y > 112) | jaw & (Y > 90) & (np.abs(X - 80) > 36)
-    rows, columns = np.nonzero(beard)
-    photo[beard] = photo[rows % 40 + 20, columns % 40 + 150]  # of the hair
-    found = hair_pixels(looks(photo), LANDMARKS)
-    chin = below_mouth((found.shape[0], found.shape[1]), LANDMARKS)
-    assert found[beard & ~chin].mean() > 0.5 and not found[chin].any()
 
 
 def test_a_white_hat_is_left_out_and_a_highlight_is_not():

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.landmarks import Landmarks
+from facestage.fit.given.beard import Beard
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.problem import Problem
 from facestage.fit.result.run import fit_job
@@ -169,10 +170,10 @@ def test_a_beard_that_covers_the_skin_is_not_fitted(scene: Scene):
     skin = Photo(np.ones((size, size, 3)), *np.ones((3, size, size), bool))
     problem = darkened(scene, np.ones((96, 96)))
     problem.photo_of = lambda width, height: skin
-    problem.dark_beard = np.zeros((96, 96), bool)
+    problem.beard = Beard(np.zeros((96, 96)), np.zeros((96, 96), bool))
     visible = VisiblePhoto(problem)
     assert visible.of(size, size) is skin
-    problem.dark_beard[60:80, 40:60] = True
+    problem.beard.covers[60:80, 40:60] = True
     left = visible.of(size, size).skin
     assert not left[30:40, 20:30].any() and left.sum() == size**2 - 100
     visible.hidden = np.zeros((96, 96), bool)
