@@ -14,13 +14,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from facestage.contract import brdf
 from facestage.contract.arrays import Float
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.term import Setup, Term
-from facestage.fit.face.lamps import turned
+from facestage.fit.energy.white_skin import white_skin_of
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -30,11 +29,6 @@ from facestage.fit.given.problem import Problem
 # deviation of its logarithm: photographs of 13 people at believable albedos of their skin
 # (docs/skin-tone.md).
 EXPOSED, SIGMA = 1.25, 0.375
-# Lit well: quantiles of the visible skin, from shade to the brightest. Beyond, a lamp at the side
-# that grazes the face would say how bright light is.
-LIT_WELL = (0.5, 0.75)
-PIXELS_MIN, PIXELS_MAX, SAMPLES = 30, 400, 8
-SKIN_MIN = 0.5
 # Of light that is too bright: far brighter photos are thrown away.
 BRIGHTER_SCALE = 2.2
 FAINT = 0.01  # of a photo this dark nobody chose the exposure
@@ -92,7 +86,7 @@ class ExposureTerm(Term):
             return None
         if not somebody_exposed(setup.problem):
             return None
-        by_light = _on_skin(setup)
+        by_light = white_skin_of(setup)
         if by_light is None:
             return None
         return cls(Exposure(setup.forward.lights, by_light, setup.problem.job.weights.photo))
@@ -108,30 +102,3 @@ def somebody_exposed(problem: Problem) -> bool:
     """
     known = problem.job.skin_tone is not None or problem.lights.fixed_radiance.any()
     return problem.photograph.developed and not known
-
-
-def white_skin(
-    irradiance: Float[np.ndarray, "pixels lights"], radiance: Float[np.ndarray, " lights"]
-) -> Float[np.ndarray, " lights"]:
-    """The radiance that each light of radiance 1 gives white skin where the face is lit well by all
-    lights of ``radiance``; ``irradiance`` by each light of radiance 1 where skin is seen.
-    """
-    white = brdf.matte(1.0, irradiance)
-    shown = white @ radiance
-    low, high = np.quantile(shown, LIT_WELL)
-    return np.asarray(white[(shown >= low) & (shown <= high)].mean(axis=0))
-
-
-def _on_skin(setup: Setup) -> Float[np.ndarray, " lights"] | None:
-    """Of the pixels of a phase as it starts; None where too few show the face."""
-    assert setup.photo is not None and setup.stage is not None
-    state, forward = setup.start, setup.forward
-    y, x = np.nonzero(setup.photo.usable & (setup.photo.skin > SKIN_MIN))
-    every = 1 + len(y) // PIXELS_MAX
-    surface = forward.surface(state, np.stack([x, y], axis=1)[::every] + 0.5, only_fitted=True)
-    if len(surface.pixels) < PIXELS_MIN:
-        return None
-    stage = turned(setup.stage, state.light_position, setup.pivot)
-    terms = forward.light_terms(state, surface, stage, SAMPLES, setup.problem.job.seed)
-    radiance = forward.lights.radiance(state.lights) @ np.array(REC709)
-    return white_skin(terms.diffuse, radiance)

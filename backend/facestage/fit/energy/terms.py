@@ -11,6 +11,7 @@ from facestage.fit.energy.photo_term import PhotoTerm
 from facestage.fit.energy.pin_term import PinTerm
 from facestage.fit.energy.priors import Priors
 from facestage.fit.energy.silhouette import SilhouetteTerm
+from facestage.fit.energy.teeth_term import TeethTerm
 from facestage.fit.energy.term import Term
 from facestage.fit.energy.tone_term import ToneTerm
 from facestage.fit.energy.whites_term import WhitesTerm
@@ -24,6 +25,7 @@ TERMS: tuple[type[Term], ...] = (
     PinTerm,
     SilhouetteTerm,
     WhitesTerm,
+    TeethTerm,
     ExposureTerm,
     ToneTerm,
     PhotoTerm,

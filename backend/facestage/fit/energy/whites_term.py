@@ -1,8 +1,5 @@
-"""The whites of the eyes: the one thing in a face whose color is known before the photo.
-
-Skin and light leave no more than their product in a photo. An eye's white beside it, under the same
-light, has nearly the same albedo in everybody, and says how bright the light is, and of which
-color: what a grey card is for photographers.
+"""The whites of the eyes: what has nearly the same albedo in everybody, as long as lids do not
+shade it.
 """
 
 from __future__ import annotations
@@ -14,11 +11,10 @@ import numpy as np
 
 from facestage.contract.arrays import Float
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.term import Setup, Term
+from facestage.fit.energy.white_reference import WhiteReference
 from facestage.fit.face.eye_white import eye_is_open, eye_white
 from facestage.fit.face.lamps import turned
-from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import EYE_ROUGHNESS, EYE_SPECULAR, Skin
@@ -29,9 +25,8 @@ from facestage.render.light_terms import PLAIN
 # Of the logarithm: how light whites are, their red over blue (bloodshot, yellow), and their green
 # over both; with what lids, lashes and the eye's own shadows do to the pixels that were chosen.
 SIGMA = np.array([0.2, 0.12, 0.08])
-AXES = np.array([[1 / 3, 1 / 3, 1 / 3], [1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
 # One pixel beside another may show half a lid.
-PIXEL_SIGMA = 0.4
+PIXEL_SIGMA = np.array([0.4, 0.12, 0.12])
 # Among the pixels that should be white, sorted by what they say of the albedo: below, lids, lashes
 # and the iris mix in; above, the light's own reflection.
 BRIGHTER_THAN, DARKER_THAN = 0.6, 0.9
@@ -40,36 +35,21 @@ SAMPLES = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Whites(RobustResiduals):
+class Whites(WhiteReference):
     """What light makes of the whites, beside what the photo shows of them."""
 
     name: ClassVar = "whites"
-    components: ClassVar = 3
 
     lights: LightParameters
-    by_light: Float[np.ndarray, "3 lights"]  # radiance of the whites, of a light of radiance 1
-    seen: Float[np.ndarray, " 3"]  # radiance
-    sigma: Float[np.ndarray, " 3"]
+    by_light: Float[np.ndarray, "3 lights"]
+    seen: Float[np.ndarray, " 3"]
+    deviation: Float[np.ndarray, " 3"]  # along the axes
     weight: float = 1.0
     share: float = 1.0
 
-    def residuals(self, state: State) -> Float[np.ndarray, " 3"]:
-        """In lightness, from blue to red, and in green."""
-        return AXES @ np.log(self._shown(state) / self.seen) / self.sigma
-
-    def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "3 unknowns"]:
-        """Derivative of :meth:`residuals`; shape and pose are those of the phase's start."""
-        fitted = self.by_light[:, self.lights.fitted]
-        by_log = np.einsum("cj,jcp->cp", fitted, self.lights.jacobian(state.lights))
-        result = np.zeros((3, layout.size))
-        result[:, layout.slices["lights"]] = (
-            AXES @ (by_log / self._shown(state)[:, None]) / self.sigma[:, None]
-        )
-        return result
-
-    def _shown(self, state: State) -> Float[np.ndarray, " 3"]:
-        radiance = self.lights.radiance(state.lights)
-        return np.maximum(np.einsum("cj,jc->c", self.by_light, radiance), 1e-30)
+    def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
+        """The same for both."""
+        return self.deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +100,11 @@ def _whites(setup: Setup) -> Whites | None:
     seen = np.maximum(color[chosen].mean(axis=0), 1e-6)
     if not eye_is_open(seen, photo.color[photo.mask & (setup.problem.skin > SURE_SKIN)]):
         return None
-    sigma = np.hypot(SIGMA, PIXEL_SIGMA / np.sqrt(chosen.sum()) * np.array([1.0, 0.3, 0.3]))
     return Whites(
         forward.lights,
         by_light[:, chosen].mean(axis=1),
         seen,
-        sigma,
+        np.hypot(SIGMA, PIXEL_SIGMA / np.sqrt(chosen.sum())),
         setup.problem.job.weights.photo,
     )
 

@@ -29,13 +29,15 @@ def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     return result
 
 
+def mouth_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) float32 in 0..1, how much of a pixel shows what lies between the lips."""
+    return _share_within(shape, landmarks.points[scheme_of(landmarks.scheme).openings[0]])
+
+
 def lips_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) float32 in 0..1, how much of a pixel shows lips."""
-    scheme = scheme_of(landmarks.scheme)
-    outer, inner = (
-        _share_within(shape, landmarks.points[ring]) for ring in (scheme.lips, scheme.openings[0])
-    )
-    return np.asarray(outer * (1.0 - inner))
+    outer = _share_within(shape, landmarks.points[scheme_of(landmarks.scheme).lips])
+    return np.asarray(outer * (1.0 - mouth_share(shape, landmarks)))
 
 
 def _share_within(shape: tuple[int, int], border: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import clear_of_others, paint_weight, skin_weight
 from facestage.fit.given.spectacles import spectacle_frame
 from facestage.fit.given.sunglasses import sunglasses
-from facestage.fit.given.teeth import closed_teeth
+from facestage.fit.given.teeth import closed_teeth, teeth_color
 from facestage.fit.given.window import Window
 from facestage.images.image_io import Photograph, read_photograph, resize
 from facestage.models.registry import load_model
@@ -136,6 +136,15 @@ class Problem:
     def closed_teeth(self) -> float:
         """0 to 1, how surely closed teeth are seen between the lips."""
         return closed_teeth(self.photograph.color, self.skin, self.landmarks)
+
+    @cached_property
+    def teeth(self) -> np.ndarray | None:
+        """(3,) radiance of the teeth where they are lit best; None where few are seen, or nothing
+        has a hue.
+        """
+        if self.photograph.tinted:
+            return None
+        return teeth_color(self.photograph.color, self.skin, self.landmarks)
 
     @cached_property
     def lash_depth(self) -> float:

@@ -15,16 +15,12 @@ from scipy.optimize import minimize_scalar
 from facestage.contract.arrays import Float
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.exposure_term import (
-    EXPOSED,
-    SIGMA,
-    SKIN_MIN,
-    somebody_exposed,
-    white_skin,
-)
+from facestage.fit.energy.exposure_term import EXPOSED, SIGMA, somebody_exposed
 from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.teeth_term import TEETH, lightness_sigma
 from facestage.fit.energy.tone_term import tone_of
+from facestage.fit.energy.white_skin import SKIN_MIN, white_skin
 from facestage.fit.given.problem import Problem
 from facestage.fit.stages.initialize import initial_lights
 
@@ -51,7 +47,9 @@ def as_light_as_exposed(
     skin = (evaluation.base_weight[y, x] > 0) & (photo.photo.skin[y, x] > SKIN_MIN)
     if not skin.any():
         return state.albedo
-    tone = tone_of(problem.geometry)
+    tone, teeth = tone_of(problem.geometry), problem.teeth
+    # Of white skin beside the teeth.
+    beside = None if teeth is None else float(teeth @ REC709) / float(TEETH @ REC709)
 
     def unlikely(luminance: float) -> float:
         there = replace(state, albedo=tone.coefficients(luminance))
@@ -60,7 +58,9 @@ def as_light_as_exposed(
         radiance = initial_lights(tried, photo, problem.lights) @ np.array(REC709)
         white = float(white_skin(image.terms.diffuse[skin], radiance) @ radiance)
         exposed = np.log(max(white, 1e-9) / EXPOSED) / SIGMA
-        return float(exposed**2 + ((luminance - tone.mean) / TONE_SIGMA) ** 2)
+        smiles = 0.0 if beside is None else float(np.log(max(white, 1e-9) / beside))
+        smiles /= lightness_sigma(smiles > 0)
+        return float(exposed**2 + smiles**2 + ((luminance - tone.mean) / TONE_SIGMA) ** 2)
 
     found = minimize_scalar(
         unlikely, bounds=tone.limits, method="bounded", options={"xatol": TOLERANCE}

@@ -10,14 +10,8 @@ import pytest
 
 from facestage.contract.brdf import matte
 from facestage.contract.light_stage import FROZEN
-from facestage.fit.energy.exposure_term import (
-    EXPOSED,
-    FAINT,
-    SIGMA,
-    Exposure,
-    ExposureTerm,
-    white_skin,
-)
+from facestage.fit.energy.exposure_term import EXPOSED, FAINT, SIGMA, Exposure, ExposureTerm
+from facestage.fit.energy.white_skin import white_skin
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facestage.fit.energy.whites_term import AXES, Whites, WhitesTerm
+from facestage.fit.energy.white_reference import AXES
+from facestage.fit.energy.whites_term import Whites, WhitesTerm
 from facestage.fit.face.eye_white import eye_is_open
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
@@ -72,7 +73,7 @@ def test_too_bright_and_too_red_light_is_found_out(known: tuple[Problem, State, 
     for gain in ((1.5, 1.5, 1.5), (1.3, 1.0, 1 / 1.3)):
         other = replace(state, lights=problem.lights.from_radiance(radiance * np.array(gain)))
         change = found.residuals(other) - found.residuals(state)
-        np.testing.assert_allclose(change, AXES @ np.log(gain) / found.sigma, atol=1e-9)
+        np.testing.assert_allclose(change, AXES @ np.log(gain) / found.sigma(True), atol=1e-9)
 
 
 def test_the_slope_is_that_of_the_residuals(known: tuple[Problem, State, Whites]):

@@ -13,7 +13,7 @@ from facestage.fit.face.unknowns import EXPRESSION_SIGMA
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given import teeth
 from facestage.fit.given.problem import read_problem
-from facestage.fit.given.teeth import CLOSED_SIGMA, closed_teeth, expression_deviations
+from facestage.fit.given.teeth import CLOSED_SIGMA, closed_teeth, expression_deviations, teeth_color
 from facestage.fit.stages.phases import PHASES
 from facestage.fit.stages.view import View
 from facestage.models.anatomy.landmark_schemes import scheme_of
@@ -114,6 +114,46 @@ def test_nothing_is_said_of_lips_that_meet_or_do_not_show():
     unknown.points[14] = np.nan
     assert closed_teeth(color, skin, replace(unknown, weights=None)) == 0.0
     assert closed_teeth(np.full_like(color, np.nan), skin, mouth()) == 0.0
+
+
+@pytest.mark.parametrize("scheme", SIZES)
+@pytest.mark.parametrize("brightness", [0.2, 1.0])
+def test_teeth_have_the_color_of_those_that_are_lit_best(scheme: str, brightness: float):
+    """Above them gums, in the middle they shine, below a lip shades them."""
+    shaded, wet = 0.5 * np.array(TOOTH), 1.8 * np.array(TOOTH)
+    rows = (0.0, TONGUE), (0.2, TOOTH), (0.42, tuple(wet)), (0.45, TOOTH), (0.7, tuple(shaded))
+    color, skin = painted(*rows)
+    found = teeth_color(brightness * color, skin, mouth(scheme))
+    assert found is not None
+    np.testing.assert_allclose(found, brightness * np.array(TOOTH), rtol=0.02)
+
+
+@pytest.mark.parametrize("paint", [TONGUE, DARK, (0.6, 0.3, 0.25)])
+def test_what_is_no_tooth_has_no_color_of_teeth(paint: tuple[float, ...]):
+    color, skin = painted((0.0, paint))
+    assert teeth_color(color, skin, mouth()) is None
+    some, _ = painted((0.0, paint), (0.5, TOOTH))
+    assert teeth_color(some, skin, mouth()) is not None
+
+
+def test_teeth_in_the_dark_of_the_mouth_say_nothing_of_their_color():
+    for brightness, expected in ((1.0, True), (0.8, False)):
+        color, skin = painted((0.0, tuple(brightness * np.array(TOOTH))))
+        assert (teeth_color(color, skin, mouth()) is not None) is expected
+
+
+def test_few_teeth_say_nothing_of_their_color():
+    color, skin = painted((0.0, DARK))
+    color[TOP + HEIGHT // 2, SIZE // 2 : SIZE // 2 + 10] = TOOTH
+    assert teeth_color(color, skin, mouth()) is not None
+    large = mouth()
+    large.points[scheme_of(large.scheme).outline[0]] = SIZE
+    assert teeth_color(color, skin, large) is None
+    color, skin = painted((0.0, TOOTH))
+    assert teeth_color(color, np.zeros_like(skin), mouth()) is None
+    unknown = mouth()
+    unknown.points[14] = np.nan
+    assert teeth_color(color, skin, replace(unknown, weights=None)) is None
 
 
 @pytest.mark.parametrize("closed", [0.0, 0.5, 1.0])

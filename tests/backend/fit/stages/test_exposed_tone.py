@@ -11,10 +11,12 @@ import pytest
 
 from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
-from facestage.fit.energy.exposure_term import EXPOSED, SIGMA, white_skin
+from facestage.fit.energy.exposure_term import EXPOSED, SIGMA
 from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
+from facestage.fit.energy.teeth_term import TEETH, lightness_sigma
 from facestage.fit.energy.tone_term import Tone, tone_of
+from facestage.fit.energy.white_skin import white_skin
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem, read_problem
@@ -77,6 +79,24 @@ def test_dark_and_light_people_start_near_their_own_skin(
     kept = SIGMA**2 / (SIGMA**2 + TONE_SIGMA**2)
     assert abs(found - luminance - kept * (tone().mean - luminance)) < 0.2
     assert abs(found - tone().mean) > 0.5 * abs(luminance - tone().mean)
+
+
+@pytest.mark.parametrize("brighter", [2.0, 0.5])
+def test_light_that_teeth_need_starts_with_darker_skin(
+    renderer: str, tmp_path: Path, brighter: float
+):
+    """Skin that is exposed as usual, and teeth that say its light is brighter, or that are shaded:
+    then hardly anything changes.
+    """
+    problem, scene = person(tmp_path, tone().mean)
+    photo, evaluation = looked_at(problem, scene)
+    usual = tone().by_albedo @ as_light_as_exposed(problem, photo, evaluation)
+    smiling = replace(problem)
+    vars(smiling).update(teeth=brighter * EXPOSED * TEETH)
+    change = tone().by_albedo @ as_light_as_exposed(smiling, photo, evaluation) - usual
+    sure, unsure = 1 / SIGMA**2 + 1 / TONE_SIGMA**2, lightness_sigma(brighter < 1) ** -2
+    expected = -np.log(brighter) * unsure / (sure + unsure)
+    assert change == pytest.approx(expected, abs=0.1) and abs(change) > 0.1
 
 
 @pytest.mark.parametrize("known", ["linear", "held", "given"])

@@ -24,7 +24,7 @@ from facestage.fit.forward.reflectance import (
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.given.skin_mask import SURE_SKIN
-from facestage.fit.given.teeth import beside_skin, of_teeth
+from facestage.fit.given.teeth import beside_skin, like_teeth
 from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
 from facestage.fit.textures.eyes.lip_shadow import out_of_shadow
 from facestage.render.light_terms import PLAIN
@@ -70,7 +70,7 @@ class Known:
 # by 0.5 and more: only of what the photo surely shows of them is the lightness believed. Irises are
 # of any color.
 TEETH_KNOWN = Known(0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
-TEETH_SEEN = Known(0.45, 0.85, 0.5, 0.9, (0.4, 0.1), (0.15, 0.12), (0.6, 0.95))
+TEETH_SEEN = Known(0.3, 0.85, 0.5, 0.9, (0.4, 0.25), (0.15, 0.12), (0.6, 0.95))
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
@@ -78,6 +78,8 @@ SHADED_MAX = 0.3
 # Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no
 # blue, what is taken off for reflections leaves none.
 BROWNEST = np.array([0.0, 0.8, 1.4])
+# Red over blue, of the logarithm, of the yellowest teeth.
+YELLOWEST = 0.95
 # Red over green, of the logarithm, above which what belongs to the teeth is gum.
 GUM_RED = 0.4
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
@@ -212,7 +214,9 @@ def _pixels_by_part(
     image = forward.shade(state, surface, terms, radiance=stage.radiance, c_spec=c_spec)
     diffuse, specular = by_albedo(image.diffuse), image.skin.gloss(image.specular)
     column, row = surface.pixels.astype(int).T
-    albedo = np.clip(albedo_seen(look.color[row, column], diffuse, specular), 1e-3, 1.0)
+    albedo = np.maximum(albedo_seen(look.color[row, column], diffuse, specular), 1e-3)
+    # In a shadow that the photo lacks its hue is still its own.
+    albedo /= np.maximum(albedo.max(axis=1, keepdims=True), 1.0)
     below = np.full(len(albedo), np.nan) if look.eyes is None else look.eyes.below_lid[row, column]
     at = np.einsum("pi,pix->px", surface.weights, forward.geometry.mean[surface.corners])
     tooth = _like_teeth(look, row, column)
@@ -240,7 +244,7 @@ def _like_teeth(
     bare = look.color[look.usable & (look.skin > SURE_SKIN)]
     if not len(bare):
         return np.zeros(len(row), bool)
-    return of_teeth(*beside_skin(look.color[row, column], bare))
+    return like_teeth(*beside_skin(look.color[row, column], bare))
 
 
 def _pixels_of_parts(
@@ -305,6 +309,8 @@ def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, 
     else:
         # Whites and teeth are yellowish, never bluish: that is light which the stage lacks.
         color[2] = min(color[2], color[0])
+        if part.name == "teeth":
+            color[2] = max(color[2], color[0] - YELLOWEST)
     luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)

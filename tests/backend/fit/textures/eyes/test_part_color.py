@@ -133,6 +133,26 @@ def test_teeth_keep_to_what_teeth_can_be(face: PaintedFace, smiling: State):
     assert -0.7 < found[2] - found[0] < -0.1
 
 
+def test_teeth_keep_their_color_in_a_shadow_that_the_photo_lacks(face: PaintedFace, smiling: State):
+    """Lips of a fitted face keep light from them: they seem lighter than white, and are not white
+    for that; nor are those beside skin that is as grey as they.
+    """
+    geometry = face.forward.geometry
+    crown = next(part for part in parts_of(geometry) if part.name == "teeth").vertices
+    yellow = np.array([0.15, 0.0, -0.15])
+    for lighter in (0.0, 1.5):
+        change = np.zeros_like(geometry.log_albedo)
+        change[crown] = yellow + lighter
+        look = picture(face, smiling, change)
+        grey = look.color.mean(axis=2, keepdims=True) * [1.0, 0.95, 0.9]
+        skin = look.skin[..., None] > 0.5
+        for seen in (look, replace(look, color=np.where(skin, 0.3 * grey, look.color))):
+            found = by_name(face, part_colors(face.forward, smiling, face.stage, seen), "teeth")
+            hue = np.median(found[:, 0] - found[:, 2])
+            print(f"{lighter} lighter: red over blue {hue:.2f}")
+            assert hue == pytest.approx(0.3, abs=0.12)
+
+
 def test_white_teeth_are_found_and_gums_stay(face: PaintedFace, smiling: State):
     """Teeth as light as the photo shows them: before, a seventh of the way."""
     geometry = face.forward.geometry

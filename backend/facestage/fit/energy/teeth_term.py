@@ -1,0 +1,74 @@
+"""The teeth that a smile shows: how bright the light is at least, and of which color.
+
+Teeth are nearly white, like the whites of the eyes, and many more pixels. Lips shade them, so they
+say more surely that light is no dimmer than that it is no brighter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from facestage.contract.arrays import Float
+from facestage.fit.energy.evaluation import Evaluation
+from facestage.fit.energy.term import Setup, Term
+from facestage.fit.energy.white_reference import WhiteReference
+from facestage.fit.energy.white_skin import white_skin_of
+from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.state import State
+
+# What the best lit teeth show, beside white skin where the face is lit well (docs/skin-tone.md).
+TEETH = np.array([0.68, 0.55, 0.44])
+# Of the logarithm: how light teeth are where the light seems too dim for them, and where it seems
+# too bright because lips shade them; their red over blue, and their green over both.
+LIGHTER, SHADED = 0.2, 0.5
+COLOR_SIGMA = np.array([0.2, 0.08])
+
+
+@dataclass(frozen=True, eq=False)
+class Teeth(WhiteReference):
+    """What light makes of teeth, beside what the photo shows of them."""
+
+    name: ClassVar = "teeth"
+
+    lights: LightParameters
+    by_light: Float[np.ndarray, "3 lights"]
+    seen: Float[np.ndarray, " 3"]
+    weight: float = 1.0
+    share: float = 1.0
+
+    def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
+        """Lips can only darken."""
+        return np.array([lightness_sigma(too_bright), *COLOR_SIGMA])
+
+
+@dataclass(frozen=True, eq=False)
+class TeethTerm(Term):
+    """The teeth as the phase began."""
+
+    words: ClassVar = {"teeth": "Teeth"}
+
+    teeth: Teeth
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self | None:
+        """Of phases that move the light, where teeth are seen."""
+        if setup.photo is None or setup.stage is None or not setup.moves(("lights",)):
+            return None
+        seen = setup.problem.teeth
+        by_light = None if seen is None else white_skin_of(setup)
+        if seen is None or by_light is None:
+            return None
+        by_light = TEETH[:, None] * by_light
+        return cls(Teeth(setup.forward.lights, by_light, seen, setup.problem.job.weights.photo))
+
+    def at(self, state: State, evaluation: Evaluation | None = None) -> Teeth:
+        """Everywhere the same teeth."""
+        return self.teeth
+
+
+def lightness_sigma(too_bright: bool) -> float:
+    """Of the logarithm, where the light seems ``too_bright`` for teeth, or too dim."""
+    return SHADED if too_bright else LIGHTER
