@@ -142,9 +142,10 @@ class Problem:
         """(3,) radiance of the teeth where they are lit best; None where few are seen, or nothing
         has a hue.
         """
-        if self.photograph.tinted:
+        photo = self.photograph
+        if photo.tinted:
             return None
-        return teeth_color(self.photograph.color, self.skin, self.landmarks)
+        return teeth_color(photo.color, self.skin, self.landmarks, photo.mask)
 
     @cached_property
     def lash_depth(self) -> float:

@@ -81,13 +81,14 @@ def teeth_color(
     color: Num[np.ndarray, "height width 3"],
     skin: Float[np.ndarray, "height width"],
     landmarks: Landmarks,
+    mask: Bool[np.ndarray, "height width"],
 ) -> Float[np.ndarray, " 3"] | None:
     """Radiance of the teeth that a smile shows, where they are lit best, of a linear ``color`` with
-    its ``skin`` as above; None where nobody smiles.
+    its ``skin`` as above, within its ``mask``; None where nobody smiles.
     """
     shape = color.shape[0], color.shape[1]
-    bare = color[skin > SURE_SKIN]
-    between = color[mouth_share(shape, landmarks) == 1]
+    bare = color[mask & (skin > SURE_SKIN)]
+    between = color[mask & (mouth_share(shape, landmarks) == 1)]
     if not (len(bare) and len(between)):
         return None
     light, red = beside_skin(between, bare)

@@ -23,6 +23,7 @@ from reference.synthetic_case import Case
 
 SKIN, TOOTH, TONGUE, DARK = (0.5, 0.32, 0.25), (0.55, 0.5, 0.42), (0.4, 0.15, 0.15), (0.03,) * 3
 TOP, HEIGHT, SIZE = 100, 40, 240
+EVERYWHERE = np.ones((SIZE, SIZE), bool)
 SIZES = {"mediapipe478": 478, "ibug68": 68}
 
 
@@ -123,7 +124,7 @@ def test_teeth_have_the_color_of_those_that_are_lit_best(scheme: str, brightness
     shaded, wet = 0.5 * np.array(TOOTH), 1.8 * np.array(TOOTH)
     rows = (0.0, TONGUE), (0.2, TOOTH), (0.42, tuple(wet)), (0.45, TOOTH), (0.7, tuple(shaded))
     color, skin = painted(*rows)
-    found = teeth_color(brightness * color, skin, mouth(scheme))
+    found = teeth_color(brightness * color, skin, mouth(scheme), EVERYWHERE)
     assert found is not None
     np.testing.assert_allclose(found, brightness * np.array(TOOTH), rtol=0.02)
 
@@ -131,29 +132,34 @@ def test_teeth_have_the_color_of_those_that_are_lit_best(scheme: str, brightness
 @pytest.mark.parametrize("paint", [TONGUE, DARK, (0.6, 0.3, 0.25)])
 def test_what_is_no_tooth_has_no_color_of_teeth(paint: tuple[float, ...]):
     color, skin = painted((0.0, paint))
-    assert teeth_color(color, skin, mouth()) is None
+    assert teeth_color(color, skin, mouth(), EVERYWHERE) is None
     some, _ = painted((0.0, paint), (0.5, TOOTH))
-    assert teeth_color(some, skin, mouth()) is not None
+    assert teeth_color(some, skin, mouth(), EVERYWHERE) is not None
 
 
 def test_teeth_in_the_dark_of_the_mouth_say_nothing_of_their_color():
     for brightness, expected in ((1.0, True), (0.8, False)):
         color, skin = painted((0.0, tuple(brightness * np.array(TOOTH))))
-        assert (teeth_color(color, skin, mouth()) is not None) is expected
+        assert (teeth_color(color, skin, mouth(), EVERYWHERE) is not None) is expected
 
 
 def test_few_teeth_say_nothing_of_their_color():
     color, skin = painted((0.0, DARK))
     color[TOP + HEIGHT // 2, SIZE // 2 : SIZE // 2 + 10] = TOOTH
-    assert teeth_color(color, skin, mouth()) is not None
+    assert teeth_color(color, skin, mouth(), EVERYWHERE) is not None
     large = mouth()
     large.points[scheme_of(large.scheme).outline[0]] = SIZE
-    assert teeth_color(color, skin, large) is None
+    assert teeth_color(color, skin, large, EVERYWHERE) is None
     color, skin = painted((0.0, TOOTH))
-    assert teeth_color(color, np.zeros_like(skin), mouth()) is None
+    assert teeth_color(color, np.zeros_like(skin), mouth(), EVERYWHERE) is None
+    assert teeth_color(color, skin, mouth(), EVERYWHERE) is not None
+    shown = EVERYWHERE.copy()
+    shown[TOP : TOP + HEIGHT] = False
+    assert teeth_color(color, skin, mouth(), shown) is None
+    assert teeth_color(color, skin, mouth(), ~shown) is None
     unknown = mouth()
     unknown.points[14] = np.nan
-    assert teeth_color(color, skin, replace(unknown, weights=None)) is None
+    assert teeth_color(color, skin, replace(unknown, weights=None), EVERYWHERE) is None
 
 
 @pytest.mark.parametrize("closed", [0.0, 0.5, 1.0])
