@@ -19,7 +19,6 @@ from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.robust_residuals import RobustResiduals
 from facestage.fit.energy.term import Setup, Term
-from facestage.fit.energy.white_skin import white_skin_of
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -82,11 +81,9 @@ class ExposureTerm(Term):
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
         """Of phases that move the light, in photos that somebody has exposed."""
-        if setup.photo is None or setup.stage is None or not setup.moves(("lights",)):
+        if not (setup.moves_light and somebody_exposed(setup.problem)):
             return None
-        if not somebody_exposed(setup.problem):
-            return None
-        by_light = white_skin_of(setup)
+        by_light = setup.white_skin
         if by_light is None:
             return None
         return cls(Exposure(setup.forward.lights, by_light, setup.problem.job.weights.photo))

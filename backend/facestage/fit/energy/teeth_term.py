@@ -12,10 +12,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from facestage.contract.arrays import Float
+from facestage.contract.files.color import REC709
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.term import Setup, Term
 from facestage.fit.energy.white_reference import WhiteReference
-from facestage.fit.energy.white_skin import white_skin_of
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
 
@@ -41,7 +41,7 @@ class Teeth(WhiteReference):
 
     def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
         """Lips can only darken."""
-        return np.array([lightness_sigma(too_bright), *COLOR_SIGMA])
+        return np.array([SHADED if too_bright else LIGHTER, *COLOR_SIGMA])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +55,11 @@ class TeethTerm(Term):
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
         """Of phases that move the light, where teeth are seen."""
-        if setup.photo is None or setup.stage is None or not setup.moves(("lights",)):
+        seen = setup.problem.teeth if setup.moves_light else None
+        white = None if seen is None else setup.white_skin
+        if seen is None or white is None:
             return None
-        seen = setup.problem.teeth
-        by_light = None if seen is None else white_skin_of(setup)
-        if seen is None or by_light is None:
-            return None
-        by_light = TEETH[:, None] * by_light
+        by_light = TEETH[:, None] * white
         return cls(Teeth(setup.forward.lights, by_light, seen, setup.problem.job.weights.photo))
 
     def at(self, state: State, evaluation: Evaluation | None = None) -> Teeth:
@@ -69,6 +67,9 @@ class TeethTerm(Term):
         return self.teeth
 
 
-def lightness_sigma(too_bright: bool) -> float:
-    """Of the logarithm, where the light seems ``too_bright`` for teeth, or too dim."""
-    return SHADED if too_bright else LIGHTER
+def lightness_off(teeth: Float[np.ndarray, " 3"], white: float) -> float:
+    """How far, in standard deviations, light of which white skin has the luminance ``white`` is too
+    bright for ``teeth`` that show this radiance.
+    """
+    off = float(np.log(max(white, 1e-9) * (TEETH @ REC709) / (teeth @ REC709)))
+    return off / (SHADED if off > 0 else LIGHTER)

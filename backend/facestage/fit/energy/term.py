@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
@@ -19,6 +20,8 @@ from facestage.contract.arrays import Bool, Float
 from facestage.contract.light_stage import LightStage
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.plan import Plan
+from facestage.fit.energy.white_skin import white_skin_of
+from facestage.fit.face.lamps import turned
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import Known
@@ -47,6 +50,21 @@ class Setup:
         None  # lights whose shadows move; None: nobody's do
     )
     plan: Plan = field(default_factory=Plan)
+
+    @cached_property
+    def white_skin(self) -> Float[np.ndarray, " lights"] | None:
+        """The radiance of white skin where the face is lit well as the phase begins, under each
+        light of radiance 1; None where too little of it shows, and without photo or light.
+        """
+        if self.photo is None or self.stage is None:
+            return None
+        stage = turned(self.stage, self.start.light_position, self.pivot)
+        return white_skin_of(self.forward, self.start, self.photo, stage, self.problem.job.seed)
+
+    @property
+    def moves_light(self) -> bool:
+        """Whether the phase moves any light in sight of the photo."""
+        return self.photo is not None and self.stage is not None and self.moves(("lights",))
 
     def moves(self, blocks: Collection[str]) -> bool:
         """Whether any parameter of ``blocks`` is free in the phase."""

@@ -9,8 +9,10 @@ import numpy as np
 from facestage.contract import brdf
 from facestage.contract.arrays import Float
 from facestage.contract.files.color import REC709
-from facestage.fit.energy.term import Setup
-from facestage.fit.face.lamps import turned
+from facestage.contract.light_stage import LightStage
+from facestage.fit.face.state import State
+from facestage.fit.forward.shading import ForwardModel
+from facestage.fit.given.photo import Photo
 
 # Lit well: quantiles of the visible skin, from shade to the brightest. Beyond, a lamp at the side
 # that grazes the face would say how bright light is.
@@ -31,16 +33,17 @@ def white_skin(
     return np.asarray(white[(shown >= low) & (shown <= high)].mean(axis=0))
 
 
-def white_skin_of(setup: Setup) -> Float[np.ndarray, " lights"] | None:
-    """The same of the pixels of a phase as it starts; None where too few show the face."""
-    assert setup.photo is not None and setup.stage is not None
-    state, forward = setup.start, setup.forward
-    y, x = np.nonzero(setup.photo.usable & (setup.photo.skin > SKIN_MIN))
+def white_skin_of(
+    forward: ForwardModel, state: State, photo: Photo, stage: LightStage, seed: int
+) -> Float[np.ndarray, " lights"] | None:
+    """The same of the face in a ``photo`` under a ``stage`` whose lights stand as in ``state``;
+    None where too little of it shows.
+    """
+    y, x = np.nonzero(photo.usable & (photo.skin > SKIN_MIN))
     every = 1 + len(y) // PIXELS_MAX
     surface = forward.surface(state, np.stack([x, y], axis=1)[::every] + 0.5, only_fitted=True)
     if len(surface.pixels) < PIXELS_MIN:
         return None
-    stage = turned(setup.stage, state.light_position, setup.pivot)
-    terms = forward.light_terms(state, surface, stage, SAMPLES, setup.problem.job.seed)
+    terms = forward.light_terms(state, surface, stage, SAMPLES, seed)
     radiance = forward.lights.radiance(state.lights) @ np.array(REC709)
     return white_skin(terms.diffuse, radiance)

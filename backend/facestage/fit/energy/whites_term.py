@@ -63,9 +63,7 @@ class WhitesTerm(Term):
     @classmethod
     def of(cls, setup: Setup) -> Self | None:
         """Of phases that move the light, where open eyes are seen."""
-        if setup.photo is None or setup.stage is None or not setup.moves(("lights",)):
-            return None
-        whites = _whites(setup)
+        whites = _whites(setup) if setup.moves_light else None
         return None if whites is None else cls(whites)
 
     def at(self, state: State, evaluation: Evaluation | None = None) -> Whites:

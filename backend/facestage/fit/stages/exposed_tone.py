@@ -1,4 +1,4 @@
-"""Where skin starts: as light as somebody says, or as the photo's exposure does.
+"""Where skin starts: as light as somebody says, or as the photo's exposure and teeth do.
 
 Skin twice as dark in light twice as bright is the same matte picture, so a fit hardly leaves the
 tone that it starts from; and dark skin, begun as the mean, is explained as lighter skin in the
@@ -18,7 +18,7 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.exposure_term import EXPOSED, SIGMA, somebody_exposed
 from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
-from facestage.fit.energy.teeth_term import TEETH, lightness_sigma
+from facestage.fit.energy.teeth_term import lightness_off
 from facestage.fit.energy.tone_term import tone_of
 from facestage.fit.energy.white_skin import SKIN_MIN, white_skin
 from facestage.fit.given.problem import Problem
@@ -48,8 +48,6 @@ def as_light_as_exposed(
     if not skin.any():
         return state.albedo
     tone, teeth = tone_of(problem.geometry), problem.teeth
-    # Of white skin beside the teeth.
-    beside = None if teeth is None else float(teeth @ REC709) / float(TEETH @ REC709)
 
     def unlikely(luminance: float) -> float:
         there = replace(state, albedo=tone.coefficients(luminance))
@@ -58,8 +56,7 @@ def as_light_as_exposed(
         radiance = initial_lights(tried, photo, problem.lights) @ np.array(REC709)
         white = float(white_skin(image.terms.diffuse[skin], radiance) @ radiance)
         exposed = np.log(max(white, 1e-9) / EXPOSED) / SIGMA
-        smiles = 0.0 if beside is None else float(np.log(max(white, 1e-9) / beside))
-        smiles /= lightness_sigma(smiles > 0)
+        smiles = 0.0 if teeth is None else lightness_off(teeth, white)
         return float(exposed**2 + smiles**2 + ((luminance - tone.mean) / TONE_SIGMA) ** 2)
 
     found = minimize_scalar(

@@ -9,7 +9,6 @@ import pytest
 
 from facestage.fit.energy.teeth_term import TEETH, Teeth, TeethTerm
 from facestage.fit.energy.white_reference import AXES
-from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import Problem, read_problem
@@ -17,6 +16,7 @@ from facestage.fit.stages.phases import PhaseName, Schedule
 from facestage.fit.stages.view import View
 from facestage.models.registry import load_model
 from facestage.stress.scene import exposed, plain_scene, render, write_job
+from reference.slope_by_lights import assert_slope_by_lights
 
 
 def teeth(problem: Problem, state: State, phase: str = PhaseName.LIGHT) -> Teeth | None:
@@ -96,15 +96,7 @@ def test_the_slope_is_that_of_the_residuals(known: tuple[Problem, State, np.ndar
     problem, state, white = known
     found = teeth(showing(problem, gain * TEETH * white), state)
     assert found is not None
-    layout = Layout(state)
-    where = layout.slices["lights"]
-    slope = found.jacobian(state, layout)
-    assert not np.delete(slope, np.arange(where.start, where.stop), axis=1).any()
-    direction = np.zeros(layout.size)
-    direction[where] = np.random.default_rng(0).normal(size=where.stop - where.start)
-    plus, minus = (found.residuals(layout.apply(state, s * 1e-5 * direction)) for s in (1, -1))
-    np.testing.assert_allclose(slope @ direction, (plus - minus) / 2e-5, rtol=1e-6)
-    assert np.abs(slope @ direction).min() > 1e-3
+    assert_slope_by_lights(found, state, least=1e-3)
 
 
 def test_light_is_compared_with_teeth_that_are_seen(known: tuple[Problem, State, np.ndarray]):

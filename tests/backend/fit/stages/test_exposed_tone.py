@@ -14,7 +14,7 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.exposure_term import EXPOSED, SIGMA
 from facestage.fit.energy.known_tone import KnownTone
 from facestage.fit.energy.photo_term import PhotoTerm
-from facestage.fit.energy.teeth_term import TEETH, lightness_sigma
+from facestage.fit.energy.teeth_term import LIGHTER, SHADED, TEETH
 from facestage.fit.energy.tone_term import Tone, tone_of
 from facestage.fit.energy.white_skin import white_skin
 from facestage.fit.face.geometry import FaceGeometry
@@ -94,7 +94,7 @@ def test_light_that_teeth_need_starts_with_darker_skin(
     smiling = replace(problem)
     vars(smiling).update(teeth=brighter * EXPOSED * TEETH)
     change = tone().by_albedo @ as_light_as_exposed(smiling, photo, evaluation) - usual
-    sure, unsure = 1 / SIGMA**2 + 1 / TONE_SIGMA**2, lightness_sigma(brighter < 1) ** -2
+    sure, unsure = 1 / SIGMA**2 + 1 / TONE_SIGMA**2, (SHADED if brighter < 1 else LIGHTER) ** -2
     expected = -np.log(brighter) * unsure / (sure + unsure)
     assert change == pytest.approx(expected, abs=0.1) and abs(change) > 0.1
 

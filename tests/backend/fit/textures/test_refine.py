@@ -19,7 +19,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.beard import Beard
-from facestage.fit.given.face_areas import lips_share, opening_share
+from facestage.fit.given.face_areas import lips_share, mouth_share, opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
 from facestage.fit.result.finer_photo import finer_photo
@@ -161,7 +161,8 @@ def test_teeth_that_the_photo_shows_on_fitted_lips_are_not_painted(scene: Scene,
     inside, outside = between[row, column] == 1, between[row, column] == 0
     lips = lips_share((between.shape[0], between.shape[1]), opened)[row, column]
     np.testing.assert_array_equal(shown.lips, lips)
-    assert lips.max() == 1.0
+    mouth = mouth_share((between.shape[0], between.shape[1]), opened)[row, column] == 1
+    assert lips.max() == 1.0 and mouth.sum() > 20 and not lips[mouth].any()
     print(f"{inside.sum()} pixels between the lips, weights up to {shown.clear[inside].max()}")
     assert inside.sum() > 20
     assert not shown.clear[inside].any() and shown.clear[outside].mean() > 0.5

@@ -64,13 +64,16 @@ class Known:
     # among pixels that landmarks chose, instead of darker and brighter
     surely: tuple[float, float] = (0.35, 0.65)
     shaded: float = 0.0  # how much darker lids and lashes keep one person's, deviation
+    yellowest: float = np.inf  # its red over blue, of the logarithm, at most
 
 
 # Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is too deep,
 # by 0.5 and more: only of what the photo surely shows of them is the lightness believed. Irises are
 # of any color.
 TEETH_KNOWN = Known(0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
-TEETH_SEEN = Known(0.3, 0.85, 0.5, 0.9, (0.4, 0.25), (0.15, 0.12), (0.6, 0.95))
+TEETH_SEEN = Known(
+    0.3, 0.85, 0.5, 0.9, (0.4, 0.25), (0.15, 0.12), surely=(0.6, 0.95), yellowest=0.95
+)
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
 # Share of the shade at the lid's border beyond which a pixel says little of a color.
@@ -78,8 +81,6 @@ SHADED_MAX = 0.3
 # Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no
 # blue, what is taken off for reflections leaves none.
 BROWNEST = np.array([0.0, 0.8, 1.4])
-# Red over blue, of the logarithm, of the yellowest teeth.
-YELLOWEST = 0.95
 # Red over green, of the logarithm, above which what belongs to the teeth is gum.
 GUM_RED = 0.4
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
@@ -308,9 +309,7 @@ def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, 
         color = np.maximum(color, color[0] - BROWNEST)
     else:
         # Whites and teeth are yellowish, never bluish: that is light which the stage lacks.
-        color[2] = min(color[2], color[0])
-        if part.name == "teeth":
-            color[2] = max(color[2], color[0] - YELLOWEST)
+        color[2] = np.clip(color[2], color[0] - known.yellowest, color[0])
     luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)
