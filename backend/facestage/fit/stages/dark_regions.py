@@ -5,15 +5,19 @@ What casts the shadow is not in the scene that is fitted, so its pixels would be
 A single pixel says little: at first the shape is the landmarks' and the skin one tone. A region
 does. The light is found by least squares whose weights fall with the misfit around each pixel
 (Geman and McClure 1987), so that a region which is wrong as a whole takes no part, and no more
-is asked of it where the model stays much brighter than the photo.
+is asked of it where the model stays much brighter than the photo. How much brighter, the rest of
+the face says: where its folds and cheeks are off by a third, as in a photo of hard contrast, a
+cheek in half-light that is off by two thirds is nobody else's shadow.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter, label, sum_labels
 
-from facestage.contract.arrays import Bool, Float
+from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import REGION_SHARE
 from facestage.fit.energy.photo_term import PhotoTerm
@@ -29,6 +33,9 @@ USUAL, DARK = 0.15, 0.35
 # larger than this is no region, but a photo that these lights cannot make.
 AREA_MIN, AREA_MAX = 0.02, 0.6
 BORDER_PX = 2  # of mixed pixels
+# Misfit of a region, in root mean squares of what the light on the rest leaves of the rest, from
+# where on something else darkens it; docs/photographs.md.
+OUTSTANDING = 2.5
 # Mean misfit of a region below which shape and light, fitted without it, explain it after all.
 EXPLAINED = 0.5 * DARK
 
@@ -51,16 +58,15 @@ def dark_regions(
     found = np.zeros(evaluation.base_weight.shape, bool)
     if not weights.any() or not lights.fitted.any():
         return found
-    misfit = _regional_misfit(
-        columns[:, lights.fitted], target - held, held, weights, (y, x), found.shape
-    )
-    found[y, x] = (misfit > DARK) & (weights > 0)
+    lit = _Lit(columns[:, lights.fitted], target - held, held, weights)
+    found[y, x] = (_regional_misfit(lit, (y, x), found.shape) > DARK) & (weights > 0)
     labels, count = label(found)
     pixels = float((weights > 0).sum())
     share = np.asarray(sum_labels(found, labels, np.arange(1, count + 1))) / pixels
-    found = np.isin(labels, 1 + np.flatnonzero(share >= AREA_MIN))
-    if found.sum() > AREA_MAX * pixels:
+    labels = np.where(np.isin(labels, 1 + np.flatnonzero(share >= AREA_MIN)), labels, 0)
+    if (labels > 0).sum() > AREA_MAX * pixels:
         return np.zeros_like(found)
+    found = np.isin(labels, _outstanding(lit, labels[y, x]))
     return np.asarray(binary_dilation(found, iterations=BORDER_PX))
 
 
@@ -88,18 +94,43 @@ def still_dark(
     return np.isin(labels, numbers[dark_still])
 
 
-def _regional_misfit(
-    columns: Float[np.ndarray, "pixels lights"],
-    target: Float[np.ndarray, " pixels"],
-    held: Float[np.ndarray, " pixels"],
-    weights: Float[np.ndarray, " pixels"],
-    where: tuple[np.ndarray, np.ndarray],
-    shape: tuple[int, ...],
-) -> Float[np.ndarray, " pixels"]:
-    """By how much the model is brighter around each pixel, relative to the mean of model, photo and
-    the whole face; ``held`` is of lights that are not fitted, and not in ``target``.
+@dataclass(frozen=True)
+class _Lit:
+    """Pixels, and what each light alone would make of them."""
+
+    columns: Float[np.ndarray, "pixels lights"]
+    target: Float[np.ndarray, " pixels"]  # what is left to the fitted lights
+    held: Float[np.ndarray, " pixels"]  # of the others, not in it
+    weights: Float[np.ndarray, " pixels"]
+
+    def misfit(self, believed: Float[np.ndarray, " pixels"]) -> Float[np.ndarray, " pixels"]:
+        """By how much light that explains pixels as far as ``believed`` makes each brighter,
+        relative to the mean of model, photo and the whole face.
+        """
+        model = self.columns @ ridged_nnls(self.columns, self.target, self.weights * believed)
+        mean = float(np.average(self.target + self.held, weights=self.weights))
+        return (model - self.target) / (0.25 * (model + self.target + 2 * self.held) + 0.5 * mean)
+
+
+def _outstanding(lit: _Lit, labels: Int[np.ndarray, " pixels"]) -> Int[np.ndarray, " regions"]:
+    """Those of the regions that ``labels``, 0 for none, tell apart whose misfit stands out from
+    that of the rest of the face, under light that explains the rest.
     """
-    mean = float(np.average(target + held, weights=weights))
+    rest = labels == 0
+    misfit = lit.misfit(rest)
+    if not (lit.weights * rest).any():
+        return np.zeros(0, int)
+    usual = np.sqrt(np.average(misfit[rest] ** 2, weights=lit.weights[rest]))
+    numbers = np.unique(labels[~rest])
+    off = [np.average(misfit[labels == n], weights=lit.weights[labels == n]) for n in numbers]
+    return numbers[np.array(off) > OUTSTANDING * usual]
+
+
+def _regional_misfit(
+    lit: _Lit, where: tuple[np.ndarray, np.ndarray], shape: tuple[int, ...]
+) -> Float[np.ndarray, " pixels"]:
+    """The misfit around each pixel, under light that believes what it explains."""
+    weights = lit.weights
     width = REGION_SHARE * float(np.sqrt((weights > 0).sum()))
 
     def around(values: np.ndarray) -> np.ndarray:
@@ -110,8 +141,6 @@ def _regional_misfit(
     share = np.maximum(around(weights), 1e-3)
     robust, misfit = np.ones_like(weights), np.zeros_like(weights)
     for _ in range(ROUNDS):
-        model = columns @ ridged_nnls(columns, target, weights * robust)
-        level = 0.25 * (model + target + 2 * held) + 0.5 * mean
-        misfit = around(weights * (model - target) / level) / share
+        misfit = around(weights * lit.misfit(robust)) / share
         robust = (1.0 + (misfit / USUAL) ** 2) ** -2.0
     return misfit

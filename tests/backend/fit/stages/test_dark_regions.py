@@ -88,6 +88,19 @@ def test_small_spots_are_left_to_the_weights(scene: Scene, picture: tuple[np.nda
     assert not found_in(scene, np.where(spot[..., None], 0.02 * photo, photo)).any()
 
 
+@pytest.mark.parametrize(("contrast", "some"), [(0.1, True), (0.6, False)])
+def test_where_all_of_the_face_is_off_a_region_has_to_be_off_by_more(
+    scene: Scene, picture: tuple[np.ndarray, np.ndarray], contrast: float, some: bool
+):
+    photo, seen = picture
+    y, x = np.mgrid[:96, :96]
+    uneven = photo * np.exp(np.where((y // 3 + x // 3) % 2, contrast, -contrast))[..., None]
+    shadow = upper_third(seen)
+    found = found_in(scene, np.where(shadow[..., None], 0.35 * uneven, uneven))
+    print(found[shadow].mean())
+    assert found[shadow].any() == some
+
+
 def test_what_is_nearly_all_of_a_face_is_no_region(
     scene: Scene, picture: tuple[np.ndarray, np.ndarray]
 ):
