@@ -41,7 +41,7 @@ from facestage.fit.given.lash_depth import lash_depth
 from facestage.fit.given.metrics import white_level
 from facestage.fit.given.photo import Photo
 from facestage.fit.given.skin_mask import clear_of_others, paint_weight, skin_weight
-from facestage.fit.given.spectacles import spectacle_frame
+from facestage.fit.given.spectacles import clear_of_frame, spectacle_frame
 from facestage.fit.given.sunglasses import sunglasses
 from facestage.fit.given.teeth import closed_teeth, teeth_color
 from facestage.fit.given.window import Window
@@ -118,8 +118,11 @@ class Problem:
     @cached_property
     def frame(self) -> np.ndarray:
         """(h, w) bool, what a frame of glasses, or dark glass, hides."""
-        frame = spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
-        return frame | self.dark_glass
+        return self._thin_frame | self.dark_glass
+
+    @cached_property
+    def _thin_frame(self) -> np.ndarray:
+        return spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
 
     @cached_property
     def dark_glass(self) -> np.ndarray:
@@ -167,7 +170,11 @@ class Problem:
 
     def clear(self, face: np.ndarray) -> np.ndarray:
         """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""
-        return clear_of_others(self.paintable, face, self.face_size_px)
+        thin = self._thin_frame & ~self.dark_glass
+        others = np.where(thin, 1.0, self.paintable)
+        return clear_of_others(others, face, self.face_size_px) * clear_of_frame(
+            thin, self.landmarks
+        )
 
     @property
     def start_camera(self) -> Camera:

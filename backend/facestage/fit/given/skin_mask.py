@@ -188,15 +188,22 @@ def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.n
     ``paint`` (h, w) is :func:`paint_weight`, ``face`` (h, w) bool where the fitted face lies, which
     is ``face_px`` pixels large. What is smaller than the border itself is noise, which has none.
     """
-    import cv2
-
     width = max(BORDER_SHARE * face_px, BORDER_MIN)
     regions, count = label(face & (paint < 0.5))
     large = np.bincount(regions.ravel(), minlength=count + 1) > (2 * width) ** 2
     large[0] = False
-    if not large.any():
-        return np.ones(paint.shape, np.float32)
-    away = cv2.distanceTransform((~large[regions]).astype(np.uint8), cv2.DIST_L2, 5)
+    return beyond_border(large[regions], width)
+
+
+def beyond_border(hiding: np.ndarray, width: float) -> np.ndarray:
+    """(h, w) float32 in 0..1 of pixels around the ``hiding`` (h, w) bool: 0 up to ``width`` pixels
+    away, 1 from twice as far on.
+    """
+    import cv2
+
+    if not hiding.any():
+        return np.ones(hiding.shape, np.float32)
+    away = cv2.distanceTransform((~hiding).astype(np.uint8), cv2.DIST_L2, 5)
     return np.clip(away / np.float32(width) - 1.0, 0.0, 1.0)
 
 

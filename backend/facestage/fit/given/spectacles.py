@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_propagation, label
+from scipy.ndimage import binary_dilation, binary_propagation, gaussian_filter, label
 
-from facestage.contract.arrays import Bool, Float, Num, UInt8
+from facestage.contract.arrays import Bool, Float, Float32, Num, UInt8
 from facestage.contract.landmarks import Landmarks
-from facestage.fit.given.face_areas import chin_to_brows, face_size_px, opening_share
-from facestage.fit.given.skin_mask import SURE_SKIN
+from facestage.fit.given.face_areas import brow_pixels, chin_to_brows, face_size_px, opening_share
+from facestage.fit.given.skin_mask import BORDER_MIN, BORDER_SHARE, SURE_SKIN, beyond_border
 from facestage.fit.given.window import Window
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
@@ -44,6 +44,11 @@ REACH, LASHES = 1.6, 0.12
 BELOW_MIN, BELOW_BINS, BELOW_ANGLES, BELOW_NEAR = 0.4, 14, (20.0, 160.0), 0.4
 # Around what is found a pixel may still show some of it, as far as this share of the face.
 AROUND_SHARE = 0.012
+# How far from that skin is mixed with it, or in its shadow, in shares of the face and pixels: its
+# edge is sharp, unlike hair's.
+BESIDE_SHARE, BESIDE_MIN = 0.006, 1.0
+# How far from a brow's line a brow may be, and how softly that ends, in shares of the face.
+BROW_SHARE, BROW_SOFT = 0.03, 0.015
 
 
 def spectacle_frame(
@@ -67,6 +72,23 @@ def spectacle_frame(
     lines = dark_lines(resize(radiance, *window.size) / usual, window.factor * size)
     found = _followed(lines, window.landmarks(landmarks), eyes.in_window(window))
     return with_rim(found, window, size)
+
+
+def clear_of_frame(
+    frame: Bool[np.ndarray, "height width"], landmarks: Landmarks
+) -> Float32[np.ndarray, "height width"]:
+    """0 to 1, how clear a pixel is of a ``frame``, as of :func:`spectacle_frame`: close to it in
+    the glass and below, but farther off where brows are. What is left of a brow that a frame
+    covers is no brow.
+    """
+    shape, size = (frame.shape[0], frame.shape[1]), face_size_px(landmarks)
+    close = beyond_border(frame, max(BESIDE_SHARE * size, BESIDE_MIN))
+    if not frame.any():
+        return close
+    brows = binary_dilation(brow_pixels(shape, landmarks), disc(BROW_SHARE * size))
+    there = gaussian_filter(brows.astype(np.float32), BROW_SOFT * size)
+    far = beyond_border(frame, max(BORDER_SHARE * size, BORDER_MIN))
+    return close + there * (far - close)
 
 
 def _followed(

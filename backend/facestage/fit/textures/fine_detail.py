@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Float, Float32
 from facestage.fit.forward.shading import sample_bilinear
-from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, in_doubt, pigment_share
+from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, pigment_share
 from facestage.fit.textures.shown import Shown, lattice
 from facestage.fit.textures.texel_field import Field, solve_field
 
@@ -28,7 +28,8 @@ LIGHTER_MAX, DARKER_MAX, CHROMA_MAX = 0.25, 0.8, 0.15
 # Shares of the doubts that an edge of shading lies elsewhere, and of the highlights'.
 SHIFT, CAUTION = 1.0, 3.0
 # Confidence that makes both count alike, and what a pixel has that tells of what is fine alone.
-ALIKE, FINE_WEIGHT = 0.01, 0.04
+ALIKE, FINE_WEIGHT = 0.01, 0.1
+UNVEILED_MAX = 2.0  # how many times what is seen through gloss the skin's own may be
 COARSE = 256  # texels along the atlas that hold the rest
 
 
@@ -44,22 +45,30 @@ def fine_detail(
     floor = DARK_SHARE * max(float(rendered.mean()), 1e-9)
     matte = np.log(diffuse.mean(axis=1) + floor)[:, None]
     ratio = np.log(np.maximum(shown.photo, 0) + floor) - np.log(np.maximum(rendered, 0) + floor)
+    # Where red alone is clipped, the others say how bright skin is beside its surroundings.
+    told = ~shown.clipped
+    clear = shown.clear * told.any(axis=1)
+    mean = (told * ratio).sum(axis=1) / np.maximum(told.sum(axis=1), 1)
+    ratio = np.where(told, ratio, mean[:, None])
     if painted is not None:
         ratio = ratio + painted
-    fine, edges = (
-        departures(surface.pixels, each, shown.weight, shown.face_px) for each in (ratio, matte)
+    fine, edges, gleams = (
+        departures(surface.pixels, each, clear, shown.face_px)
+        for each in (ratio, matte, gloss[:, None])
     )
-    # Light that changes evenly is no detail, wherever it lies.
+    # Light that changes evenly is no detail, wherever it lies; nor is gloss.
     shading = SHIFT * shown.change_over_shift(edges[:, 0])
-    highlight = CAUTION * in_doubt(shown, body, doubts)[1]
+    highlight = CAUTION * doubts.highlight_shift * shown.change_over_shift(gleams[:, 0]) / body
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
+    # Below gloss, which has none of it, a change of the albedo shows less.
+    fine = fine * np.minimum((body + gloss) / body, UNVEILED_MAX)[:, None]
     fine = fine * pigment_share(fine.mean(axis=1), shading, highlight, sigma)[:, None]
     brightness = fine.mean(axis=1, keepdims=True)
     hue = np.clip(fine - brightness, -CHROMA_MAX, CHROMA_MAX)
     fine = np.clip(brightness, -DARKER_MAX, LIGHTER_MAX) + hue
     seen = shown.photo.mean(axis=1)
     lit = seen / (seen + floor)
-    return fine, shown.weight * (body / (body + gloss)) ** 2 * lit**2
+    return fine, clear * (body / (body + gloss)) ** 2 * lit**2
 
 
 def departures(

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from facestage.fit.given import problem as problem_module
 from facestage.fit.given.problem import read_problem
-from facestage.fit.given.spectacles import crossing_depth, spectacle_frame
+from facestage.fit.given.spectacles import clear_of_frame, crossing_depth, spectacle_frame
 from facestage.models.anatomy.landmark_schemes import scheme_of
 from reference.drawn_glasses import (
     APART,
@@ -42,6 +42,19 @@ def test_a_frame_is_found_and_little_else(scheme: str, exposure: float):
     assert found[FRAME].mean() > 0.98
     beside = binary_dilation(RING | BRIDGE | BROW, np.ones((3, 3)), iterations=5)
     assert not found[~beside].any()
+
+
+def test_skin_behind_glass_is_clear_of_the_frame_and_brows_beside_it_are_not():
+    color, skin = drawn(RING, BRIDGE)
+    seen = landmarks("ibug68")
+    found = spectacle_frame(color, skin, seen)
+    clear = clear_of_frame(found, seen)
+    assert not clear[found].any()
+    around = binary_dilation(found, np.ones((3, 3)), iterations=12) & ~found
+    below, above = around & (EYES + 10 < Y), around & binary_dilation(BROW, iterations=6)
+    print(clear[below].mean(), clear[above].mean())
+    assert clear[below].mean() > 0.6 and clear[above].mean() < 0.4
+    assert (clear_of_frame(np.zeros_like(found), seen) == 1).all()
 
 
 def test_lashes_that_touch_a_frame_are_no_part_of_it():

@@ -9,7 +9,7 @@ import pytest
 
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.textures.albedo_detail import albedo_detail
-from facestage.fit.textures.fine_detail import departures
+from facestage.fit.textures.fine_detail import departures, fine_detail
 from reference.painted_face import PaintedFace, painted_face
 
 WRINKLES = 0.8  # depth of log albedo
@@ -51,6 +51,46 @@ def test_wrinkles_show_where_nothing_is_believed_of_the_light(face: PaintedFace)
     assert found.seen.mean() < 0.01
     sure = albedo_detail(face.atlas, face.shown(photo), None, geometry=face.forward.geometry)
     assert sure.seen.mean() > 0.1
+
+
+@pytest.mark.parametrize("clipped", [1, 2, 3])
+def test_channels_that_are_not_clipped_show_them(face: PaintedFace, clipped: int):
+    lines = wrinkles(face)
+    photo, _ = face.photo(np.repeat(lines[..., None], 3, axis=2))
+    photo[:, :clipped] = photo[:, :clipped].max()
+    shown = replace(
+        face.shown(0.5 * photo),
+        doubt=np.full(len(photo), 300.0),
+        clipped=np.repeat((np.arange(3) < clipped)[None], len(photo), axis=0),
+    )
+    fine, clear = fine_detail(shown, None)
+    true = sample_bilinear(lines, shown.uvs)
+    there = shown.clear > 0.8
+    if clipped == 3:
+        assert not clear.any()
+        return
+    alike = float(np.corrcoef(fine[there].mean(axis=1), true[there])[0, 1])
+    print(f"correlation {alike:.2f}, {clear[there].mean():.2f} clear")
+    assert alike > 0.75 and clear[there].mean() > 0.3
+    assert np.abs(fine[there] - fine[there].mean(axis=1, keepdims=True)).max() < 0.151
+
+
+def test_even_gloss_hides_none(face: PaintedFace):
+    """As on dark skin, which shines as much as any other."""
+    lines = wrinkles(face)
+    photo, _ = face.photo(np.repeat(lines[..., None], 3, axis=2))
+    plain = face.shown(photo)
+    gloss = 0.5 * float((plain.diffuse * plain.albedo).mean())
+    strength = []
+    for added in (0.0, gloss):
+        matte = replace(plain.image, specular=np.full_like(photo, added))
+        image = replace(matte, color=matte.skin.radiance(matte.diffuse, matte.specular))
+        shine = image.skin.gloss(image.specular)
+        shown = replace(plain, image=image, photo=photo + shine, doubt=np.full(len(photo), 300.0))
+        fine, _ = fine_detail(shown, None)
+        strength.append(float(np.std(fine[shown.clear > 0.8].mean(axis=1))))
+    print(strength)
+    assert strength[1] > 0.85 * strength[0]
 
 
 def test_a_wrong_light_is_not_painted(face: PaintedFace):
