@@ -28,7 +28,7 @@ LIGHTER_MAX, DARKER_MAX, CHROMA_MAX = 0.25, 0.8, 0.15
 # Shares of the doubts that an edge of shading lies elsewhere, and of the highlights'.
 SHIFT, CAUTION = 1.0, 3.0
 # Confidence that makes both count alike, and what a pixel has that tells of what is fine alone.
-ALIKE, FINE_WEIGHT = 0.01, 0.1
+ALIKE, FINE_WEIGHT = 0.01, 0.04
 UNVEILED_MAX = 2.0  # how many times what is seen through gloss the skin's own may be
 COARSE = 256  # texels along the atlas that hold the rest
 
