@@ -122,7 +122,8 @@ class Problem:
 
     @cached_property
     def _thin_frame(self) -> np.ndarray:
-        return spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+        frame = spectacle_frame(self.photograph.color, self._skin_colored, self.landmarks)
+        return frame & ~self.dark_glass
 
     @cached_property
     def dark_glass(self) -> np.ndarray:
@@ -170,11 +171,10 @@ class Problem:
 
     def clear(self, face: np.ndarray) -> np.ndarray:
         """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""
-        thin = self._thin_frame & ~self.dark_glass
+        thin = self._thin_frame
         others = np.where(thin, 1.0, self.paintable)
-        return clear_of_others(others, face, self.face_size_px) * clear_of_frame(
-            thin, self.landmarks
-        )
+        beside = clear_of_frame(thin, self.landmarks)
+        return beside * clear_of_others(others, face, self.face_size_px)
 
     @property
     def start_camera(self) -> Camera:

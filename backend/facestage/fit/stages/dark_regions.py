@@ -114,16 +114,14 @@ class _Lit:
 
 def _outstanding(lit: _Lit, labels: Int[np.ndarray, " pixels"]) -> Int[np.ndarray, " regions"]:
     """Those of the regions that ``labels``, 0 for none, tell apart whose misfit stands out from
-    that of the rest of the face, under light that explains the rest.
+    that of the rest of the face, which is some of it, under light that explains the rest.
     """
-    rest = labels == 0
+    weights, rest = lit.weights, labels == 0
     misfit = lit.misfit(rest)
-    if not (lit.weights * rest).any():
-        return np.zeros(0, int)
-    usual = np.sqrt(np.average(misfit[rest] ** 2, weights=lit.weights[rest]))
+    usual = np.sqrt(np.average(misfit[rest] ** 2, weights=weights[rest]))
     numbers = np.unique(labels[~rest])
-    off = [np.average(misfit[labels == n], weights=lit.weights[labels == n]) for n in numbers]
-    return numbers[np.array(off) > OUTSTANDING * usual]
+    off = np.asarray(sum_labels(weights * misfit, labels, numbers))
+    return numbers[off > OUTSTANDING * usual * np.asarray(sum_labels(weights, labels, numbers))]
 
 
 def _regional_misfit(
