@@ -14,6 +14,7 @@ from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.head import coloring, eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
 from facestage.models.head.expressions import expressions
+from facestage.models.head.face_form import face_form
 from facestage.models.head.identity import identity_modes
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.masks import Masks
@@ -40,7 +41,7 @@ def build_default_model() -> FaceModel:
     regions = _regions(mesh, masks)
     narrow = regions["narrow_face"]
     plain = (mesh.vertices - mesh.vertices[narrow].mean(axis=0) * [0, 1, 1]) * _MM
-    shift = neutral_shift(identity_names, identity)
+    shift = neutral_shift(identity_names, identity) + face_form(masks.count)
     identity = np.tensordot(mixing(identity_names), identity, 1)
     origin = (mesh.vertices + shift)[narrow].mean(axis=0) * [0, 1, 1]
     vertices = (sculpted(mesh) + shift - origin) * _MM

@@ -35,7 +35,7 @@ def measured(
         "subnasale_sellion_length": float(np.linalg.norm(points[27] - points[33])),
         "interpupillary_distance": float(pupils[0][0] - pupils[1][0]),
         "nose_breadth": float(np.ptp(wings[:, 0])),
-        "nose_protrusion": float(points[30, 2] - points[33, 2]),
+        "nose_protrusion": float(np.linalg.norm(points[30] - points[33])),
         "lip_length": float(np.linalg.norm(points[54] - points[48])),
         "eye_fissure_length": float(np.linalg.norm(points[45] - points[42])),
         "ear_length": float(np.ptp(vertices[model.regions["ears"], 1])),
