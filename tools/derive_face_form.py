@@ -36,6 +36,9 @@ SLIDING = 0.3  # how much of the way along the surface is gone
 EYE = 15.5  # mm about an eye where another model's lids say nothing
 # Lids follow the eyeball up to here, skin from there on the other model (mm from their margin).
 LIDS, SOCKET = 3.0, 12.0
+# Height of the lower lip's red, mm: mean of men and women (Farkas 1994, "Anthropometry of the Head
+# and Face"); the upper one's is as published already.
+LOWER_RED = 9.35
 SMALLEST = 0.005  # mm
 # mm by which each lip reaches past their line beside the corners, where moved lips would part.
 LAP = 0.1
@@ -128,12 +131,12 @@ def moves(head: FaceModel, other: FaceModel) -> np.ndarray:
 
 
 def _shut(mesh: HeadMesh, neutral: np.ndarray, moved: np.ndarray) -> None:
-    """Change the moves (n, 3) in mm around the mouth so that lips still meet and keep their height,
-    as nothing on the other model says where their red ends, and what lies behind them moves with
-    them as one.
+    """Change the moves (n, 3) in mm around the mouth so that lips still meet and are as high as
+    published, as nothing on the other model says where their red ends, and what lies behind them
+    moves with them as one.
     """
     loops = mesh.loops["mouth"]
-    moved[loops] = _of_one_height(neutral[loops], moved[loops])
+    moved[loops] = _of_published_height(neutral[loops], moved[loops])
     meeting = loops[mouth.LIP_LOOPS]
     count = len(meeting)
     number = np.arange(count)  # from a corner along the lower lip, and back along the upper one
@@ -149,22 +152,28 @@ def _shut(mesh: HeadMesh, neutral: np.ndarray, moved: np.ndarray) -> None:
         moved[index] = behind
 
 
-def _of_one_height(loops: np.ndarray, moved: np.ndarray) -> np.ndarray:
+def _of_published_height(loops: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Moves (rings, n, 3) in mm of the loops around the mouth (rings, n, 3) by which the red of the
-    lips gets no higher; its vertices slide over the same surface.
+    upper lip is as high as it was and that of the lower lip ``LOWER_RED`` in the middle; its
+    vertices slide over the same surface.
     """
     rings = mouth.LIP_LOOPS + 1
     red = len(mouth.OUTER_LOOPS) + 1
     share = np.clip((np.arange(rings) - 1) / (red - 1), 0.0, 1.0)
+    count = loops.shape[1]
     there = (loops + moved)[:rings]
-    met = 0.5 * (moved[rings - 1] + moved[rings - 1, -np.arange(loops.shape[1])])
+    met = 0.5 * (moved[rings - 1] + moved[rings - 1, -np.arange(count)])
+    middle = loops[rings - 1, count // 4, 1] - loops[red, count // 4, 1]
     result = moved.copy()
-    for column in range(loops.shape[1]):
+    for column in range(count):
         height = there[:, column, 1]
         rises = int(np.sign(height[-1] - height[0]))
         if (rises * np.diff(height) <= 0).any():
             continue  # beside the corners
-        wanted = height + share * (met[column, 1] - moved[:rings, column, 1])
+        scale = LOWER_RED / middle if column < count // 2 else 1.0
+        line = loops[rings - 1, column, 1]
+        plain = line + met[column, 1] + scale * (loops[:rings, column, 1] - line)
+        wanted = height + share * (plain - height)
         for axis in range(3):
             slid = np.interp(wanted, height[::rises], there[::rises, column, axis])
             result[:rings, column, axis] = slid - loops[:rings, column, axis]
