@@ -40,6 +40,7 @@ READING = {
 OWN_FILES = {
     "facestage.contract.quality": "its own quality.json",
     "facestage.models.anatomy.shipped_landmarks": "data of the project",
+    "facestage.models.head.face_form": "data of the project",
     "facestage.report.page": "pictures that it has drawn",
     "facestage.report.person_page": "pictures that it has drawn",
     "facestage.batch.run": "its own journal, to add to it",

@@ -289,14 +289,14 @@ def test_adding_and_removing_change_nothing(scene, default_head) -> None:
     assert expression["jawOpen"] == pytest.approx(0.6)
     assert bpy.ops.facestage.add_control_rig() == {"FINISHED"}
     assert place(rig) == pytest.approx(before, abs=EXACT) and shown(rig) == pytest.approx(
-        expression
+        expression, abs=1e-6
     )
     scene.frame_set(11)
     assert shown(rig)["jawOpen"] == pytest.approx(0.8)
     scene.frame_set(6)
     assert bpy.ops.facestage.remove_control_rig() == {"FINISHED"}
     assert place(rig) == pytest.approx(before, abs=EXACT) and shown(rig) == pytest.approx(
-        expression
+        expression, abs=1e-6
     )
     assert rig.parent == parent and rig.parent_type == "OBJECT"
     assert {item.name for item in bpy.data.objects} == objects

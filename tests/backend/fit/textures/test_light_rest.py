@@ -65,4 +65,4 @@ def test_the_albedo_has_less_of_it(face: PaintedFace):
     found = albedo_detail(face.atlas, face.shown(photo), None, geometry=face.forward.geometry)
     left = found.log_albedo[(there > 0.99) & found.seen].mean()
     print(f"left of 0.35: {left:.3f}")
-    assert 0.05 < left < 0.18
+    assert 0.05 < left < 0.2
