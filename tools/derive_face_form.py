@@ -9,7 +9,6 @@ models/head/data/face_form.npz, which face_form.py reads; nobody else needs to r
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,7 +20,7 @@ from facestage.models.correspondence.smooth_warp import smooth_displacement
 from facestage.models.head import eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
 from facestage.models.head.default_head import build_default_model
-from facestage.models.head.face_form import DATA, face_form
+from facestage.models.head.face_form import DATA, without_form
 from facestage.models.head.masks import Masks, smoothstep
 from facestage.models.mesh.similarity import procrustes
 from facestage.models.mesh.surface import Surface, vertex_normals
@@ -39,16 +38,9 @@ LIDS, SOCKET = 3.0, 12.0
 # Height of the lower lip's red, mm: mean of men and women (Farkas 1994, "Anthropometry of the Head
 # and Face"); the upper one's is as published already.
 LOWER_RED = 9.35
-SMALLEST = 0.005  # mm
+SMALLEST, DIGIT = 0.005, 0.001  # mm; to what the moves are rounded: lips in the middle never cross
 # mm by which each lip reaches past their line beside the corners, where moved lips would part.
 LAP = 0.1
-
-
-def without_form() -> FaceModel:
-    """The built-in head as its modes say it."""
-    model = build_default_model()
-    form = face_form(len(model.vertices)) * MM
-    return replace(model, vertices=(model.vertices - form).astype(np.float32))
 
 
 def mirrored(points: np.ndarray) -> np.ndarray:
@@ -145,9 +137,10 @@ def _shut(mesh: HeadMesh, neutral: np.ndarray, moved: np.ndarray) -> None:
     moved[loops[mouth.LIP_LOOPS :]] = met
     moved[meeting] += 0.5 * (neutral[other_lip] - neutral[meeting])
     from_corner = np.minimum(number % (count // 2), -number % (count // 2))
-    lap = LAP * (from_corner > 0) * (1 - smoothstep((from_corner - 6) / 4))
+    lap = LAP * (1 - smoothstep((from_corner - 6) / 4)) - DIGIT
+    lap[from_corner == 0] = 0.0
     moved[meeting, 1] += np.where(number < count // 2, lap, -lap)
-    behind = met[count // 4] * [0, 1, 1]  # in the middle
+    behind = met.mean(axis=0) * [0, 1, 1]
     for index in (mesh.bag, *mesh.teeth.values(), mesh.tongue):
         moved[index] = behind
 
@@ -186,7 +179,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("model", help="ict:PATH")
-    found = moves(without_form(), load_model(parser.parse_args().model))
+    found = moves(without_form(build_default_model()), load_model(parser.parse_args().model))
     vertex = np.flatnonzero(np.linalg.norm(found, axis=1) > SMALLEST).astype(np.int32)
     write_arrays(DATA, {"vertex": vertex, "move": found[vertex].astype(np.float32).round(3)})
     print(

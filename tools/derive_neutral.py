@@ -19,7 +19,7 @@ from facestage.contract.face_model import OTHER, SKIN, FaceModel
 from facestage.models.correspondence.registration import register
 from facestage.models.head.anthropometry import MEASUREMENTS
 from facestage.models.head.default_head import build_default_model
-from facestage.models.head.face_form import face_form
+from facestage.models.head.face_form import without_form
 from facestage.models.head.measuring import measured
 from facestage.models.head.neutral import neutral_shift
 from facestage.models.head.variation import mixing
@@ -66,13 +66,10 @@ class Carried:
 
 def independent() -> FaceModel:
     """The built-in head with identity modes that vary each by itself, and no form beyond them."""
-    model = build_default_model()
+    model = without_form(build_default_model())
     apart = np.linalg.inv(mixing(model.identity_names))
     modes = np.tensordot(apart, model.identity_basis.astype(np.float64), 1)
-    vertices = model.vertices - face_form(len(model.vertices)) * MM
-    return replace(
-        model, vertices=vertices.astype(np.float32), identity_basis=modes.astype(np.float32)
-    )
+    return replace(model, identity_basis=modes.astype(np.float32))
 
 
 def modelled() -> FaceModel:

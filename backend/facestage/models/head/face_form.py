@@ -11,11 +11,13 @@ tools/derive_face_form.py found them.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from facestage.contract.arrays import Float
+from facestage.contract.face_model import FaceModel
 from facestage.contract.files.storage import read_arrays
 
 DATA = Path(__file__).parent / "data" / "face_form.npz"
@@ -29,3 +31,9 @@ def face_form(count: int) -> Float[np.ndarray, "vertices 3"]:
     moves = np.zeros((count, 3))
     moves[arrays["vertex"]] = arrays["move"]
     return moves
+
+
+def without_form(head: FaceModel) -> FaceModel:
+    """The built-in ``head`` as its modes say it, from which the form is derived."""
+    form = face_form(len(head.vertices)) * 1e-3
+    return replace(head, vertices=(head.vertices - form).astype(np.float32))

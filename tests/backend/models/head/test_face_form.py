@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +11,7 @@ from facestage.contract.face_model import SKIN, FaceModel
 from facestage.models.head import eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
 from facestage.models.head.default_head import build_default_model
-from facestage.models.head.face_form import face_form
+from facestage.models.head.face_form import face_form, without_form
 from facestage.models.mesh.closest_alignment import closest_alignment
 from facestage.models.mesh.similarity import Similarity
 from facestage.models.mesh.surface import Surface
@@ -91,7 +90,7 @@ def test_the_nose_is_the_mean_of_people_s(ict_facekit: FaceModel):
     skin = ict_facekit.triangles[ict_facekit.triangle_part == SKIN]
     people = Surface(ict_facekit.vertices.astype(np.float64), skin)
     model = build_default_model()
-    plain = replace(model, vertices=(model.vertices - moves() * 1e-3).astype(np.float32))
+    plain = without_form(model)
     narrow = model.regions["narrow_face"]
     x, y, _ = mesh().vertices[narrow].T
     nose = narrow[(np.abs(x) < 20) & (y < 0) & (y > -55)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from facestage.contract.face_model import SKIN, FaceModel
 from facestage.models.head.default_head import build_default_model
-from facestage.models.head.face_form import face_form
+from facestage.models.head.face_form import without_form
 from facestage.models.head.neutral import NEUTRAL, neutral_shift
 from facestage.models.head.variation import mixing
 from facestage.models.mesh.closest_alignment import closest_alignment
@@ -16,16 +16,9 @@ from facestage.models.mesh.similarity import Similarity
 from facestage.models.mesh.surface import Surface
 
 
-def neutral() -> FaceModel:
-    """As the weights have it, without what people's faces are beyond modes."""
-    model = build_default_model()
-    form = face_form(len(model.vertices)) * 1e-3
-    return replace(model, vertices=(model.vertices - form).astype(np.float32))
-
-
 def modelled() -> FaceModel:
     """As it was before the weights."""
-    model = neutral()
+    model = without_form(build_default_model())
     apart = np.linalg.inv(mixing(model.identity_names))
     modes = np.tensordot(apart, model.identity_basis.astype(np.float64), 1)
     shift = neutral_shift(model.identity_names, modes)
@@ -77,7 +70,8 @@ def test_the_neutral_face_is_nearer_to_the_mean_of_people(ict_facekit: FaceModel
     """
     skin = ict_facekit.triangles[ict_facekit.triangle_part == SKIN]
     people = Surface(ict_facekit.vertices.astype(np.float64), skin)
-    before, after = (distances(model, people) for model in (modelled(), neutral()))
+    neutral = without_form(build_default_model())
+    before, after = (distances(model, people) for model in (modelled(), neutral))
     print("below the brows and above, mm: as modelled {:.2f} {:.2f}".format(*before))
     print("as it is {:.2f} {:.2f}".format(*after))
     assert after[0] < 0.6 * before[0]
