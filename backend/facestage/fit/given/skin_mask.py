@@ -185,14 +185,25 @@ def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.n
     """(h, w) float32 in 0..1, how clear a pixel is of what hides the face: beside hair or a hand it
     mixes the colors of both, is in their shadow, and shows the hair's thin ends.
 
-    ``paint`` (h, w) is :func:`paint_weight`, ``face`` (h, w) bool where the fitted face lies, which
-    is ``face_px`` pixels large. What is smaller than the border itself is noise, which has none.
+    ``paint`` (h, w) is :func:`paint_weight`, ``face`` (h, w) bool where the fitted head lies, with
+    the parts of it that are not compared with the photo, which are hidden as well; the face is
+    ``face_px`` pixels large. What is smaller than the border itself is noise, which has none.
     """
-    width = max(BORDER_SHARE * face_px, BORDER_MIN)
+    width = border_width(face_px)
     regions, count = label(face & (paint < 0.5))
     large = np.bincount(regions.ravel(), minlength=count + 1) > (2 * width) ** 2
     large[0] = False
     return beyond_border(large[regions], width)
+
+
+def border_reach(face_px: float) -> int:
+    """Pixels around what hides a face of ``face_px`` pixels up to which it tells on the skin."""
+    return int(np.ceil(2 * border_width(face_px)))
+
+
+def border_width(face_px: float) -> float:
+    """Pixels around what hides a face of ``face_px`` pixels within which nothing counts."""
+    return max(BORDER_SHARE * face_px, BORDER_MIN)
 
 
 def beyond_border(hiding: np.ndarray, width: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, binary_propagation, gaussian_filter, 
 from facestage.contract.arrays import Bool, Float, Float32, Num, UInt8
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.face_areas import brow_pixels, chin_to_brows, face_size_px, opening_share
-from facestage.fit.given.skin_mask import BORDER_MIN, BORDER_SHARE, SURE_SKIN, beyond_border
+from facestage.fit.given.skin_mask import SURE_SKIN, beyond_border, border_width
 from facestage.fit.given.window import Window
 from facestage.images.image_io import resize
 from facestage.models.anatomy.landmark_schemes import scheme_of
@@ -87,7 +87,7 @@ def clear_of_frame(
         return close
     brows = binary_dilation(brow_pixels(shape, landmarks), disc(BROW_SHARE * size))
     there = gaussian_filter(brows.astype(np.float32), BROW_SOFT * size)
-    far = beyond_border(frame, max(BORDER_SHARE * size, BORDER_MIN))
+    far = beyond_border(frame, border_width(size))
     return close + there * (far - close)
 
 

@@ -156,7 +156,7 @@ def _errors(
 ) -> dict[str, float]:
     state, photo = fitted.state, problem.photograph
     seen = picture.fitted & photo.mask
-    skin = (problem.skin > 0.5) & (problem.clear(picture.fitted) > 0.5)
+    skin = (problem.skin > 0.5) & (problem.clear(picture.coverage > 0.5) > 0.5)
     skin &= ~(fitted.hidden | fitted.shadowed)
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),

@@ -9,11 +9,14 @@ from scipy.ndimage import binary_dilation, map_coordinates, maximum_filter, mini
 
 from facestage.contract import brdf
 from facestage.contract.arrays import Bool, Float, Float32, Int
+from facestage.contract.face_model import SKIN
 from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pixels
+from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.face_areas import brow_pixels, lips_share, opening_share
 from facestage.fit.given.problem import Problem
+from facestage.fit.given.skin_mask import border_reach
 from facestage.fit.textures.cast_shadow import shadow_depth
 from facestage.fit.textures.creases import crease_depth
 from facestage.fit.textures.lids_beside import lids_beside
@@ -183,10 +186,8 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     width, height = problem.photograph.size
     column, row = surface.pixels.astype(int).T
     cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-    face = np.zeros(problem.paintable.shape, bool)
-    # Every pixel between those that are looked at, too.
-    face[row, column] = True
-    face = binary_dilation(face, np.ones((step, step))) if step > 1 else face
+    # What hides the face may begin where the fitted part of it ends: hair, at the forehead.
+    head = _skin_pixels(forward, fitted.state, box, border_reach(problem.face_size_px), step)
     # Teeth on lips that hang too low, and whites on lids, are no skin either.
     opened = opening_share((height, width), problem.landmarks)
     lids = lids_beside(
@@ -197,7 +198,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         problem.lash_depth,
     )
     beside = surface.pixels, lids.shift
-    skin = _read(problem.paintable * problem.clear(face) * ~fitted.hidden * (1.0 - opened), *beside)
+    skin = _read(problem.paintable * problem.clear(head) * ~fitted.hidden * (1.0 - opened), *beside)
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
@@ -240,6 +241,25 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     depth = shown.lifted_there
     uneven = np.hypot(shown.change_over_shift(depth), SHADOW_DOUBT * depth)
     return replace(shown, doubt=np.hypot(shown.doubt, uneven))
+
+
+def _skin_pixels(
+    forward: ForwardModel, state: State, box: tuple[slice, slice], margin: int, step: int
+) -> Bool[np.ndarray, "height width"]:
+    """Where the whole head's skin lies, in a ``box`` and the ``margin`` around it, as every
+    ``step``-th pixel has it.
+    """
+    height, width = state.camera.height, state.camera.width
+    (top, bottom), (left, right) = (
+        (max(side.start - margin, 0), min(side.stop + margin, end))
+        for side, end in zip(box, (height, width), strict=True)
+    )
+    y, x = np.mgrid[top:bottom:step, left:right:step]
+    hit = forward.hits(state, np.stack([x.ravel(), y.ravel()], axis=1) + 0.5).triangle
+    result = np.zeros((height, width), bool)
+    result[y, x] = ((hit >= 0) & (forward.geometry.triangle_part[hit] == SKIN)).reshape(y.shape)
+    # Every pixel between those that are looked at, too.
+    return binary_dilation(result, np.ones((step, step))) if step > 1 else result
 
 
 def _read(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from facestage.contract.camera import Camera
 from facestage.contract.job import Job
@@ -22,6 +23,7 @@ from facestage.fit.given.beard import Beard
 from facestage.fit.given.face_areas import lips_share, mouth_share, opening_share
 from facestage.fit.given.fineness import USUAL
 from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.given.skin_mask import border_width
 from facestage.fit.result.finer_photo import finer_photo
 from facestage.fit.textures.atlas import Atlas
 from facestage.fit.textures.cast_shadow import DARKER
@@ -282,3 +284,46 @@ def test_lids_are_read_beside_where_the_photo_shows_lashes(
     assert dark.any()
     assert (shown.feature[dark] >= LASH_DEPARTURE * lashes).all()
     assert lashes or np.array_equal(shown.feature, plain.feature)
+
+
+
+def test_hair_where_the_fitted_part_ends_has_a_border(
+    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
+):
+    """Hair that begins exactly where the face is no longer compared with the photo hides the rest
+    of the head; a wall beside the head hides nothing.
+    """
+    low = np.flatnonzero(scene.model.uvs[:, 1] < 0.6).astype(np.int32)
+    regions = {**scene.model.regions, "face": low}
+    geometry = FaceGeometry(replace(scene.model, regions=regions), scene.geometry.relief_basis)
+    forward = ForwardModel(geometry, scene.lights)
+    row, column = np.mgrid[:96, :96]
+    pixels = np.stack([column.ravel(), row.ravel()], axis=1) + 0.5
+
+    def there(only_fitted: bool) -> np.ndarray:
+        result = np.zeros((96, 96), bool)
+        x, y = forward.surface(scene.state, pixels, only_fitted).pixels.astype(int).T
+        result[y, x] = True
+        return result
+
+    part, head = there(True), there(False)
+    hair, wall = head & ~part, ~head
+    assert hair.sum() > 500 and wall.sum() > 500
+    fitted = at_truth(scene, problem)
+
+    def clear(hiding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(Problem, "paintable", np.where(hiding, 0.0, 1.0))
+        shown = what_is_shown(replace(problem, geometry=geometry), forward, fitted)
+        assert shown is not None
+        x, y = shown.image.surface.pixels.astype(int).T
+        return shown.clear, distance_transform_edt(~hair)[y, x]
+
+    (plain, _), (beside_wall, _), (beside_hair, away) = (
+        clear(each) for each in (np.zeros_like(wall), wall, hair)
+    )
+    np.testing.assert_array_equal(beside_wall, plain)
+    width = border_width(problem.face_size_px)
+    near, far = away <= width, away > 2 * width + 1
+    assert plain[near].max() > 0.5
+    assert not beside_hair[near].any()
+    np.testing.assert_array_equal(beside_hair[far], plain[far])
