@@ -286,7 +286,6 @@ def test_lids_are_read_beside_where_the_photo_shows_lashes(
     assert lashes or np.array_equal(shown.feature, plain.feature)
 
 
-
 def test_hair_where_the_fitted_part_ends_has_a_border(
     scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
 ):
