@@ -222,6 +222,19 @@ def test_the_lights_are_previewed_and_the_face_is_relit(blender: Blender):
     assert not blender.ask("bpy.context.window_manager.facestage_preview.active")
 
 
+def test_solid_views_show_skin_or_clay(blender: Blender):
+    color_type = f"{SPACE}.shading.color_type"
+    assert blender.ask(color_type) == "TEXTURE"
+    blender.scroll(40)
+    blender.click("Show Skin")
+    blender.until(f"{color_type} == 'MATERIAL'")
+    blender.shot("clay")
+    blender.click("Show Skin")
+    blender.until(f"{color_type} == 'TEXTURE'")
+    blender.shot("skin")
+    blender.scroll(-100)
+
+
 def test_how_sure_the_fit_is_shows_on_the_face(blender: Blender):
     shading = f"{SPACE}.shading"
     before = blender.ask(f"[{shading}.type, {shading}.color_type]")

@@ -28,6 +28,7 @@ from ..rig.relief_key import check_relief, write_relief
 from ..rig.sliders import carrier
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
+from ..scene.color_views import show_new_skin
 from ..scene.own_view import return_to_photo
 from ..scene.relight import take_back
 from ..scene.several import separate_light, shares_camera
@@ -64,6 +65,7 @@ def apply_steps(scene: bpy.types.Scene, result: Result) -> Iterator[None]:
     _write_skin(scene, result, textures)
     yield
     write_certainty(require_rig(scene), result.arrays.get(DEVIATION))
+    show_new_skin(require_rig(scene).data)
     yield
     yield from renewal_steps(scene)
 

@@ -1,20 +1,35 @@
-"""3D views that show a mesh's colors in place of its materials, and how they were before.
+"""3D views that show a mesh's colors in place of its materials, or its textures in place of grey,
+and how they were before.
 
-What is shown is said by a mark on the mesh, which undo takes back; the shading of a view it does
-not, so the views follow the mark.
+What is shown is said by marks on the mesh, which undo takes back; the shading of a view it does
+not, so the views follow the marks.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import bpy
 from bpy.app.handlers import persistent
 
 MESH_BEFORE = "facestage_color_before"  # on the mesh: its active color attribute of before
-VIEWS_BEFORE = "facestage_views_before"  # on the screen: the shading of its views, by area
-SHOWING = {"type": "SOLID", "color_type": "VERTEX"}
+SKIN = "facestage_skin"  # on the mesh: whether its textures are to be shown
+
+
+@dataclass(frozen=True)
+class _Showing:
+    """How views show something, where they were ``over`` something."""
+
+    before: str  # on the screen: the shading of its views before, by area
+    shading: Mapping[str, str]
+    over: Mapping[str, str]
+
+
+COLORS = _Showing("facestage_views_before", {"type": "SOLID", "color_type": "VERTEX"}, {})
+# Lies below the other. Whoever shows objects' colors in Solid, or cavities, has chosen to.
+TEXTURES = _Showing("facestage_skin_before", {"color_type": "TEXTURE"}, {"color_type": "MATERIAL"})
 
 
 def register() -> None:
@@ -56,36 +71,57 @@ def hide_colors(mesh: bpy.types.Mesh, name: str) -> None:
     follow_marks()
 
 
+def shows_skin(mesh: bpy.types.Mesh) -> bool:
+    """Whether Solid views are to show its textures."""
+    return bool(mesh.get(SKIN))
+
+
+def show_skin(mesh: bpy.types.Mesh, on: bool) -> None:
+    """Let Solid views show the mesh's textures, or its grey material as before."""
+    mesh[SKIN] = on
+    follow_marks()
+
+
+def show_new_skin(mesh: bpy.types.Mesh) -> None:
+    """The same for textures that are new, unless it was turned off by hand."""
+    if SKIN not in mesh:
+        show_skin(mesh, True)
+
+
 def follow_marks() -> None:
-    """Let the views show colors if a mesh says so, else what they showed before."""
+    """Let the views show what meshes say, else what they showed before."""
     own = [mesh for mesh in bpy.data.meshes if mesh.users and mesh.library is None]
-    if any(MESH_BEFORE in mesh for mesh in own):
-        for window in bpy.context.window_manager.windows:
-            if VIEWS_BEFORE not in window.screen:
-                _show(window.screen)
-        return
+    colors, textures = (any(told(mesh) for mesh in own) for told in (is_shown, shows_skin))
     for screen in bpy.data.screens:
-        if VIEWS_BEFORE in screen:
-            _give_back(screen)
+        if COLORS.before in screen and not (colors and textures == (TEXTURES.before in screen)):
+            _give_back(screen, COLORS)
+        if TEXTURES.before in screen and not textures:
+            _give_back(screen, TEXTURES)
+    for screen in {window.screen for window in bpy.context.window_manager.windows}:
+        for showing, wanted in ((TEXTURES, textures), (COLORS, colors)):
+            if wanted and showing.before not in screen:
+                _show(screen, showing)
 
 
-def _show(screen: bpy.types.Screen) -> None:
+def _show(screen: bpy.types.Screen, showing: _Showing) -> None:
     before = {
-        place: {name: getattr(shading, name) for name in SHOWING}
+        place: {name: getattr(shading, name) for name in showing.shading}
         for place, shading in _shadings(screen)
+        if all(getattr(shading, name) == value for name, value in showing.over.items())
     }
-    screen[VIEWS_BEFORE] = json.dumps(before)
-    for _, shading in _shadings(screen):
-        for name, value in SHOWING.items():
-            setattr(shading, name, value)
+    screen[showing.before] = json.dumps(before)
+    for place, shading in _shadings(screen):
+        if place in before:
+            for name, value in showing.shading.items():
+                setattr(shading, name, value)
 
 
-def _give_back(screen: bpy.types.Screen) -> None:
-    before = json.loads(screen[VIEWS_BEFORE])
-    del screen[VIEWS_BEFORE]
+def _give_back(screen: bpy.types.Screen, showing: _Showing) -> None:
+    before = json.loads(screen[showing.before])
+    del screen[showing.before]
     for place, shading in _shadings(screen):
         for name, value in before.get(place, {}).items():
-            if getattr(shading, name) == SHOWING[name]:
+            if getattr(shading, name) == showing.shading[name]:
                 setattr(shading, name, value)
 
 

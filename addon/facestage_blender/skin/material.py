@@ -14,6 +14,7 @@ from facestage.contract.brdf import F0, K_DIFFUSE, SPECULAR_MAX
 from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
 from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX, TRANSLUCENCY_MAX
 from facestage.contract.texture_maps import (
+    ALBEDO,
     EYE_MAP,
     NORMAL,
     PLAIN,
@@ -226,6 +227,7 @@ def _part_material(name: str, uv_map: str, scatters: bool) -> bpy.types.Material
         node = picture_node(material, each, uv_map)
         if each.required:  # others are linked where there is an image
             links.new(node.outputs["Color"], skin.inputs[each.socket])
+    nodes.active = nodes[ALBEDO.socket]  # the picture that Solid views show
     return material
 
 

@@ -138,4 +138,5 @@ def wet_material(name: str, roughness: float = ROUGHNESS, shine: float = 0.0) ->
     else:
         material.blend_method, material.shadow_method = "BLEND", "NONE"
     material.use_backface_culling = True
+    material.diffuse_color = (1.0, 1.0, 1.0, 0.0)  # in Solid views, which know no shader
     return material

@@ -520,6 +520,8 @@ _RESULT = {
     "Save the .blend: the Asset Browser shows only saved files.": "Die .blend sichern: der Asset-Browser zeigt nur gesicherte Dateien.",
     "A face, not fitted to a photo.": "Ein Gesicht, an kein Foto angepasst.",
     "A face fitted to a photo. {advice}": "Ein Gesicht, an ein Foto angepasst. {advice}",
+    "Show Skin": "Haut zeigen",
+    "Show the face's albedo in 3D views that are Solid, at once and without a render; again: the grey clay that shows its form. Applying a result turns it on": "Die Albedo des Gesichts in soliden 3D-Ansichten zeigen, sofort und ohne Rendern; noch einmal: den grauen Ton, der seine Form zeigt. Ein Ergebnis anzuwenden schaltet es ein",
     "Show Certainty": "Gewissheit zeigen",
     "Show on the face how sure the fit is of each place, in the colors of the report: dark where it is sure, yellow where it is not. The 3D views go to Solid; again: back to what they showed. Not in exported files": "Auf dem Gesicht zeigen, wie sicher sich die Anpassung jeder Stelle ist, in den Farben des Berichts: dunkel, wo sie sicher ist, gelb, wo nicht. Die 3D-Ansichten werden solide; noch einmal: zurück zu dem, was sie zeigten. Nicht in exportierten Dateien",
     "The face has no standard deviations; apply the result of a new fit": "Das Gesicht hat keine Standardabweichungen; das Ergebnis einer neuen Anpassung anwenden",

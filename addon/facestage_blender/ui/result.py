@@ -16,6 +16,7 @@ from ..exchange.asset import asset_of
 from ..exchange.write_back import apply_steps
 from ..rig.certainty import has_certainty, show_certainty, shows_certainty
 from ..rig.face_rig import require_rig
+from ..scene.color_views import show_skin, shows_skin
 from ..scene.paths import result_folder
 from ..scene.several import separate_light
 from ..skin.brows import brows_of, grow_brows, has_brows, remove_brows
@@ -209,6 +210,25 @@ class FACESTAGE_OT_show_certainty(Toggle, bpy.types.Operator):
         show_certainty(require_rig(context.scene).data, on)
 
 
+class FACESTAGE_OT_show_skin(Toggle, bpy.types.Operator):
+    """Shows the face's textures in Solid views."""
+
+    bl_idname = "facestage.show_skin"
+    bl_label = "Show Skin"
+    bl_description = (
+        "Show the face's albedo in 3D views that are Solid, at once and without a render; again: "
+        "the grey clay that shows its form. Applying a result turns it on"
+    )
+
+    def is_on(self, context: bpy.types.Context) -> bool:
+        """Whether it is shown."""
+        return shows_skin(require_rig(context.scene).data)
+
+    def turn(self, context: bpy.types.Context, on: bool) -> None:
+        """Show it, or the clay."""
+        show_skin(require_rig(context.scene).data, on)
+
+
 class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
     """Step 5: the result."""
 
@@ -264,7 +284,11 @@ class FACESTAGE_PT_result(SidebarPanel, bpy.types.Panel):
             )
             if pores is not None:
                 row.prop(pores, "default_value", text="Depth", slider=True)
-            layout.operator(
+            shown = layout.column(align=True)
+            shown.operator(
+                "facestage.show_skin", icon="TEXTURE", depress=shows_skin(settings.rig.data)
+            )
+            shown.operator(
                 "facestage.show_certainty", icon="COLOR", depress=shows_certainty(settings.rig.data)
             )
             files = layout.column(align=True)
@@ -285,5 +309,6 @@ CLASSES = (
     FACESTAGE_OT_pores,
     FACESTAGE_OT_displace_skin,
     FACESTAGE_OT_show_certainty,
+    FACESTAGE_OT_show_skin,
     FACESTAGE_PT_result,
 )

@@ -123,7 +123,7 @@ def test_the_toggle_shows_them_and_gives_back_what_was_shown(scene, result: Resu
         if on:
             assert (shading().type, shading().color_type) == ("SOLID", "VERTEX")
         else:
-            assert (shading().type, shading().color_type) == ("WIREFRAME", "MATERIAL")
+            assert (shading().type, shading().color_type) == ("WIREFRAME", "TEXTURE")
         assert mesh.attributes.default_color_name == ""
         # What is drawn is a copy of the mesh, which is made anew only where it is said to be.
         drawn = scene.facestage.rig.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
@@ -147,7 +147,7 @@ def test_showing_is_one_undo_step(scene, result: Result) -> None:
     assert shading().color_type == "VERTEX"
     bpy.ops.ed.undo()
     mesh = bpy.context.scene.facestage.rig.data
-    assert (mesh.attributes.active_color_name, shading().color_type) == ("", "MATERIAL")
+    assert (mesh.attributes.active_color_name, shading().color_type) == ("", "TEXTURE")
     bpy.ops.ed.redo()
     mesh = bpy.context.scene.facestage.rig.data
     assert mesh.attributes.active_color_name == "Facestage Certainty"
@@ -165,7 +165,7 @@ def test_an_older_result_takes_them_away_and_the_button_says_why(scene, result: 
     apply(result)
     names = scene.facestage.rig.data.attributes.keys()
     assert not {"Facestage Certainty", "facestage_deviation_mm"} & set(names)
-    assert shading().color_type == "MATERIAL"
+    assert shading().color_type == "TEXTURE"
     refused(turn, "no standard deviations")
 
 
@@ -194,7 +194,7 @@ def test_exported_files_hold_none(
     bpy.ops.facestage.show_certainty(state="ON" if shown else "OFF")
     path = export_face(scene, tmp_path / f"face{suffix}")[0]
     assert bpy.ops.facestage.show_certainty.poll()
-    assert shading().color_type == ("VERTEX" if shown else "MATERIAL")
+    assert shading().color_type == ("VERTEX" if shown else "TEXTURE")
     there = imported(scene, path).data
     assert not there.color_attributes
     assert not [each.name for each in there.attributes if "facestage_dev" in each.name]
