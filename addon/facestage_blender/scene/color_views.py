@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 
 import bpy
@@ -25,11 +26,19 @@ class _Showing:
     before: str  # on the screen: the shading of its views before, by area
     shading: Mapping[str, str]
     over: Mapping[str, str]
+    solid: bool = False  # whether these are other values in views that are not Solid
 
 
 COLORS = _Showing("facestage_views_before", {"type": "SOLID", "color_type": "VERTEX"}, {})
-# Lies below the other. Whoever shows objects' colors in Solid, or cavities, has chosen to.
+# Lie below the other. Whoever shows objects' colors in Solid has chosen to. Blender's usual light
+# there is for clay: light skin looks dark in it.
 TEXTURES = _Showing("facestage_skin_before", {"color_type": "TEXTURE"}, {"color_type": "MATERIAL"})
+LIGHT = _Showing(
+    "facestage_light_before",
+    {"studio_light": "paint.sl"},
+    {"color_type": "TEXTURE", "light": "STUDIO", "studio_light": "Default"},
+    solid=True,
+)
 
 
 def register() -> None:
@@ -95,34 +104,49 @@ def follow_marks() -> None:
     for screen in bpy.data.screens:
         if COLORS.before in screen and not (colors and textures == (TEXTURES.before in screen)):
             _give_back(screen, COLORS)
-        if TEXTURES.before in screen and not textures:
-            _give_back(screen, TEXTURES)
+        for showing in (LIGHT, TEXTURES):
+            if showing.before in screen and not textures:
+                _give_back(screen, showing)
     for screen in {window.screen for window in bpy.context.window_manager.windows}:
-        for showing, wanted in ((TEXTURES, textures), (COLORS, colors)):
+        for showing, wanted in ((TEXTURES, textures), (LIGHT, textures), (COLORS, colors)):
             if wanted and showing.before not in screen:
                 _show(screen, showing)
 
 
 def _show(screen: bpy.types.Screen, showing: _Showing) -> None:
-    before = {
-        place: {name: getattr(shading, name) for name in showing.shading}
-        for place, shading in _shadings(screen)
-        if all(getattr(shading, name) == value for name, value in showing.over.items())
-    }
-    screen[showing.before] = json.dumps(before)
+    before = {}
     for place, shading in _shadings(screen):
-        if place in before:
+        with _as_solid(shading) if showing.solid else nullcontext():
+            if any(getattr(shading, name) != value for name, value in showing.over.items()):
+                continue
+            before[place] = {name: getattr(shading, name) for name in showing.shading}
             for name, value in showing.shading.items():
-                setattr(shading, name, value)
+                with suppress(TypeError):  # studio lights are files, which may not be there
+                    setattr(shading, name, value)
+    screen[showing.before] = json.dumps(before)
 
 
 def _give_back(screen: bpy.types.Screen, showing: _Showing) -> None:
     before = json.loads(screen[showing.before])
     del screen[showing.before]
     for place, shading in _shadings(screen):
-        for name, value in before.get(place, {}).items():
-            if getattr(shading, name) == showing.shading[name]:
-                setattr(shading, name, value)
+        with _as_solid(shading) if showing.solid else nullcontext():
+            for name, value in before.get(place, {}).items():
+                if getattr(shading, name) == showing.shading[name]:
+                    setattr(shading, name, value)
+
+
+@contextmanager
+def _as_solid(shading: bpy.types.View3DShading) -> Iterator[None]:
+    before = shading.type
+    if before == "SOLID":
+        yield
+        return
+    shading.type = "SOLID"
+    try:
+        yield
+    finally:
+        shading.type = before
 
 
 def _shadings(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.View3DShading]]:

@@ -8,6 +8,7 @@ import numpy as np
 from facestage.contract.face_model import EYES, PARTS
 from facestage.contract.texture_maps import ALBEDO, EYE_MAP, uv_box
 
+IN_SOLID = "Albedo in Solid Views"
 MATERIAL = f"Facestage {PARTS[EYES].capitalize()}"
 
 
@@ -21,6 +22,9 @@ def show_eyes(rig: bpy.types.Object, image: bpy.types.Image | None) -> None:
         picture, place = nodes.get(ALBEDO.socket), nodes.get(EYE_MAP.socket)
         if picture is None or not material.name.startswith(MATERIAL):
             continue
+        whole = nodes.get(IN_SOLID) or _whole_picture(nodes, picture)
+        whole.image = rig.facestage_face.albedo_image
+        nodes.active = whole
         left, bottom, right, top = 0.0, 0.0, 1.0, 1.0
         if image is not None:
             picture.image = image
@@ -32,6 +36,14 @@ def show_eyes(rig: bpy.types.Object, image: bpy.types.Image | None) -> None:
         scale = np.array([1 / max(right - left, 1e-6), 1 / max(top - bottom, 1e-6)])
         place.inputs["Scale"].default_value = (*scale, 1.0)
         place.inputs["Location"].default_value = (-left * scale[0], -bottom * scale[1], 0.0)
+
+
+def _whole_picture(nodes: bpy.types.Nodes, picture: bpy.types.Node) -> bpy.types.Node:
+    """A node with the albedo of all parts for Solid views, which know nothing of a part's place."""
+    whole = nodes.new("ShaderNodeTexImage")
+    whole.name = whole.label = IN_SOLID
+    whole.location = picture.location[0], picture.location[1] + 320
+    return whole
 
 
 def _placing_node(tree: bpy.types.NodeTree, picture: bpy.types.Node) -> bpy.types.Node:

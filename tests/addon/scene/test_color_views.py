@@ -82,6 +82,26 @@ def test_views_whose_colors_the_user_chose_stay_as_they_are(scene, result: str, 
     shading().color_type = GREY
 
 
+@pytest.mark.parametrize("chosen", ["Default", "basic.sl"])
+def test_skin_is_shown_in_light_that_does_not_darken_it(scene, result: str, chosen: str):
+    import bpy
+
+    shading().studio_light = chosen
+    bpy.ops.facestage.apply_result(folder=result)
+    assert shading().studio_light == ("paint.sl" if chosen == "Default" else chosen)
+    shading().type = "RENDERED"
+    bpy.ops.facestage.show_skin(state="OFF")
+    assert shading().type == "RENDERED"
+    shading().type = "SOLID"
+    assert shading().studio_light == chosen
+    shading().type = "RENDERED"
+    bpy.ops.facestage.show_skin(state="ON")
+    shading().type = "SOLID"
+    assert shading().studio_light == ("paint.sl" if chosen == "Default" else chosen)
+    bpy.ops.facestage.show_skin(state="OFF")
+    shading().studio_light = "Default"
+
+
 def test_certainty_lies_over_skin_whichever_is_turned_first(scene, result: str):
     import bpy
 
@@ -121,7 +141,7 @@ def test_solid_views_show_the_albedo_and_no_cornea(scene, result: str):
     bpy.ops.facestage.apply_result(folder=result)
     materials = [slot.material for slot in scene.facestage.rig.material_slots]
     shown = [each.node_tree.nodes.active for each in materials if "Albedo" in each.node_tree.nodes]
-    assert shown
+    assert len(shown) > 1
     assert {each.image for each in shown} == {scene.facestage.rig.facestage_face.albedo_image}
 
     from facestage_blender.skin.wet_nodes import wet_material
