@@ -97,9 +97,11 @@ def remove_growth(growth: bpy.types.Object | None) -> None:
 
 def color_growth(growth: bpy.types.Object, color: tuple[float, float, float]) -> None:
     """Give what grew on a rig a color (linear RGB)."""
-    nodes = growth.data.materials[0].node_tree.nodes
-    surface = next(each for each in nodes if "Base Color" in each.inputs)
+    material = growth.data.materials[0]
+    surface = next(each for each in material.node_tree.nodes if "Base Color" in each.inputs)
     surface.inputs["Base Color"].default_value = (*color, 1.0)
+    # In Solid views, whose gloss makes thin hairs sparkle.
+    material.diffuse_color, material.specular_intensity = (*color, 1.0), 0.0
 
 
 def rest_points(mesh: bpy.types.Mesh) -> np.ndarray:

@@ -147,3 +147,17 @@ def test_solid_views_show_the_albedo_and_no_cornea(scene, result: str):
     from facestage_blender.skin.wet_nodes import wet_material
 
     assert wet_material("wet").diffuse_color[3] == 0.0
+
+
+def test_hairs_are_dark_and_dull_in_solid_views(scene):
+    import bpy
+
+    from facestage_blender.skin.lids import color_growth
+    from facestage_blender.skin.material import plain_material
+
+    mesh = bpy.data.meshes.new("hair")
+    mesh.materials.append(plain_material("hair", (0.5, 0.5, 0.5), 0.3))
+    color_growth(bpy.data.objects.new("hair", mesh), (0.03, 0.02, 0.01))
+    material = mesh.materials[0]
+    np.testing.assert_allclose(material.diffuse_color, (0.03, 0.02, 0.01, 1.0), rtol=1e-6)
+    assert material.specular_intensity == 0.0
