@@ -141,6 +141,19 @@ def test_each_lamp_may_have_its_own_color():
     assert discotheque < cost(5 * np.eye(3)) < 100, "not forbidden"
 
 
+def test_a_violet_and_a_green_lamp_are_no_cheap_way_to_explain_dark_skin():
+    """As a fit put them beside three lamps on a dark man; together they are about white."""
+    main = [(0.35, 0.75, 1.3), (0.3, 0.86, 1.05), (0.2, 0.84, 1.09)]
+
+    def lit(*others: tuple[float, float, float]) -> float:
+        share, red, blue = np.array([*main, *others]).T
+        color = np.stack([red, np.ones(len(red)), blue], axis=1)
+        return cost(share[:, None] * color / color.mean(axis=1, keepdims=True))
+
+    plain = lit((0.06, 0.8, 1.15), (0.06, 0.8, 1.15))
+    assert lit((0.06, 1.66, 3.15), (0.06, 0.3, 0.69)) - plain > 14
+
+
 def test_the_color_of_what_hardly_shines_is_nobody_s_concern():
     bright = np.ones((6, 3))
     faint = np.concatenate([bright, 1e-4 * np.array([[0.0, 3.0, 0.0]])])
