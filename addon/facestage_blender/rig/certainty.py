@@ -9,7 +9,7 @@ from facestage.contract import certainty
 from facestage.contract.face_model import FaceModel
 from facestage.contract.files.color import srgb_to_linear
 
-from ..scene.color_views import MESH_BEFORE, SKIN, hide_colors, is_shown, show_colors
+from ..scene.color_views import hide_colors, is_shown, show_colors, take_marks_off
 
 DEVIATION = "facestage_deviation_mm"
 CERTAINTY = "Facestage Certainty"
@@ -81,11 +81,8 @@ def remove_certainty(mesh: bpy.types.Mesh) -> None:
 
 
 def leave_out(mesh: bpy.types.Mesh) -> None:
-    """Take it off a copy of a mesh that is exported; the views stay as they are."""
-    mesh.pop(SKIN, None)
-    before = mesh.pop(MESH_BEFORE, None)
-    if mesh.attributes.active_color_name == CERTAINTY and before in mesh.attributes:
-        mesh.attributes.active_color_name = before
+    """Take it, and all that is said of views, off a copy of a mesh that is exported."""
+    take_marks_off(mesh, CERTAINTY)
     remove_certainty(mesh)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 
 import bpy
@@ -97,6 +97,16 @@ def show_new_skin(mesh: bpy.types.Mesh) -> None:
         show_skin(mesh, True)
 
 
+def take_marks_off(mesh: bpy.types.Mesh, name: str) -> None:
+    """Leave a copy of a mesh as if neither its textures nor its color attribute ``name`` were
+    shown; the views stay as they are.
+    """
+    mesh.pop(SKIN, None)
+    before = mesh.pop(MESH_BEFORE, None)
+    if mesh.attributes.active_color_name == name and before in mesh.attributes:
+        mesh.attributes.active_color_name = before
+
+
 def follow_marks() -> None:
     """Let the views show what meshes say, else what they showed before."""
     own = [mesh for mesh in bpy.data.meshes if mesh.users and mesh.library is None]
@@ -115,45 +125,38 @@ def follow_marks() -> None:
 
 def _show(screen: bpy.types.Screen, showing: _Showing) -> None:
     before = {}
-    for place, shading in _shadings(screen):
-        with _as_solid(shading) if showing.solid else nullcontext():
-            if any(getattr(shading, name) != value for name, value in showing.over.items()):
-                continue
-            before[place] = {name: getattr(shading, name) for name in showing.shading}
-            for name, value in showing.shading.items():
-                with suppress(TypeError):  # studio lights are files, which may not be there
-                    setattr(shading, name, value)
+    for place, shading in _shadings(screen, showing.solid):
+        if any(getattr(shading, name) != value for name, value in showing.over.items()):
+            continue
+        before[place] = {name: getattr(shading, name) for name in showing.shading}
+        for name, value in showing.shading.items():
+            with suppress(TypeError):  # studio lights are files, which may not be there
+                setattr(shading, name, value)
     screen[showing.before] = json.dumps(before)
 
 
 def _give_back(screen: bpy.types.Screen, showing: _Showing) -> None:
     before = json.loads(screen[showing.before])
     del screen[showing.before]
-    for place, shading in _shadings(screen):
-        with _as_solid(shading) if showing.solid else nullcontext():
-            for name, value in before.get(place, {}).items():
-                if getattr(shading, name) == showing.shading[name]:
-                    setattr(shading, name, value)
+    for place, shading in _shadings(screen, showing.solid):
+        for name, value in before.get(place, {}).items():
+            if getattr(shading, name) == showing.shading[name]:
+                setattr(shading, name, value)
 
 
-@contextmanager
-def _as_solid(shading: bpy.types.View3DShading) -> Iterator[None]:
-    before = shading.type
-    if before == "SOLID":
-        yield
-        return
-    shading.type = "SOLID"
-    try:
-        yield
-    finally:
-        shading.type = before
-
-
-def _shadings(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.View3DShading]]:
-    """The screen's 3D views, by the numbers of their areas."""
+def _shadings(
+    screen: bpy.types.Screen, solid: bool
+) -> Iterator[tuple[str, bpy.types.View3DShading]]:
+    """The screen's 3D views, by the numbers of their areas; each ``solid`` meanwhile, if wanted."""
     for place, area in enumerate(screen.areas):
         if area.type == "VIEW_3D":
-            yield str(place), area.spaces.active.shading
+            shading = area.spaces.active.shading
+            before = shading.type
+            if solid and before != "SOLID":
+                shading.type = "SOLID"
+            yield str(place), shading
+            if solid and before != "SOLID":
+                shading.type = before
 
 
 @persistent

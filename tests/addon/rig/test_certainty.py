@@ -195,7 +195,10 @@ def test_exported_files_hold_none(
     path = export_face(scene, tmp_path / f"face{suffix}")[0]
     assert bpy.ops.facestage.show_certainty.poll()
     assert shading().color_type == ("VERTEX" if shown else "TEXTURE")
-    there = imported(scene, path).data
+    face = imported(scene, path)
+    there = face.data
+    marks = {"facestage_skin", "facestage_color_before"}
+    assert not marks & (set(face.keys()) | set(there.keys()))
     assert not there.color_attributes
     assert not [each.name for each in there.attributes if "facestage_dev" in each.name]
 

@@ -144,8 +144,15 @@ def test_solid_views_show_the_albedo_and_no_cornea(scene, result: str):
     assert len(shown) > 1
     assert {each.image for each in shown} == {scene.facestage.rig.facestage_face.albedo_image}
 
+    from facestage_blender.skin.eye_material import show_eyes
     from facestage_blender.skin.wet_nodes import wet_material
 
+    # The eyes' own picture lies over their part of the UV square alone, which Solid views ignore.
+    rig, closer = scene.facestage.rig, bpy.data.images.new("closer", 8, 8)
+    eyes = next(each for each in materials if each.name.startswith("Facestage Eyes")).node_tree
+    show_eyes(rig, closer)
+    assert eyes.nodes["Albedo"].image == closer
+    assert eyes.nodes.active.image == rig.facestage_face.albedo_image
     assert wet_material("wet").diffuse_color[3] == 0.0
 
 

@@ -169,12 +169,12 @@ class Problem:
         paint = paint_weight(self._skin_colored, self.landmarks)
         return np.where(self.frame, 0.0, np.where(self.beard.covers, 1.0, paint))
 
-    def clear(self, face: np.ndarray) -> np.ndarray:
-        """(h, w) 0..1, how clear pixels are of what hides the fitted ``face`` (h, w) bool."""
+    def clear(self, head: np.ndarray) -> np.ndarray:
+        """(h, w) 0..1, how clear pixels are of what hides the fitted ``head`` (h, w) bool."""
         thin = self._thin_frame
         others = np.where(thin, 1.0, self.paintable)
         beside = clear_of_frame(thin, self.landmarks)
-        return beside * clear_of_others(others, face, self.face_size_px)
+        return beside * clear_of_others(others, head, self.face_size_px)
 
     @property
     def start_camera(self) -> Camera:

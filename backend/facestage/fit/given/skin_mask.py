@@ -181,16 +181,16 @@ def paint_weight(skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return np.where((inside | brows) & ~foreign, 1.0, np.clip(2 * skin - 1, 0, 1))
 
 
-def clear_of_others(paint: np.ndarray, face: np.ndarray, face_px: float) -> np.ndarray:
+def clear_of_others(paint: np.ndarray, head: np.ndarray, face_px: float) -> np.ndarray:
     """(h, w) float32 in 0..1, how clear a pixel is of what hides the face: beside hair or a hand it
     mixes the colors of both, is in their shadow, and shows the hair's thin ends.
 
-    ``paint`` (h, w) is :func:`paint_weight`, ``face`` (h, w) bool where the fitted head lies, with
-    the parts of it that are not compared with the photo, which are hidden as well; the face is
-    ``face_px`` pixels large. What is smaller than the border itself is noise, which has none.
+    ``paint`` (h, w) is :func:`paint_weight`, ``head`` (h, w) bool where the whole fitted head lies,
+    over which what hides the face goes on; the face is ``face_px`` pixels large. What is smaller
+    than the border itself is noise, which has none.
     """
     width = border_width(face_px)
-    regions, count = label(face & (paint < 0.5))
+    regions, count = label(head & (paint < 0.5))
     large = np.bincount(regions.ravel(), minlength=count + 1) > (2 * width) ** 2
     large[0] = False
     return beyond_border(large[regions], width)
