@@ -20,7 +20,7 @@ import hypothesis
 import pytest
 
 # The first import, so that it checks the calls of what the others import.
-from reference.checked import CHECKED as CHECKED
+from reference.checked import begin_test
 from reference.made_once import made_once
 from reference.numpy_2 import hold_to_numpy_2
 
@@ -45,7 +45,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup() -> None:
-    """Render with one thread where several processes run tests at once."""
+    """Check first calls anew; render with one thread where several processes run tests at once."""
+    begin_test()
     if "drjit" in sys.modules and "PYTEST_XDIST_WORKER" in os.environ:
         import drjit
 

@@ -15,7 +15,7 @@ from facestage.contract.camera import Camera
 from facestage.contract.errors import InputError
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import fibonacci_stage
-from reference.checked import checked
+from reference.checked import FIRST_CALLS, checked
 
 ONE, TWO = np.zeros(1), np.zeros(2)
 
@@ -57,6 +57,16 @@ def test_calls_without_arrays_and_generators_are_checked_too():
     assert list(each(TWO)) == [0.0, 0.0]
     with pytest.raises(jaxtyping.TypeCheckError, match="array"):
         each([0.0])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_first_calls_are_checked_in_each_test(again: bool):
+    """The second time too."""
+    with pytest.raises(jaxtyping.TypeCheckError, match=r"\bb\b"):
+        joined(TWO, ONE)
+    for _ in range(FIRST_CALLS):
+        joined(ONE, ONE)
+    joined(TWO, ONE)
 
 
 def test_an_argument_of_another_shape_is_refused():

@@ -1,7 +1,7 @@
-"""The teeth that a smile shows: how bright the light is at least, and of which color.
+"""The teeth that a smile shows: how bright the light is, and of which color.
 
-Teeth are nearly white, like the whites of the eyes, and many more pixels. Lips shade them, so they
-say more surely that light is no dimmer than that it is no brighter.
+Teeth are nearly white, like the whites of the eyes, and many more pixels, the brightest of which no
+lip shades.
 """
 
 from __future__ import annotations
@@ -21,10 +21,8 @@ from facestage.fit.face.state import State
 
 # What the best lit teeth show, beside white skin where the face is lit well (docs/skin-tone.md).
 TEETH = np.array([0.68, 0.55, 0.44])
-# Of the logarithm: how light teeth are where the light seems too dim for them, and where it seems
-# too bright because lips shade them; their red over blue, and their green over both.
-LIGHTER, SHADED = 0.2, 0.5
-COLOR_SIGMA = np.array([0.2, 0.08])
+# Of the logarithm: how light teeth are, their red over blue, and their green over both.
+SIGMA = np.array([0.22, 0.2, 0.08])
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +34,9 @@ class Teeth(WhiteReference):
     lights: LightParameters
     by_light: Float[np.ndarray, "3 lights"]
     seen: Float[np.ndarray, " 3"]
+    deviation: Float[np.ndarray, " 3"]
     weight: float = 1.0
     share: float = 1.0
-
-    def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
-        """Lips can only darken."""
-        return np.array([SHADED if too_bright else LIGHTER, *COLOR_SIGMA])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +54,8 @@ class TeethTerm(Term):
         white = None if seen is None else setup.white_skin
         if seen is None or white is None:
             return None
-        by_light = TEETH[:, None] * white
-        return cls(Teeth(setup.forward.lights, by_light, seen, setup.problem.job.weights.photo))
+        by_light, weight = TEETH[:, None] * white, setup.problem.job.weights.photo
+        return cls(Teeth(setup.forward.lights, by_light, seen, SIGMA, weight))
 
     def at(self, state: State, evaluation: Evaluation | None = None) -> Teeth:
         """Everywhere the same teeth."""
@@ -71,5 +66,4 @@ def lightness_off(teeth: Float[np.ndarray, " 3"], white: float) -> float:
     """How far, in standard deviations, light of which white skin has the luminance ``white`` is too
     bright for ``teeth`` that show this radiance.
     """
-    off = float(np.log(max(white, 1e-9) * (TEETH @ REC709) / (teeth @ REC709)))
-    return off / (SHADED if off > 0 else LIGHTER)
+    return float(np.log(max(white, 1e-9) * (TEETH @ REC709) / (teeth @ REC709)) / SIGMA[0])

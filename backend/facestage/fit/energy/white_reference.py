@@ -6,7 +6,6 @@ light, says how bright the light is, and of which color.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from typing import ClassVar, Self
 
 import numpy as np
@@ -27,17 +26,15 @@ class WhiteReference(RobustResiduals):
     start.
 
     A subclass is a frozen dataclass with the fields ``lights``, ``by_light``, the radiance of the
-    reference under each light of radiance 1, and ``seen``, that in the photo.
+    reference under each light of radiance 1, ``seen``, that in the photo, and ``deviation``, the
+    standard ones along the axes.
     """
 
     components: ClassVar = 3
     lights: LightParameters
     by_light: Float[np.ndarray, "3 lights"]
     seen: Float[np.ndarray, " 3"]
-
-    @abstractmethod
-    def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
-        """Deviations along the axes, where the light seems ``too_bright`` or not."""
+    deviation: Float[np.ndarray, " 3"]
 
     def at(self, state: State, evaluation: Evaluation | None = None) -> Self:
         """Everywhere the same pixels."""
@@ -45,22 +42,17 @@ class WhiteReference(RobustResiduals):
 
     def residuals(self, state: State) -> Float[np.ndarray, " 3"]:
         """In lightness, from blue to red, and in green."""
-        off = self._off(state)
-        return np.asarray(off / self.sigma(bool(off[0] > 0)))
+        return np.asarray(AXES @ np.log(self._shown(state) / self.seen) / self.deviation)
 
     def jacobian(self, state: State, layout: Layout) -> Float[np.ndarray, "3 unknowns"]:
         """Derivative of :meth:`residuals`."""
         fitted = self.by_light[:, self.lights.fitted]
         by_log = np.einsum("cj,jcp->cp", fitted, self.lights.jacobian(state.lights))
-        sigma = self.sigma(bool(self._off(state)[0] > 0))
         result = np.zeros((3, layout.size))
         result[:, layout.slices["lights"]] = (
-            AXES @ (by_log / self._shown(state)[:, None]) / sigma[:, None]
+            AXES @ (by_log / self._shown(state)[:, None]) / self.deviation[:, None]
         )
         return result
-
-    def _off(self, state: State) -> Float[np.ndarray, " 3"]:
-        return np.asarray(AXES @ np.log(self._shown(state) / self.seen))
 
     def _shown(self, state: State) -> Float[np.ndarray, " 3"]:
         radiance = self.lights.radiance(state.lights)

@@ -39,17 +39,16 @@ class Whites(WhiteReference):
     """What light makes of the whites, beside what the photo shows of them."""
 
     name: ClassVar = "whites"
+    # Lids and lashes darken the whites of real eyes by anything up to a unit of the logarithm, and
+    # eyes that lie elsewhere than found are no whites.
+    cauchy_scale: ClassVar = 2.0
 
     lights: LightParameters
     by_light: Float[np.ndarray, "3 lights"]
     seen: Float[np.ndarray, " 3"]
-    deviation: Float[np.ndarray, " 3"]  # along the axes
+    deviation: Float[np.ndarray, " 3"]
     weight: float = 1.0
     share: float = 1.0
-
-    def sigma(self, too_bright: bool) -> Float[np.ndarray, " 3"]:
-        """The same for both."""
-        return self.deviation
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from facestage.fit.stages.photo_descent import PhotoDescent
 # Of the energy, by the strength that the photo shows instead of none. Pictures of direct light gain
 # 0.1 to 2, photographs with it 8 to 31. Those that hardly say have it.
 GAIN_MIN = 4.0
-# Of the energy, by all of it instead of none. Most pictures of direct light lose 4 to 100, real
-# photographs 3 at most.
-LOSS_MIN = 4.0
+# Of the energy, by all of it instead of none. Most pictures of direct light lose 8 to 100, real
+# photographs 4.4 at most but for one.
+LOSS_MIN = 6.5
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,23 @@ def test_too_bright_and_too_red_light_is_found_out(known: tuple[Problem, State, 
     for gain in ((1.5, 1.5, 1.5), (1.3, 1.0, 1 / 1.3)):
         other = replace(state, lights=problem.lights.from_radiance(radiance * np.array(gain)))
         change = found.residuals(other) - found.residuals(state)
-        np.testing.assert_allclose(change, AXES @ np.log(gain) / found.sigma(True), atol=1e-9)
+        np.testing.assert_allclose(change, AXES @ np.log(gain) / found.deviation, atol=1e-9)
+
+
+def test_light_that_is_far_off_is_pulled_less_than_light_nearby(
+    known: tuple[Problem, State, Whites],
+):
+    """Whites of narrow eyes lie in the shade of lids, and what is no eye says nothing."""
+    problem, state, found = known
+    radiance = problem.lights.radiance(state.lights)
+
+    def pull(gain: float) -> float:
+        residuals = found.residuals(
+            replace(state, lights=problem.lights.from_radiance(radiance * gain))
+        )
+        return abs(float((found.robust_weights(residuals) * residuals)[0]))
+
+    assert pull(1.25) > 1.1 * max(pull(4.0), pull(0.25))
 
 
 def test_the_slope_is_that_of_the_residuals(known: tuple[Problem, State, Whites]):

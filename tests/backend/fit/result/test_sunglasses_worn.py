@@ -20,7 +20,7 @@ from facestage.models.registry import load_model
 from facestage.stress.scene import exposed, plain_scene, render, write_job
 from reference.small_fit import QUICK
 
-SIDE, GLASS = 256, np.array([0.0, 0.0, 0.02])
+SIDE, GLASS = 192, np.array([0.0, 0.0, 0.02])
 
 
 @pytest.fixture(scope="module")

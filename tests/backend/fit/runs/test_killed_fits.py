@@ -101,7 +101,7 @@ def last_step(heard: list[str]) -> str:
     return [words for words in heard if ", step " in words][-1]
 
 
-@pytest.mark.parametrize("moment", ["light and albedo, step 1", "geometry, step 2", "", DRAWING])
+@pytest.mark.parametrize("moment", ["geometry, step 2", "", DRAWING])
 def test_one_photo(jobs: list[Job], whole: tuple[Path, list[str]], tmp_path: Path, moment: str):
     folder, heard = whole
     assert "Fitting: geometry, step 2" in heard

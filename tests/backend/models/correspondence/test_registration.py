@@ -145,10 +145,10 @@ def test_broken_meshes_are_refused(default: FaceModel, flaw: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(21))
+@pytest.mark.parametrize("number", range(0, 21, 3))
 def test_ict_people_are_reached(default: FaceModel, ict_facekit: FaceModel, number: int):
     """ICT-FaceKit's narrow face lies on the fitted default face within 2 mm (median), for the mean
-    and 20 people.
+    and some of the 20 people whom it was tried on.
     """
     ict, people = ict_facekit, np.random.default_rng(0).normal(size=(20, 100))
     identity = people[number - 1] if number else np.zeros(100)
