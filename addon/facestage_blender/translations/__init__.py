@@ -7,6 +7,7 @@ its line in LANGUAGES; what it lacks is shown in English.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import bpy
@@ -18,6 +19,19 @@ NAME = "facestage_blender"
 FACESTAGE = "Facestage"
 CONTEXTS = ("*", "Operator", FACESTAGE)
 LANGUAGES: Mapping[str, Mapping[str, str]] = {"de": GERMAN}
+# The panel's names of what the backend's sentences call by its options.
+OPTION = re.compile(r"(--[a-z][a-z-]*)(?: [A-Z]+\.json)?")
+LABELS: Mapping[str, str] = {
+    "--skin-tone": "Skin Tone",
+    "--white-balance": "Pick White Balance",
+    "--budget": "Budget",
+    "--resume": "Resume",
+    "--landmarks": "Landmarks",
+    "--camera": "Camera",
+    "--face": "Face",
+    "--model": "Face Model",
+    "--out": "Output",
+}
 
 
 def register() -> None:
@@ -42,7 +56,13 @@ def unregister() -> None:
 
 def said(source: str, **values: object) -> str:
     """A sentence of the panel in the user's language; ``values`` take the places of their names in
-    braces.
+    braces. What the backend says of its options, it says of the panel's buttons and fields.
     """
     words: str = bpy.app.translations.pgettext_iface(source)
-    return words.format(**values) if values else words
+    return OPTION.sub(_label, words.format(**values) if values else words)
+
+
+def _label(option: re.Match[str]) -> str:
+    """As it is called in the panel; as it stands where that has none."""
+    name = LABELS.get(option[1])
+    return option[0] if name is None else str(bpy.app.translations.pgettext_iface(name))

@@ -70,7 +70,7 @@ class FACESTAGE_OT_fit(BackendTask, bpy.types.Operator):
         fitted = take_results(context.scene, folder, self.photos)
         state = context.window_manager.facestage
         state.verdict, state.doubtful = fitted.advice, fitted.status != CONVERGED
-        self.report({"WARNING" if state.doubtful else "INFO"}, fitted.advice)
+        self.report({"WARNING" if state.doubtful else "INFO"}, said(fitted.advice))
 
     def following(self, context: bpy.types.Context) -> Iterator[None]:
         """Apply the result."""

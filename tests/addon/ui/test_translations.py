@@ -144,3 +144,19 @@ def test_what_is_said_takes_its_values(scene) -> None:
     assert said("{count} points to drag (G)", count=7) == "7 points to drag (G)"
     assert said("A sentence {with} braces") == "A sentence {with} braces"
     assert said("") == ""
+
+
+def test_options_of_the_command_line_are_called_as_in_the_panel(
+    words: set[str], repository: Path
+) -> None:
+    from facestage_blender.translations import LABELS, OPTION, said
+
+    assert said("a guess (--skin-tone corrects it)") == "a guess (Skin Tone corrects it)"
+    assert said("give it by --landmarks FILE.json, or not.") == "give it by Landmarks, or not."
+    assert said("{what} is here", what="--resume") == "Resume is here"
+    assert said("leave out --same-person -- so") == "leave out --same-person -- so"
+    assert set(LABELS.values()) <= words
+    # What a fit says to its user.
+    advice = repository / "backend" / "facestage" / "fit" / "trust" / "advice.py"
+    options = set(OPTION.findall(advice.read_text(encoding="utf-8")))
+    assert "--skin-tone" in options and options <= LABELS.keys()
