@@ -1,6 +1,6 @@
 """Where skin starts: as light as somebody says, or as the photo's exposure and teeth do.
 
-Skin twice as dark in light twice as bright is the same matte picture, so a fit hardly leaves the
+Skin twice as dark in light twice as bright is the same matte picture, so a fit may stay near the
 tone that it starts from; and dark skin, begun as the mean, is explained as lighter skin in the
 shade. The exposure and the prior of tones say before the first step where to begin.
 """

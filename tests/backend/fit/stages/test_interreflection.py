@@ -92,7 +92,7 @@ def test_what_is_clearly_nearer_to_none_is_left_out():
         (none - 0.01, 0.2, False),
         (none + 0.01, 0.2, True),
         (-1.0, 0.2, False),
-        (0.12, 0.21, False),  # direct light, a hard lamp from the side
+        (0.12, 0.21, False),
         (-0.51, 0.48, True),  # a portrait
         (0.1, 0.8, True),  # the photo does not say
         (1.0, float("inf"), True),
