@@ -118,6 +118,8 @@ TESTS: dict[str, tuple[str, ...]] = {
         FIT + "energy/test_shadow_edges_values.py",
         FIT + "energy/test_shadow_edges.py",
     ),
+    "fit.energy.edge_search": (FIT + "energy/test_edge_search.py",),
+    "fit.energy.outline": (FIT + "energy/test_outline.py",),
     "fit.energy.silhouette": (
         FIT + "energy/test_silhouette_values.py",
         FIT + "energy/test_silhouette.py",

@@ -62,8 +62,14 @@ def pairs_on(
     """Where landmarks of ``scheme`` lie on the face: the first of all ``pairs``, then the second
     ones.
     """
+    return points_on(geometry, scheme, pairs.T.ravel())
+
+
+def points_on(
+    geometry: FaceGeometry, scheme: str, chosen: Int[np.ndarray, " points"]
+) -> SurfacePoints:
+    """Where the ``chosen`` landmarks of ``scheme`` lie on the face."""
     vertices, weights = geometry.model.landmark_vertices(scheme)
-    chosen = pairs.T.ravel()
     return SurfacePoints(
         geometry, geometry.new_index[vertices[chosen]], weights[chosen].astype(np.float64)
     )

@@ -4,6 +4,7 @@ optics.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from facestage.models.anatomy.shipped_landmarks import SCHEME, read_table
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.head import coloring, eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
+from facestage.models.head.ear_height import ears_lowered
 from facestage.models.head.expressions import expressions
 from facestage.models.head.face_form import face_form
 from facestage.models.head.identity import identity_modes
@@ -46,7 +48,8 @@ def build_default_model() -> FaceModel:
     origin = (mesh.vertices + shift)[narrow].mean(axis=0) * [0, 1, 1]
     vertices = (sculpted(mesh) + shift - origin) * _MM
     _, basis = albedo_basis(plain, mesh.triangles, regions["skin"], ALBEDO_MODES)
-    landmark = ibug68(mesh)
+    # The jaw's first ones lie beside the ears, and not on what moved with them.
+    landmark = ibug68(replace(mesh, vertices=ears_lowered(mesh, mesh.vertices)))
     weights = np.tile([1.0, 0.0, 0.0], (68, 1))
     arrays = {
         "vertices": vertices.astype(np.float32),

@@ -17,6 +17,7 @@ from facestage.contract.face_model import SKIN
 from facestage.models.head.assemble import SIDES, HeadMesh, window_chart
 from facestage.models.head.base_surface import BaseSurface
 from facestage.models.head.ear import folded_ear
+from facestage.models.head.ear_height import ears_lowered
 from facestage.models.head.features import smoothstep, to_segment
 from facestage.models.mesh.surface_harmonics import laplacian_and_mass
 
@@ -83,7 +84,7 @@ def sculpted(mesh: HeadMesh) -> np.ndarray:
     order = -np.arange(shell.shape[1]) + shell.shape[1] // 2
     result[mesh.loops["ear_left"][1:]] = shell
     result[mesh.loops["ear_right"][1:]] = shell[:, order] * [-1, 1, 1]
-    return _evened(mesh, result)
+    return ears_lowered(mesh, _evened(mesh, result))
 
 
 def _evened(mesh: HeadMesh, vertices: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """What a sculptor adds to the plain head: jaw, neck and ears, and a face that stays in place."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ from facestage.contract.face_model import TEETH
 from facestage.models.head.anthropometry import MEASUREMENTS
 from facestage.models.head.assemble import HeadMesh, assemble
 from facestage.models.head.default_head import build_default_model
+from facestage.models.head.ear_height import ears_lowered
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.sculpt import sculpted
 
@@ -41,10 +43,11 @@ def test_the_face_stays_where_it_was():
 
 def test_landmarks_stay():
     """Those of 68; of the scheme of 478 the table's own test says so."""
-    distance = moved()[ibug68(plain())]
+    lowered = replace(plain(), vertices=ears_lowered(plain(), plain().vertices))
+    distance = np.linalg.norm(head()[ibug68(lowered)] - plain().vertices[ibug68(plain())], axis=1)
     print(f"{distance.max():.2f} mm, {(distance > 0.1).sum()} over 0.1 mm")
     assert distance.max() < 0.6
-    assert (distance > 0.1).sum() <= 6
+    assert (distance > 0.1).sum() <= 8
 
 
 # Of the model before it was sculpted, but for the expressions, which follow scans since then, for
@@ -137,3 +140,20 @@ def test_the_ear_has_its_folds(side):
     assert fold > bowl + 8
     before = np.arange(-3, 4) % n if side == "left" else (n // 2 + np.arange(-3, 4)) % n
     assert height[10, before].max() > bowl + 6, "the tragus stands before the bowl"
+
+
+def test_ears_sit_as_low_as_people_s():
+    """Lobes 55 and 53 mm below the pupils, tops 5 and 2 mm above: the scan of Lee Perry-Smith and
+    the mean face of ICT-FaceKit, read off front views. The notch above the tragus is level with
+    the lower border of the socket, 20 mm below the pupil, within a few.
+    """
+    shell = head()[plain().loops["ear_left"][2:]]
+    low, high = shell[..., 1].min(), shell[..., 1].max()
+    canal = shell[-1].mean(axis=0)[1]
+    print(f"lobe {low:.1f}, top {high:.1f}, canal {canal:.1f} mm from the pupils")
+    assert -58 < low < -50 and 0 < high < 9
+    assert -31 < canal < -19
+    plain_shell = plain().vertices[plain().loops["ear_left"][2:]]
+    np.testing.assert_allclose(
+        np.ptp(shell[..., 1]), np.ptp(plain_shell[..., 1]), atol=3.0, err_msg="its length"
+    )
