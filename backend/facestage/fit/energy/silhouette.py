@@ -31,7 +31,7 @@ from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Standard deviation of an edge, at least that of a step of the search, and of one further off, of
 # its distance; the stretch of outline that counts as one observation. Shares of the face's size.
-SIGMA_SHARE, SIGMA_PX_MIN, CORRELATION_SHARE = 0.012, 0.5, 0.04
+SIGMA_SHARE, SIGMA_PX_MIN, CORRELATION_SHARE = 0.012, 1.0, 0.04
 FAR_SIGMA = 1 / 3
 # An edge is believed where those around it agree: shares of the face's size.
 AROUND_SHARE, AGREE_SHARE, AGREE_PX_MIN = 0.08, 0.015, 1.0

@@ -141,7 +141,7 @@ def test_deviation_and_share_follow_the_face_s_size(scene: Scene, photo: Photo):
     assert found.sigma == pytest.approx(1.2) and found.share == pytest.approx(0.25)
     small = SilhouetteTerm(scene.forward, photo, 20.0).at(scene.state)
     assert small is not None and small.share == 1.0
-    assert small.sigma == pytest.approx(0.5)
+    assert small.sigma == pytest.approx(1.0)
 
 
 def test_normals_point_out_of_the_face(scene: Scene, photo: Photo):
