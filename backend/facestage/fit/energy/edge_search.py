@@ -81,7 +81,7 @@ class EdgeSearch:
         at = middle[:, None] + steps[:, None] * normal[:, None]  # (m, s, 2)
         photo = self.photo
         height, width = photo.usable.shape
-        color = np.stack([_at(photo.color[..., channel], at, 1) for channel in range(3)], axis=-1)
+        color = _at(photo.color, at, 1)
         usable = _at(photo.usable.astype(np.float64), at, 0) > 0
         skin = _at(photo.skin, at, 1)
         inner, outer, window = steps <= -reach, steps >= reach, np.abs(steps) < reach
@@ -110,26 +110,20 @@ class EdgeSearch:
         """The cosine between ``normal`` and the way on which the photo turns from face to
         background, ``difference`` being face less background.
         """
-        slope = np.stack(
-            [
-                [_at(part, place[:, None], 1)[:, 0] for part in self._slopes[channel]]
-                for channel in range(3)
-            ]
-        )
-        towards_back = -np.einsum("cxm,mc->mx", slope, difference)
+        slope = np.stack([_at(part, place, 1) for part in self._slopes])
+        towards_back = -np.einsum("xmc,mc->mx", slope, difference)
         length = np.maximum(np.linalg.norm(towards_back, axis=1), 1e-20)
         return np.asarray(np.einsum("mx,mx->m", towards_back, normal) / length)
 
     @cached_property
-    def _slopes(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Of each channel along x and y, per pixel."""
-        slopes = [np.gradient(self.photo.color[..., channel]) for channel in range(3)]
-        return [(along_x, along_y) for along_y, along_x in slopes]
+    def _slopes(self) -> list[np.ndarray]:
+        """(h, w, 3) of the color along x and along y, per pixel."""
+        return list(np.gradient(self.photo.color, axis=(1, 0)))
 
 
-def _at(
-    image: np.ndarray, place: Float[np.ndarray, "points steps 2"], order: int
-) -> Float[np.ndarray, "points steps"]:
-    return np.asarray(
-        map_coordinates(image, [place[..., 1] - 0.5, place[..., 0] - 0.5], order=order)
-    )
+def _at(image: np.ndarray, place: Float[np.ndarray, "... 2"], order: int) -> np.ndarray:
+    """``image`` (h, w) or (h, w, c) at pixels: (...) or (..., c)."""
+    if image.ndim > 2:
+        return np.stack([_at(channel, place, order) for channel in np.moveaxis(image, 2, 0)], -1)
+    rows_and_columns = [place[..., 1] - 0.5, place[..., 0] - 0.5]
+    return np.asarray(map_coordinates(image, rows_and_columns, order=order))

@@ -29,10 +29,11 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.photo import Photo
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
-# Standard deviation of an edge, at least that of a step of the search, and of one further off, of
-# its distance; the stretch of outline that counts as one observation. Shares of the face's size.
-SIGMA_SHARE, SIGMA_PX_MIN, CORRELATION_SHARE = 0.012, 1.0, 0.04
-FAR_SIGMA = 1 / 3
+# Standard deviation of an edge, as a share of the face's size, but at least a pixel; of one further
+# off, as a share of its distance.
+SIGMA_SHARE, SIGMA_PX_MIN, FAR_SIGMA = 0.012, 1.0, 1 / 3
+# The stretch of outline that counts as one observation, a share of the face's size.
+CORRELATION_SHARE = 0.04
 # An edge is believed where those around it agree: shares of the face's size.
 AROUND_SHARE, AGREE_SHARE, AGREE_PX_MIN = 0.08, 0.015, 1.0
 POINTS_MIN = 8
@@ -92,13 +93,17 @@ class SilhouetteTerm(Term):
     def _finder(self) -> OutlineFinder:
         return OutlineFinder(self.forward)
 
+    @cached_property
+    def _search(self) -> EdgeSearch:
+        return EdgeSearch(self.photo, self.face_px)
+
     def at(self, state: State, evaluation: Evaluation | None = None) -> Silhouette | None:
         """The outline at ``state``; None where too little of it shows before another background."""
         outline = self._finder.at(state)
         if len(outline.edges) < POINTS_MIN:
             return None
-        search = EdgeSearch(self.photo, self.face_px)
-        offset = search.nearest(outline.middle, outline.normal, self._is_jaw(state, outline))
+        further = self._is_jaw(state, outline)
+        offset = self._search.nearest(outline.middle, outline.normal, further)
         found = np.flatnonzero(np.isfinite(offset))
         found = found[self._agreed(outline.middle[found], offset[found])]
         if len(found) < POINTS_MIN:

@@ -19,7 +19,7 @@ _LEVELS, _FURTHER_MM = 0.9, 2.0
 # Where skin moves with the ears: from none to all between these levels and stations, below, above,
 # before and behind; the jaw's border lies below.
 _BELOW, _ABOVE = (4.6, 6.4), (17.0, 12.5)
-_BEFORE, _BEHIND = (6.7, 7.1), (10.0, 8.0)
+_BEFORE, _BEHIND = (6.8, 7.1), (10.0, 8.0)
 # Shares of the ears' own move of their loops, from the skin that they grow from.
 _LOOSE = (0.0, 0.5)
 

@@ -34,9 +34,10 @@ def outline_of(forward: ForwardModel, side_px: int, yaw: float) -> tuple[State, 
 
 @pytest.mark.parametrize("side_px", [64, 160, 400])
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
-def test_both_cheeks_are_seen_at_every_size(forward: ForwardModel, side_px: int, yaw: float):
-    """A cheek before the neck is as good as one before nothing, and on a small picture the skin a
-    pixel inside of it lies far before it.
+def test_cheeks_are_seen_at_every_size(forward: ForwardModel, side_px: int, yaw: float):
+    """Both from the front, the far one of a head that is turned: a cheek before the neck is as
+    good as one before nothing, and on a small picture the skin a pixel inside of it lies far before
+    it.
     """
     state, outline = outline_of(forward, side_px, yaw)
     middle = state.camera.project(state.translation[None])[0]
