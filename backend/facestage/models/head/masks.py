@@ -51,11 +51,12 @@ class Masks:
     @cached_property
     def below_mouth(self) -> np.ndarray:
         """1 on what the lower jaw carries, 0 above; steps at the mouth line, blends beside it."""
-        return self._below_mouth(rounding=0.75, held=0.0)
+        return self._below_mouth(rounding=0.75, held=0.0, upright=0.0)
 
-    def _below_mouth(self, rounding: float, held: float) -> np.ndarray:
+    def _below_mouth(self, rounding: float, held: float, upright: float) -> np.ndarray:
         """The larger the ``rounding``, the further from the corners the lips begin to part; the
-        corners are ``held`` up as if they lay so many mm higher.
+        corners are ``held`` up as if they lay so many mm higher, and open ``upright``, as the ends
+        of an ellipse do.
         """
         x, y = self.points[:, 0], self.points[:, 1].copy()
         _, line, _ = mouth.lip_lines(x)
@@ -66,7 +67,8 @@ class Masks:
         for ring, row in enumerate([*loops[1:], *self.mesh.bag]):
             # Nearer the mouth line the two sides part more sharply.
             sharp = smoothstep(np.array((ring + 1.0) / 6.0)) if ring < 6 else 1.0
-            fade = np.clip(1 - (x[row] / (mouth.MOUTH_HALF_WIDTH * 1.01)) ** 2, 0, 1) ** rounding
+            aside = np.minimum(np.abs(x[row]) / (mouth.MOUTH_HALF_WIDTH * 1.01), 1.0)
+            fade = np.hypot((1 - aside**2) ** rounding, upright * np.sqrt(1 - aside))
             # The bag of the mouth keeps to the skin that it lies behind.
             inside = mouth.LIP_LOOPS <= ring < mouth.SKIN_LOOPS
             rest = line[row] if inside else y[row]
@@ -87,7 +89,7 @@ class Masks:
         y, z = self.points[:, 1], self.points[:, 2]
         throat = smoothstep((z * 0.75 + y + 150.0) / 70.0)
         behind = smoothstep((z + 8.0) / 34.0)
-        below = self._below_mouth(rounding=1.2, held=3.0)
+        below = self._below_mouth(rounding=1.6, held=3.0, upright=0.55)
         aside = self.points[:, 0] / mouth.MOUTH_HALF_WIDTH
         drawn = (0.08 + 0.17 * np.minimum(aside**2, 1.0)) * np.exp(-np.maximum(aside**2 - 1.0, 0.0))
         drawn = drawn * np.exp(-(((y - mouth.MOUTH_CORNER_Y) / 16.0) ** 2)) * self.front
