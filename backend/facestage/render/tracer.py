@@ -122,7 +122,10 @@ class RayTracer:
         kept = PerLight(count, lights, asked.specular)
         # Opaque: another seed must not compile another kernel.
         kernel = LightKernel(self.scene, squares, kept, asked)
-        sums = kernel.sums(lanes, each, dr.opaque(mi.UInt32, 2 * seed))
+        # Dr.Jit would run the body of each loop twice, to find what stays as it is: four times for
+        # samples within lights, which takes a small picture longer than tracing it.
+        with dr.scoped_set_flag(dr.JitFlag.OptimizeLoops, False):
+            sums = kernel.sums(lanes, each, dr.opaque(mi.UInt32, 2 * seed))
         dr.eval(kept.diffuse, kept.specular, sums)
         return _terms(kept, sums, asked, count, count * groups)
 

@@ -168,7 +168,7 @@ def both(jobs: list[Job], tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
     return out, undisturbed(together(jobs[:2]), out)
 
 
-@pytest.mark.parametrize("moment", ["together: geometry, step 2", "", "Painting"])
+@pytest.mark.parametrize("moment", ["together: geometry, step 2", ""])
 def test_two_photos(jobs: list[Job], both: tuple[Path, list[str]], tmp_path: Path, moment: str):
     folder, heard = both
     stopped(together(jobs[:2]), tmp_path / "out", moment or last_step(heard))
