@@ -5,6 +5,7 @@ mouth.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from facestage.contract.face_model import EYES, MOUTH, OTHER, TEETH
 
@@ -15,6 +16,9 @@ PART_ALBEDO = {
     EYES: (0.62, 0.58, 0.54),
     OTHER: (0.3, 0.3, 0.3),
 }
+# Of what lies in the mouth; how near to the teeth gums end, m.
+GUM, TONGUE, PALATE = (0.42, 0.18, 0.16), (0.36, 0.13, 0.12), (0.28, 0.10, 0.09)
+_GUM_SURE, _GUM_NONE = 0.004, 0.007
 IRIS, PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
 _CHIN, _RIGHT_EAR, _LEFT_EAR, _BROWS, _RIGHT_CORNER, _LEFT_CORNER = 8, 0, 16, slice(17, 27), 36, 45
 
@@ -79,6 +83,18 @@ def eyeball_colors(ball: np.ndarray) -> np.ndarray:
     colors[front & (radius < IRIS_RADIUS)] = IRIS
     colors[front & (radius < PUPIL_RADIUS)] = PUPIL
     return colors
+
+
+def mouth_colors(inside: np.ndarray, teeth: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """(v, 3) linear colors of the vertices (v, 3) m inside a mouth that are gums, tongue and palate
+    in one piece: gums around ``teeth`` (t, 3) m; the tongue, which the jaw takes along by more than
+    a third of the largest of ``moved`` (v,), what each vertex moves when it opens.
+    """
+    tongue = moved > moved.max() / 3
+    colors = np.where(tongue[:, None], TONGUE, PALATE)
+    distance = cKDTree(teeth).query(inside)[0]
+    gum = np.interp(distance, (_GUM_SURE, _GUM_NONE), (1.0, 0.0))[:, None]
+    return np.asarray(gum * np.array(GUM) + (1 - gum) * colors)
 
 
 def outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:

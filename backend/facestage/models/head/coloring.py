@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse.linalg import splu
 
 from facestage.contract.face_model import MOUTH, SKIN
+from facestage.models.anatomy.regions import GUM, TONGUE
 from facestage.models.anatomy.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 from facestage.models.head import eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
@@ -24,7 +25,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
     (0.008, 0.008, 0.008),
 )
 # GAP: relative to the crown
-TOOTH, GAP, GUM = (0.62, 0.57, 0.48), (0.62, 0.52, 0.44), (0.42, 0.18, 0.16)
+TOOTH, GAP = (0.62, 0.57, 0.48), (0.62, 0.52, 0.44)
 MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
 HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et
@@ -172,4 +173,4 @@ def _paint_part(
 ) -> None:
     color[mask] = target
     if part == MOUTH:
-        color[mesh.tongue] = (0.36, 0.13, 0.12)
+        color[mesh.tongue] = TONGUE

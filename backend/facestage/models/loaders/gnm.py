@@ -28,7 +28,15 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.contract.files.reading import MIB, read_bytes
 from facestage.contract.files.storage import read_arrays
-from facestage.models.anatomy.regions import IRIS, PART_ALBEDO, PUPIL, face_regions, landmark_points
+from facestage.models.anatomy.regions import (
+    GUM,
+    IRIS,
+    PART_ALBEDO,
+    PUPIL,
+    TONGUE,
+    face_regions,
+    landmark_points,
+)
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.correspondence.embedding import SCHEME, WEIGHT_MAX, landmark_schemes
 from facestage.models.files.published_file import (
@@ -266,6 +274,13 @@ def _colors(
     for label in (OTHER, MOUTH, TEETH, EYES):
         used = np.unique(quads[part == label])
         color[used[~skin[used]]] = PART_ALBEDO[label]
+    for name, value in (
+        ("upper_teeth_and_gums", GUM),
+        ("lower_teeth_and_gums", GUM),
+        ("tongue", TONGUE),
+    ):
+        if name in groups:
+            color[groups[name] & ~skin & ~groups.get("teeth", np.zeros(len(mean), bool))] = value
     for name, value in (("irises", IRIS), ("pupils", PUPIL)):
         if name in groups:
             color[groups[name] & ~skin] = value

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
 from facestage.contract.files.json_text import decode_json
-from facestage.models.anatomy.regions import PART_ALBEDO, eyeball_colors
+from facestage.models.anatomy.regions import PART_ALBEDO, eyeball_colors, mouth_colors
 from facestage.models.anatomy.shipped_landmarks import SCHEME, read_table
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.files.obj_text import Mesh, parse_mesh, parse_vertices
@@ -44,6 +44,9 @@ _TILES = (
     (23894, EYES, (0.6, 0.0), 0.2),
     (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
+# First polygon, end.
+_GUMS_AND_TONGUE, _TEETH = (14034, 17006), (17006, 21496)
+_JAW = "jawOpen"
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
 _SCLERA = 770  # vertices of the outer shell, the first of each eye
 
@@ -150,7 +153,8 @@ def _assemble(published: _Published) -> FaceModel:
     expressions = basis(expression_files)
     _turn_eyeballs(vertices, expression_names, expressions)
     part, uvs = _parts_and_atlas(texture, polygon_uvs)
-    mean, albedo = _albedo(vertices, polygons, part)
+    jaw = dict(zip(expression_names, expressions, strict=True)).get(_JAW)
+    mean, albedo = _albedo(vertices, polygons, part, jaw)
     landmarks = published.landmarks
     return FaceModel(
         name="ICT-FaceKit",
@@ -214,10 +218,10 @@ def _parts_and_atlas(texture: np.ndarray, polygon_uvs: np.ndarray) -> tuple[np.n
 
 
 def _albedo(
-    vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray
+    vertices: np.ndarray, polygons: np.ndarray, part: np.ndarray, jaw: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Skin from melanin and haemoglobin harmonics (the model brings none); fixed colors
-    elsewhere.
+    elsewhere. ``jaw`` (n, 3): how the vertices move when it opens.
     """
     quads = polygons[part == SKIN]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
@@ -228,6 +232,11 @@ def _albedo(
         used = np.unique(polygons[part == label])
         used = used[(used >= 0) & ~skin[used]]
         mean[used] = color
+    if jaw is not None:
+        inside, teeth = (np.unique(polygons[slice(*of)]) for of in (_GUMS_AND_TONGUE, _TEETH))
+        inside, teeth = inside[inside >= 0], teeth[teeth >= 0]
+        moved = np.linalg.norm(jaw[inside], axis=1)
+        mean[inside] = mouth_colors(vertices[inside], vertices[teeth], moved)
     # The outer shell is opaque here, so the iris is painted on its cornea.
     for start, end in _EYES:
         mean[start:end] = eyeball_colors(vertices[start:end])

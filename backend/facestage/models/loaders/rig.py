@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from facestage.contract.errors import InputError
-from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel, split_quads
+from facestage.contract.face_model import EYES, OTHER, SKIN, FaceModel, split_quads
 from facestage.contract.rig_file import UNKNOWN_PART, RigFile
+from facestage.models.anatomy.regions import IRIS, IRIS_RADIUS, PART_ALBEDO, PUPIL, PUPIL_RADIUS
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.correspondence.borrowed_modes import borrowed_modes
 from facestage.models.correspondence.coarse_alignment import axis_rotations
@@ -30,14 +31,6 @@ _PLAUSIBLE = 1.35  # times larger or smaller than the default face
 _UPRIGHT = 25.0  # degrees: a face less turned than this is taken for one along the axes
 _MOVED = 0.05  # of the largest offset
 _EYEBALL = (0.015, 0.040)  # metres: the extents of an eyeball
-_IRIS_RADIUS, _PUPIL_RADIUS = 0.0059, 0.0021
-_IRIS, _PUPIL = (0.10, 0.07, 0.05), (0.01, 0.01, 0.01)
-_PART_ALBEDO = {
-    MOUTH: (0.20, 0.06, 0.05),
-    TEETH: (0.60, 0.55, 0.45),
-    EYES: (0.62, 0.58, 0.54),
-    OTHER: (0.3, 0.3, 0.3),
-}
 
 
 def load_rig(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
@@ -82,7 +75,7 @@ def load_rig(path: Path, default_head: Callable[[], FaceModel]) -> FaceModel:
         )
     placed = to_model.apply(vertices)
     mean, basis = albedo_basis(placed, triangles[part == SKIN], on_skin)
-    for label, color in _PART_ALBEDO.items():
+    for label, color in PART_ALBEDO.items():
         used = np.unique(triangles[part == label])
         mean[used[~on_skin[used]]] = color
     _paint_irises(
@@ -148,7 +141,7 @@ def _paint_irises(
             continue
         centre = 0.5 * (low + high)
         radius = np.hypot(*(vertices[ball, :2] - centre[:2]).T)
-        for size, color in ((_IRIS_RADIUS, _IRIS), (_PUPIL_RADIUS, _PUPIL)):
+        for size, color in ((IRIS_RADIUS, IRIS), (PUPIL_RADIUS, PUPIL)):
             mean[ball[(radius < size) & (vertices[ball, 2] > centre[2])]] = color
 
 

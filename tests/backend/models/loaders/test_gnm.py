@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
-from facestage.models.anatomy.regions import IRIS, PUPIL
+from facestage.models.anatomy.regions import IRIS, PART_ALBEDO, PUPIL, TONGUE
 from reference.published.gnm import gnm_arrays, write_landmarks
 from reference.published.loaded import load_gnm
 from reference.published.scene import fewer_modes, fit_error, model_scene
@@ -91,6 +91,9 @@ def test_parts_colors_and_atlas(model: FaceModel, arrays: dict[str, np.ndarray])
     np.testing.assert_allclose(
         model.albedo_mean[group["pupils"]], [PUPIL] * int(group["pupils"].sum()), atol=1e-6
     )
+    for name, value in (("tongue", TONGUE), ("teeth", PART_ALBEDO[TEETH])):
+        rows = model.albedo_mean[group[name] & ~group["skin"]]
+        np.testing.assert_allclose(rows, [value] * len(rows), atol=1e-6)
     np.testing.assert_allclose(
         model.albedo_mean[group["irises"] & ~group["pupils"]][0], IRIS, atol=1e-6
     )

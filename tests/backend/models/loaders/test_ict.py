@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import EYES, MOUTH, OTHER, SKIN, TEETH, FaceModel
+from facestage.models.anatomy.regions import GUM, PALATE, PART_ALBEDO, TONGUE
 from facestage.models.loaders.ict import NARROW_FACE, VERTEX_COUNT, load_ict
 
 
@@ -172,6 +174,24 @@ def test_eyes_teeth_and_mouth_move_with_the_face(published: FaceModel):
             np.linalg.norm(turned - turned[ball == front], axis=1), rest, atol=1e-6
         )
         assert np.abs(turned.mean(0) - published.vertices[ball].mean(0)).max() < 4e-3
+
+
+def test_tongue_and_gums_have_their_own_color_in_a_dark_mouth(published: FaceModel):
+    color, place = published.albedo_mean, published.vertices
+    mouth, teeth = (
+        np.unique(published.triangles[published.triangle_part == part]) for part in (MOUTH, TEETH)
+    )
+
+    def colored(value: tuple[float, float, float]) -> np.ndarray:
+        return mouth[np.abs(color[mouth] - np.array(value, np.float32)).max(axis=1) < 1e-6]
+
+    gums, tongue, palate, socket = map(colored, (GUM, TONGUE, PALATE, PART_ALBEDO[MOUTH]))
+    assert min(map(len, (gums, tongue, palate, socket))) > 200
+    near = cKDTree(place[teeth])
+    assert near.query(place[gums])[0].max() < 0.0041 < near.query(place[tongue])[0].min()
+    front = tongue[place[tongue, 2] > np.percentile(place[teeth, 2], 20)]
+    assert len(front) > 20 and np.median(np.abs(place[front, 0])) < 0.015
+    assert place[palate, 1].mean() > place[tongue, 1].mean()
 
 
 def test_parts_and_atlas(published: FaceModel):
