@@ -274,14 +274,15 @@ def _colors(
     for label in (OTHER, MOUTH, TEETH, EYES):
         used = np.unique(quads[part == label])
         color[used[~skin[used]]] = PART_ALBEDO[label]
+    # Each is painted over what it is a part of.
     for name, value in (
         ("upper_teeth_and_gums", GUM),
         ("lower_teeth_and_gums", GUM),
+        ("teeth", PART_ALBEDO[TEETH]),
         ("tongue", TONGUE),
+        ("irises", IRIS),
+        ("pupils", PUPIL),
     ):
-        if name in groups:
-            color[groups[name] & ~skin & ~groups.get("teeth", np.zeros(len(mean), bool))] = value
-    for name, value in (("irises", IRIS), ("pupils", PUPIL)):
         if name in groups:
             color[groups[name] & ~skin] = value
     return color, basis

@@ -44,8 +44,7 @@ _TILES = (
     (23894, EYES, (0.6, 0.0), 0.2),
     (24692, OTHER, (0.8, 0.0), 0.2),  # tear film, lashes and other see-through shells: not rendered
 )
-# First polygon, end.
-_GUMS_AND_TONGUE, _TEETH = (14034, 17006), (17006, 21496)
+_GUMS_AND_TONGUE = slice(_TILES[4][0], _TILES[5][0])
 _JAW = "jawOpen"
 _EYES = ((21451, 23021), (23021, 24591))  # first vertex, end; both shells
 _SCLERA = 770  # vertices of the outer shell, the first of each eye
@@ -233,8 +232,8 @@ def _albedo(
         used = used[(used >= 0) & ~skin[used]]
         mean[used] = color
     if jaw is not None:
-        inside, teeth = (np.unique(polygons[slice(*of)]) for of in (_GUMS_AND_TONGUE, _TEETH))
-        inside, teeth = inside[inside >= 0], teeth[teeth >= 0]
+        used = (np.unique(polygons[of]) for of in (_GUMS_AND_TONGUE, part == TEETH))
+        inside, teeth = (each[each >= 0] for each in used)
         moved = np.linalg.norm(jaw[inside], axis=1)
         mean[inside] = mouth_colors(vertices[inside], vertices[teeth], moved)
     # The outer shell is opaque here, so the iris is painted on its cornea.
