@@ -115,7 +115,7 @@ def test_a_film_in_pieces_is_what_one_process_finds(
     assert np.all(apart <= 0.5 * whole.deviations["expression"])
     turned, moved = differences(joined.model_to_camera, whole.model_to_camera)
     assert np.all(np.hstack([turned, moved]) <= 0.5 * whole.deviations["pose"])
-    assert apart.max() < 0.07 and turned.max() < 0.005 and moved.max() < 0.0005
+    assert apart.max() < 0.05 and turned.max() < 0.004 and moved.max() < 0.0005
     assert joined.errors["similarity_mm"] < 1.1 * whole.errors["similarity_mm"]
     assert joined.timings["begun"] == 1.5
     assert len(joined.frames) == FRAMES and joined.frames[4].status == "lost"
