@@ -40,6 +40,8 @@ SHADED_LESS, SHINES_MORE = 0.6, 0.9
 SMILE_MIN, SMILE_LIGHT = 0.004, 1.2
 # Standard deviation of the weight that opens a jaw whose teeth are seen closed.
 CLOSED_SIGMA = 0.04
+# Red over green, of the logarithm, above which what belongs to the teeth is gum.
+GUM_RED = 0.4
 JAW_OPEN = "jawOpen"
 
 
@@ -124,6 +126,11 @@ def like_teeth(
 ) -> Bool[np.ndarray, "*points"]:
     """What may be a tooth: beside dark or grey skin they are as red, and much lighter."""
     return of_teeth(light, red) | ((light > BRIGHT_LIGHT) & (red < BRIGHT_RED))
+
+
+def is_gum(log_albedo: Float[np.ndarray, "*vertices 3"]) -> Bool[np.ndarray, "*vertices"]:
+    """Of that which belongs to a model's teeth."""
+    return log_albedo[..., 0] - log_albedo[..., 1] > GUM_RED
 
 
 def expression_deviations(model: FaceModel, closed: float) -> Float[np.ndarray, " expressions"]:

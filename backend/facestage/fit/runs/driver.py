@@ -20,6 +20,7 @@ from facestage.fit.runs.trace import trace_row
 from facestage.fit.stages.passage import Passage, walk
 from facestage.fit.stages.phases import SHAPE_HELD, Phase, Schedule, default_schedule
 from facestage.fit.stages.photo_descent import Iteration
+from facestage.fit.stages.teeth_height import with_teeth_seen
 from facestage.fit.stages.view import View
 from facestage.fit.trust.checks import Ending, conclude, photo_doubt
 from facestage.fit.trust.fitted import Fitted
@@ -82,6 +83,7 @@ class FitRun:
         clause, statistic = photo_doubt(view, start, state, self._last, psnr)
         if clause:
             state = self._hold_shape(start, state, deadline)
+        (state,) = with_teeth_seen([(view, state)])
         ending = Ending(self.schedule.last, start, state, self._last, self.trace, clause, statistic)
         ended = time.monotonic()
         return conclude(view, ending, ended - self._started, ended <= deadline)

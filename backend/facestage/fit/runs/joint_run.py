@@ -24,6 +24,7 @@ from facestage.fit.stages.matching import CLOSEST, LOOKS, Look, compared_photos,
 from facestage.fit.stages.passage import JointPassage, Passage
 from facestage.fit.stages.phases import Phase, Schedule, default_schedule
 from facestage.fit.stages.photo_descent import Iteration
+from facestage.fit.stages.teeth_height import with_teeth_seen
 from facestage.fit.stages.view import View
 from facestage.fit.trust.fitted import Fitted
 from facestage.fit.trust.same_person import Difference, Likeness, combined, odd_ones
@@ -113,6 +114,7 @@ class JointRun:
         for member in self.members:
             if not member.joined:
                 member.follow(shared, deadline, self._heard_alone)
+        self._look_at_teeth()
         self._marginalize_the_last_step()
         ended = time.monotonic()
         seconds, in_time = ended - self._started, ended <= deadline
@@ -275,6 +277,13 @@ class JointRun:
             return None
         worst.doubt = clause
         return worst
+
+    def _look_at_teeth(self) -> None:
+        """What all photos together show of them, of one person's."""
+        members = [member for member in self.members if not member.stranger]
+        states = with_teeth_seen([(member.view, member.state) for member in members])
+        for member, state in zip(members, states, strict=True):
+            member.state = state
 
     def _marginalize_the_last_step(self) -> None:
         """Each photo's last step with what all photos together say of its parameters."""

@@ -24,6 +24,9 @@ _LOCK_INNER, _LOCK_OUTER = 15.5, 30.0
 # The length of the lips decides how much of the teeth shows: teeth hardly follow it.
 _LIP_HEIGHTS = ("upper_lip_height", "mouth_height", "lip_thickness_upper", "lip_thickness_lower")
 _TEETH_FOLLOW_LIPS = 0.35
+# What lips show of the upper incisors at rest differs by so much from person to person (Vig and
+# Brundo 1978); mm.
+_TEETH_HEIGHT_SD = 1.6
 _EAR_SCALING = ("head_size", "ear_size", "ear_protrusion")
 
 
@@ -127,11 +130,12 @@ def identity_modes(masks: Masks) -> tuple[tuple[str, ...], np.ndarray]:
     modes = {name: _eyes_rigid(masks, field(probes)) for name, field in fields.items()}
     modes |= _eye_shapes(masks) | _ears(masks)
     modes |= {name: _eyes_rigid(masks, field(probes)) for name, field in _ASYMMETRIC.items()}
-    smooth = gaussian_process.smooth_modes(masks, probes, MODE_COUNT - len(modes))
+    smooth = gaussian_process.smooth_modes(masks, probes, MODE_COUNT - 1 - len(modes))
     modes |= {name: _eyes_rigid(masks, values) for name, values in smooth.items()}
     for name, values in modes.items():
         _ears_whole(masks, values, 0.0 if name in _EAR_SCALING else 0.8)
         _teeth_whole(masks, values, _TEETH_FOLLOW_LIPS if name in _LIP_HEIGHTS else 1.0)
+    modes["teeth_height"] = _teeth_height(masks)
     return tuple(modes), np.stack(list(modes.values()))
 
 
@@ -154,6 +158,14 @@ def _teeth_whole(masks: Masks, values: np.ndarray, share: float) -> None:
         points = np.concatenate([masks.points[index], np.ones((len(index), 1))], axis=1)
         fitted, *_ = np.linalg.lstsq(points, values[index, 1], rcond=None)
         values[index, 1] = share * (points @ fitted)
+
+
+def _teeth_height(masks: Masks) -> np.ndarray:
+    """(n, 3) both rows of teeth and their gums, higher behind the same lips."""
+    values = np.zeros((masks.count, 3))
+    for index in masks.mesh.teeth.values():
+        values[index, 1] = _TEETH_HEIGHT_SD
+    return values
 
 
 def _eye_shapes(masks: Masks) -> dict[str, np.ndarray]:

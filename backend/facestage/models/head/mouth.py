@@ -17,6 +17,10 @@ OUTER_LOOPS = (0.24, 0.46, 0.66, 0.84)  # between the window (0) and the border 
 # forward bulge.
 _UPPER_PROFILE = ((0.0, 0.5), (0.12, 1.7), (0.4, 3.0), (0.72, 3.3), (0.92, 2.6), (1.0, 1.4))
 _LOWER_PROFILE = ((0.0, 0.0), (0.12, 0.9), (0.4, 3.0), (0.72, 3.6), (0.92, 3.0), (1.0, 1.4))
+# The lower lip runs straight on below the bow of the upper one, which hides it: up in the middle,
+# half width as a share of the mouth's; and there it stands back: by share of the height.
+_STRAIGHT, _STRAIGHT_WIDTH = 0.45, 0.19
+_BACK = ((0.0, 0.0), (0.4, 0.0), (0.72, 0.2), (0.92, 0.5), (1.0, 0.5))
 # Behind the meeting line: backward, away from the line, sideways.
 _INNER = ((3.0, 0.5, 0.0), (5.2, 2.2, 0.3), (6.4, 5.5, 1.0))
 _BAG = ((7.0, 13.5, 2.5), (24.0, 17.0, 5.0), (42.0, 13.0, 1.0), (52.0, 6.0, -8.0))
@@ -31,7 +35,7 @@ def lip_lines(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     s = np.minimum(np.abs(x) / MOUTH_HALF_WIDTH, 1.0)
     upper = MOUTH_CORNER_Y + 9.3 * (1 - s**1.75) - 1.5 * np.exp(-((s / 0.11) ** 2)) * (1 - s)
     middle = (
-        MOUTH_CORNER_Y + 0.6 * np.sin(np.pi * s) - 0.5 * np.exp(-((s / 0.12) ** 2)) + 0.3 * (1 - s)
+        MOUTH_CORNER_Y + 0.6 * np.sin(np.pi * s) - 0.25 * np.exp(-((s / 0.2) ** 2)) + 0.3 * (1 - s)
     )
     lower = MOUTH_CORNER_Y - 10.4 * (1 - s**2.4)
     return upper, middle, lower
@@ -60,6 +64,8 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
         positions.append(add_features(surface.point(*chart.T)))
         charts.append(chart)
     fade = np.sqrt(np.clip(1 - np.abs(x / MOUTH_HALF_WIDTH) ** 3, 0, 1))
+    straight = np.exp(-((x / MOUTH_HALF_WIDTH / _STRAIGHT_WIDTH) ** 2)) * (sign < 0)
+    middle_y = middle_y + _STRAIGHT * straight
     for (share, bulge_upper), (_, bulge_lower) in zip(_UPPER_PROFILE, _LOWER_PROFILE, strict=True):
         y = border_y + share * (middle_y - border_y)
         # Inner loops are a little shorter: at the corners they follow each other instead of meeting
@@ -69,6 +75,7 @@ def lip_patch(surface: BaseSurface, window_chart: np.ndarray) -> tuple[Patch, np
         point[:, 2] += np.where(is_upper, bulge_upper, bulge_lower) * fade - 2.2 * share * (
             1 - fade
         )
+        point[:, 2] -= np.interp(share, *np.transpose(_BACK)) * straight
         if share == 1.0:
             point[:, 1] += 0.03 * sign
         positions.append(point)

@@ -24,7 +24,7 @@ from facestage.fit.forward.reflectance import (
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.given.skin_mask import SURE_SKIN
-from facestage.fit.given.teeth import beside_skin, like_teeth
+from facestage.fit.given.teeth import beside_skin, is_gum, like_teeth
 from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
 from facestage.fit.textures.eyes.lip_shadow import out_of_shadow
 from facestage.render.light_terms import PLAIN
@@ -81,8 +81,6 @@ SHADED_MAX = 0.3
 # Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no
 # blue, what is taken off for reflections leaves none.
 BROWNEST = np.array([0.0, 0.8, 1.4])
-# Red over green, of the logarithm, above which what belongs to the teeth is gum.
-GUM_RED = 0.4
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
 # Most of the lips' shadow that goes, of the logarithm: more looks patchy in other light.
 EVENED_MAX = 0.2
@@ -119,8 +117,7 @@ def parts_of(geometry: FaceGeometry) -> list[Part]:
         of_part[row, geometry.triangles[geometry.triangle_part == part]] = True
     eyes, teeth = of_part
     iris = eyes & (luminance > PUPIL_MAX) & (luminance < IRIS_MAX)
-    gum = geometry.log_albedo[:, 0] - geometry.log_albedo[:, 1] > GUM_RED
-    parts = [Part("teeth", teeth & ~gum, TEETH_KNOWN, TEETH_SEEN)]
+    parts = [Part("teeth", teeth & ~is_gum(geometry.log_albedo), TEETH_KNOWN, TEETH_SEEN)]
     # A model whose eyeballs have one color has no iris to change.
     if iris.any():
         parts += [
