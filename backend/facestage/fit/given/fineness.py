@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 # Texels along the atlas per pixel of the face: the face fills about half of it.
 TEXELS_PER_FACE_PX = 3.0
@@ -28,6 +29,7 @@ class Fineness:
     # A phase that ends at its last step has settled when this lowered the photo's residual by less
     # than this share; else the last phase of a schedule goes on for a while.
     settled_share: float = 0.05
+    report: bool = True  # whether pictures and a page show each result
 
     def limited(self, texture_size: int | None) -> Fineness:
         """The same with ``texture_size`` texels along the albedo at most; None: as it is."""
@@ -35,6 +37,11 @@ class Fineness:
             return self
         least = min(self.texture_min, texture_size)
         return replace(self, texture_max=texture_size, texture_min=least)
+
+    @property
+    def of_steps(self) -> dict[str, Any]:
+        """What the steps of a fit depend on."""
+        return {name: value for name, value in vars(self).items() if name != "report"}
 
     @property
     def painted_face_px(self) -> float:

@@ -295,7 +295,7 @@ class Problem:
             "focal_sigma": self.focal_sigma,
             "plan": self.job.plan,
             "quality": self.job.quality,
-            "fineness": vars(self.fineness),
+            "fineness": self.fineness.of_steps,
         }
         if self.job.surround != AUTO:  # checkpoints of before it could be said still count
             settings["surround"] = self.job.surround

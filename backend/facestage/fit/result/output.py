@@ -95,7 +95,7 @@ def finish(
         fitted.stage,
         refined.textures,
         problem.job.seed,
-        relight=_side_lights(problem, fitted.stage),
+        relight=_side_lights(problem, fitted.stage) if problem.fineness.report else {},
         by_light=_relightable(problem, forward, fitted),
     )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
@@ -245,7 +245,8 @@ def write_result(
         write_png(folder / COVERAGE, finished.refined.coverage)
         lines = [json.dumps(finite(row)) for row in finished.trace]
         (folder / TRACE).write_text("".join(line + "\n" for line in lines), encoding="utf-8")
-        write_report(folder, _report_data(problem, fitted, finished, result, probe))
+        if problem.fineness.report:
+            write_report(folder, _report_data(problem, fitted, finished, result, probe))
         for each in written:
             each.result()
     # The fingerprint is of the maps' files, too.

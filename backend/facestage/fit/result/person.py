@@ -120,7 +120,8 @@ def _write(
     write_exr(folder / ALBEDO.file, shared.textures.albedo)
     person = _person(run, fitted, results, timings)
     person.write_into(folder)
-    write_person_report(folder, person)
+    if run.members[0].problem.fineness.report:
+        write_person_report(folder, person)
     return person
 
 

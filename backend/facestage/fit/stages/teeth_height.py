@@ -79,12 +79,13 @@ class OpenMouth:
 
     def unlikeliness(self, height: float) -> float:
         """Minus the logarithm of how likely the photo is with teeth of this ``height``."""
-        surface = self.forward.surface(with_height(self.state, self.forward, height), self.pixels)
+        hits = self.forward.hits(with_height(self.state, self.forward, height), self.pixels)
         geometry = self.forward.geometry
-        model = np.full(len(surface.triangle), BEHIND)
-        teeth = geometry.triangle_part[surface.triangle] == TEETH
-        gum = is_gum(surface.of_vertices(geometry.log_albedo))
-        model[teeth] = np.where(gum, GUM, CROWN)[teeth]
+        teeth = (hits.triangle >= 0) & (geometry.triangle_part[hits.triangle] == TEETH)
+        corners = geometry.triangles[hits.triangle[teeth]]
+        color = np.einsum("pi,pic->pc", hits.barycentric[teeth], geometry.log_albedo[corners])
+        model = np.full(len(teeth), BEHIND)
+        model[teeth] = np.where(is_gum(color), GUM, CROWN)
         return float(-np.log(SEEN_AS[model, self.seen]).mean() * self.area / PATCH)
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -62,7 +61,7 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
     """The two photos fitted together, with all that is written."""
     out = tmp_path_factory.mktemp("person") / "out"
     events: list[Event] = []
-    fit_person(jobs[:2], out, emit=events.append)
+    person_fit.fit_person(jobs[:2], out, emit=events.append, fineness=replace(SMALL, report=True))
     assert [events[0].kind, events[-1].kind] == [STARTED, DONE]
     fractions = [event.fraction for event in events]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
@@ -71,29 +70,11 @@ def folder(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFact
     return out
 
 
-@contextmanager
-def without_pictures() -> Iterator[None]:
-    """The reports have tests of their own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-        patch.setattr(
-            "facestage.fit.result.person.write_person_report", lambda folder, person: None
-        )
-        yield
-
-
-@pytest.fixture
-def no_pictures() -> Iterator[None]:
-    with without_pictures():
-        yield
-
-
 @pytest.fixture(scope="module")
 def pair(jobs: list[Job], renderer: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The two photos fitted quickly together, to compare with; nobody may change it."""
     out = tmp_path_factory.mktemp("pair") / "out"
-    with without_pictures():
-        quick_fit(jobs[:2], out)
+    quick_fit(jobs[:2], out)
     return out
 
 
@@ -176,7 +157,6 @@ class Towards(JointTerm, JointWeighed):
         return 0.5 * self.STIFF * (before - after)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_relief_that_matches_say_is_one_for_all_and_rendered_again(
     jobs: list[Job], pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -206,7 +186,6 @@ def test_relief_that_matches_say_is_one_for_all_and_rendered_again(
     assert np.abs(same - flat).max() > 1e-3
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_frozen_relief_stays_flat(jobs: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(joint_run, "stereo_between", lambda photos, look: Towards())
     frozen = [replace(job, freeze=("relief",)) for job in jobs[:2]]
@@ -214,7 +193,6 @@ def test_frozen_relief_stays_flat(jobs: list[Job], tmp_path: Path, monkeypatch: 
     assert Result.load(tmp_path / "out" / person.photos[0].folder).relief is None
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_stopped_in_the_middle_it_ends_at_the_same_place(
     jobs: list[Job], pair: Path, tmp_path: Path
 ):
@@ -233,7 +211,6 @@ def test_stopped_in_the_middle_it_ends_at_the_same_place(
         np.testing.assert_allclose(one.vertices, other.vertices, atol=1e-7)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_lights_behind_the_face_join_in_each_photo_that_needs_them(jobs: list[Job], tmp_path: Path):
     pair = [replace(jobs[0], surround="on"), replace(jobs[1], surround="off")]
     whole = quick_fit(pair, tmp_path / "whole")
@@ -253,7 +230,6 @@ def test_lights_behind_the_face_join_in_each_photo_that_needs_them(jobs: list[Jo
         assert (len(one.stage) > own) == ("light" in one.photo) == (number == 0)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_a_checkpoint_of_other_photos_is_refused(jobs: list[Job], tmp_path: Path):
     def stop(event: Event) -> None:
         if "together: light" in event.message:
@@ -267,7 +243,6 @@ def test_a_checkpoint_of_other_photos_is_refused(jobs: list[Job], tmp_path: Path
         quick_fit(jobs, tmp_path / "out", resume=True)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], pair: Path, tmp_path: Path):
     small = [read_problem(job).face_size_px for job in jobs[:2]]
     plain = Person.load(pair)
@@ -287,13 +262,11 @@ def test_large_photos_are_fitted_small_and_shown_whole(jobs: list[Job], pair: Pa
         assert result.errors["landmark_px"] == pytest.approx(photo.errors["landmark_px"], abs=0.3)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_another_person_is_named(jobs: list[Job], tmp_path: Path):
     person = quick_fit([jobs[0], jobs[2]], tmp_path / "two")
     assert person.status == STOPPED and "Photos 1 and 2 may show different people" in person.advice
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_another_person_among_three_is_left_out(jobs: list[Job], pair: Path, tmp_path: Path):
     person = quick_fit(jobs, tmp_path / "three")
     assert person.status == STOPPED and person.advice.startswith(
@@ -304,7 +277,6 @@ def test_another_person_among_three_is_left_out(jobs: list[Job], pair: Path, tmp
     np.testing.assert_allclose(person.identity, two.identity, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     noise = np.random.default_rng(5).integers(0, 255, (80, 80, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
@@ -320,7 +292,6 @@ def test_a_photo_of_no_face_is_left_out(jobs: list[Job], tmp_path: Path):
     assert np.isfinite(second.vertices).all() and second.status == STOPPED
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_where_no_photo_is_believed_the_shape_is_the_landmarks(jobs: list[Job], tmp_path: Path):
     for number in (0, 1):
         size = (96, 80)[number]
@@ -379,8 +350,7 @@ def test_skins_are_compared_as_long_as_there_is_time(
     looks: list[Look] = []
     monkeypatch.setattr(joint_run, "stereo_between", lambda photos, look: looks.append(look))
     hurried = [replace(job, budget_seconds=1e-3) for job in jobs[:2]]
-    with without_pictures():
-        quick_fit(hurried, tmp_path / "hurried")
-        assert not looks
-        quick_fit(jobs[:2], tmp_path / "whole")
+    quick_fit(hurried, tmp_path / "hurried")
+    assert not looks
+    quick_fit(jobs[:2], tmp_path / "whole")
     assert looks[: len(LOOKS)] == list(LOOKS)

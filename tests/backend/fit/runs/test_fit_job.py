@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
@@ -27,21 +27,10 @@ from facestage.contract.result_files import is_result_file
 from facestage.fit.result import run
 from facestage.images.image_io import read_exr
 from reference.known import known
-from reference.small_fit import QUICK
+from reference.small_fit import QUICK, REPORTED
 from reference.synthetic_case import Case
 
 fit_job = partial(run.fit_job, fineness=QUICK)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_report() -> Iterator[None]:
-    """The report has tests of its own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "facestage.fit.result.output.write_report",
-            lambda folder, data: (folder / "report.html").touch(),
-        )
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +50,7 @@ class Plain:
 def plain(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Plain:
     events: list[Event] = []
     out = tmp_path_factory.mktemp("plain") / "out"
-    return Plain(fit_job(job, out, emit=events.append), events)
+    return Plain(run.fit_job(job, out, emit=events.append, fineness=REPORTED), events)
 
 
 def test_the_result_folder_is_complete(plain: Plain):

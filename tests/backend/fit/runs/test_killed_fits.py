@@ -28,16 +28,7 @@ from reference.two_photos import another_photo
 Fit = Callable[[Path, bool, Callable[[Event], None]], object]
 DRAWING = "Drawing textures and pictures"
 
-
-@pytest.fixture(scope="module", autouse=True)
-def no_report(renderer: str):
-    """No report: what is asked here is in the arrays."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facestage.fit.result.output.write_report", lambda folder, data: None)
-        patch.setattr(
-            "facestage.fit.result.person.write_person_report", lambda folder, person: None
-        )
-        yield
+pytestmark = pytest.mark.usefixtures("renderer")
 
 
 def noise(path: Path, side: int) -> Path:
