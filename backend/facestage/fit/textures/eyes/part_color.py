@@ -64,15 +64,32 @@ class Known:
     # among pixels that landmarks chose, instead of darker and brighter
     surely: tuple[float, float] = (0.35, 0.65)
     shaded: float = 0.0  # how much darker lids and lashes keep one person's, deviation
-    yellowest: float = np.inf  # its red over blue, of the logarithm, at most
+    # of the logarithm, at most: its red over blue, blue over red, and green over red
+    yellowest: float = np.inf
+    bluest: float = 0.0
+    greenest: float = np.inf
 
 
+# Blue and green over red, of the logarithm, of bleached teeth: L* 84, a* 0, b* 5 (natural incisors
+# have a* of -2 to 3 and b* of 10 to 25).
+TOOTH_BLUE, TOOTH_GREEN = -0.15, -0.04
 # Whites: as fit/energy/whites_term.py reads them. Teeth lie in the lips' shadow, which is too deep,
 # by 0.5 and more: only of what the photo surely shows of them is the lightness believed. Irises are
 # of any color.
-TEETH_KNOWN = Known(0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15))
+TEETH_KNOWN = Known(
+    0.25, 0.9, 0.5, 0.9, (0.2, 0.08), (0.5, 0.15), bluest=TOOTH_BLUE, greenest=TOOTH_GREEN
+)
 TEETH_SEEN = Known(
-    0.3, 0.85, 0.5, 0.9, (0.4, 0.25), (0.15, 0.12), surely=(0.6, 0.95), yellowest=0.95
+    0.3,
+    0.85,
+    0.5,
+    0.9,
+    (0.4, 0.25),
+    (0.15, 0.12),
+    surely=(0.6, 0.95),
+    yellowest=0.95,
+    bluest=TOOTH_BLUE,
+    greenest=TOOTH_GREEN,
 )
 IRIS_KNOWN = Known(0.01, 0.35, 0.35, 0.65, (1.5, 0.8), (0.2, 0.1))
 WHITE_KNOWN = Known(0.1, 0.8, 0.6, 0.9, (0.15, 0.08), (0.2, 0.12), (0.35, 0.75), 0.6)
@@ -306,7 +323,8 @@ def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, 
         color = np.maximum(color, color[0] - BROWNEST)
     else:
         # Whites and teeth are yellowish, never bluish: that is light which the stage lacks.
-        color[2] = np.clip(color[2], color[0] - known.yellowest, color[0])
+        color[2] = np.clip(color[2], color[0] - known.yellowest, color[0] + known.bluest)
+        color[1] = min(color[1], color[0] + known.greenest)
     luminance = np.log(max(float(np.exp(color) @ LUMINANCE), 1e-6))
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)
