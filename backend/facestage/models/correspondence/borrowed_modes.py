@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from facestage.contract.face_model import SKIN
+from facestage.contract.face_model import SKIN, TEETH
 from facestage.models.correspondence.registration import Registration
 from facestage.models.mesh.surface import pieces, vertex_normals
 
@@ -23,13 +23,19 @@ def borrowed_modes(
     """(k, n, 3) float64 offsets at one standard deviation, in the mesh's coordinates.
 
     vertices (n, 3), triangles (t, 3), part (t,) index into PARTS. A vertex moves as the default
-    face below it does, averaged over a few millimetres; loose pieces that are not skin (eyes,
-    teeth) move as a whole: they are turned, shifted and scaled, never bent.
+    face below it does, averaged over a few millimetres, skin as all of it but its teeth; loose
+    pieces that are not skin (eyes, teeth) move as a whole: they are turned, shifted and scaled,
+    never bent.
     """
     model = fit.model
     back = fit.similarity.inverse().apply(vertices)
-    tree = cKDTree(fit.shape)
-    distance, index = tree.query(back, k=_NEIGHBORS)
+    distance, index = cKDTree(fit.shape).query(back, k=_NEIGHBORS)
+    skin = np.zeros(len(vertices), bool)
+    skin[triangles[part == SKIN]] = True
+    # Teeth that stand higher take no lips along.
+    others = np.unique(model.triangles[model.triangle_part != TEETH])
+    distance[skin], nearest_other = cKDTree(fit.shape[others]).query(back[skin], k=_NEIGHBORS)
+    index[skin] = others[nearest_other]
     nearest = distance[:, :1]
     weights = np.exp(-0.5 * (distance**2 - nearest**2) / _REACH**2)
     normals = vertex_normals(fit.shape, model.triangles)

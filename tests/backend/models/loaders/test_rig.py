@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.errors import InputError
-from facestage.contract.face_model import FaceModel
+from facestage.contract.face_model import SKIN, TEETH, FaceModel
 from facestage.contract.rig_file import MARKS, UNKNOWN_PART, RigFile
 from facestage.models.correspondence.coarse_alignment import axis_rotation
 from facestage.models.registry import load_model
@@ -90,6 +90,16 @@ def test_borrowed_identity_moves_the_mesh_as_the_default_head(model: FaceModel, 
     difference = np.sqrt(((ours - theirs) ** 2).sum() / (theirs**2).sum())
     print(f"borrowed modes differ by {difference:.0%}, at most 25 %")
     assert difference < 0.25
+
+
+def test_teeth_stand_higher_behind_lips_that_stay(model: FaceModel, default: FaceModel):
+    mode = model.identity_basis[model.identity_names.index("teeth_height")]
+    teeth = np.unique(model.triangles[default.triangle_part == TEETH])
+    skin = np.unique(model.triangles[default.triangle_part == SKIN])
+    print(
+        f"teeth {1e3 * np.median(mode[teeth, 1]):.2f} mm, skin {1e3 * np.abs(mode[skin]).max():.3f}"
+    )
+    assert np.median(mode[teeth, 1]) > 1e-3 and np.abs(mode[skin]).max() < 1e-6
 
 
 def test_own_identity_is_kept(rig: RigFile, tmp_path: Path, default: FaceModel):
