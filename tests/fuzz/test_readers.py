@@ -14,7 +14,7 @@ from fuzz.targets import TARGETS, counts
 from fuzz.worker import FINDING
 
 REGRESSIONS = Path(__file__).with_name("regressions")
-INPUTS, SEED, JOBS = 500, 1, 1
+INPUTS, SEED, JOBS = 800, 1, 1
 # Calls that read what may come from a user.
 READING = {
     "read_text",
