@@ -60,7 +60,7 @@ format: setup ## Rewrite the code in the project's style
 	@$(VENV) -m ruff format .
 
 types: setup ## Check types
-	@$(VENV) -m mypy
+	@$(VENV) -m mypy --num-workers auto
 
 rooms: setup ## Draw who imports whom into docs/images (docs/architecture.md)
 	@$(VENV) tools/draw_rooms.py

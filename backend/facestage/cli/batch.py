@@ -12,6 +12,7 @@ from facestage.cli import streams
 from facestage.cli.film_options import add_film_options
 from facestage.cli.photo_options import add_photo_options
 from facestage.contract.errors import EXIT_DONE, EXIT_SOME_FAILED, InputError
+from facestage.system.algebra_threads import use_algebra_threads
 
 if TYPE_CHECKING:
     from facestage.batch.manifest import ManifestRow
@@ -106,6 +107,8 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit all rows, telling of the progress on standard output."""
+    # A process for each core.
+    use_algebra_threads(1)
     from facestage.batch.cluster import Pool
     from facestage.batch.run import counted, run_batch
     from facestage.batch.task import Readers

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from facestage.cli.common import MODELS, use_one_algebra_thread
+from facestage.cli.common import MODELS
 from facestage.contract.errors import InputError
+from facestage.system.algebra_threads import use_algebra_threads
 
 
 def add_command(commands: Any) -> None:
@@ -120,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
             "bench --sequence follows films alone; leave out --case, --plan, --parts and --alone."
         )
     if options.sequence:
-        use_one_algebra_thread()
+        use_algebra_threads(1)
         from facestage.bench.following import run_sequence_bench
 
         return run_sequence_bench(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +27,3 @@ def add_finding(command: Any) -> None:
         help="MediaPipe's face_landmarker.task (default: $FACESTAGE_LANDMARK_MODEL, the "
         "cache, else fetched once)",
     )
-
-
-def use_one_algebra_thread() -> None:
-    """For commands that follow films: their matrices are small, so more threads of linear algebra
-    would wait for each other, and fight with the processes that look at frames. To be called before
-    numpy is imported.
-    """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

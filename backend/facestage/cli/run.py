@@ -11,6 +11,7 @@ from facestage.cli import streams
 from facestage.cli.signals import Cancellation
 from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.files.machine import machine_trouble
+from facestage.system.algebra_threads import use_algebra_threads
 from facestage.system.child import trusted_path
 from facestage.system.folders import shelter_caches
 from facestage.system.freed_memory import keep_freed_memory
@@ -57,6 +58,7 @@ def _prepare_process() -> None:
     # Started with -m, Python would look for every module in the current folder first.
     sys.path[:] = trusted_path()
     shelter_caches()
+    use_algebra_threads()
     keep_freed_memory()
 
 

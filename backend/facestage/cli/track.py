@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facestage.cli.common import MODELS, add_finding, use_one_algebra_thread
+from facestage.cli.common import MODELS, add_finding
 from facestage.cli.film_options import add_film_options, read_request
 from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.quality import GOOD
+from facestage.system.algebra_threads import use_algebra_threads
 
 if TYPE_CHECKING:
     from facestage.contract.events import Event
@@ -121,7 +122,8 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Track, telling of the progress on standard output."""
-    use_one_algebra_thread()
+    # Films have smaller matrices still, and processes for the cores.
+    use_algebra_threads(1)
     from facestage.cli.terminal import ProgressLine, listener, track_summary
 
     work = _refit if options.corrected is not None else _track

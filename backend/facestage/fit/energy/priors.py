@@ -110,9 +110,7 @@ class WeighedPriors(Weighed):
         """Exactly, but for the curvature of what is known of light."""
         values = total.layout.values(self.state)
         for where, gaussian in self.priors.gaussians.values():
-            hessian, gradient = gaussian.normal_equations(values[where])
-            total.hessian[where, where] += hessian
-            total.gradient[where] += gradient
+            gaussian.add_to(total.hessian[where, where], total.gradient[where], values[where])
 
     def decrease(self, state: State, evaluation: Evaluation | None) -> float:
         """Exactly."""

@@ -41,11 +41,22 @@ class Gaussian:
         """Their derivative, everywhere the same."""
         return np.asarray(self.operator.toarray())
 
-    def normal_equations(
-        self, values: Float[np.ndarray, " values"]
-    ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
-        """Hessian and gradient of the energy at ``values``."""
-        return self.hessian, np.asarray(self.operator.T @ self.residuals(values))
+    @cached_property
+    def entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows, columns and values of A^T A where it is not 0."""
+        found = self.normal.tocoo()
+        return found.row, found.col, found.data
+
+    def add_to(
+        self,
+        hessian: Float[np.ndarray, "values values"],
+        gradient: Float[np.ndarray, " values"],
+        values: Float[np.ndarray, " values"],
+    ) -> None:
+        """Add the Hessian and the gradient of the energy at ``values``."""
+        rows, columns, found = self.entries
+        hessian[rows, columns] += found
+        gradient += self.operator.T @ self.residuals(values)
 
     def scaled(self, factor: float) -> Gaussian:
         """With ``factor`` times each residual."""
@@ -111,15 +122,23 @@ class Relative:
         by_level = self.residuals(values)[:, None] * self._by_value(values)
         return self.pattern.jacobian(values) / self._level(values) - by_level
 
-    def normal_equations(
-        self, values: Float[np.ndarray, " values"]
-    ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
-        """Hessian (Gauss-Newton) and gradient of the energy at ``values``."""
+    def add_to(
+        self,
+        hessian: Float[np.ndarray, "values values"],
+        gradient: Float[np.ndarray, " values"],
+        values: Float[np.ndarray, " values"],
+    ) -> None:
+        """Add the Hessian (Gauss-Newton) and the gradient of the energy at ``values``."""
         level, residuals, by = self._level(values), self.residuals(values), self._by_value(values)
         slope = self.pattern.operator.T @ residuals / level
         squares = float(residuals @ residuals)
-        hessian = self.pattern.hessian / level**2 - by * (slope[:, None] + slope) + squares * by**2
-        return hessian, slope - squares * by
+        rows, columns, found = self.pattern.entries
+        hessian[rows, columns] += found / level**2
+        both = by * slope - 0.5 * squares * by**2
+        if both.any():  # nor where all values are one; in place, because a texel a value is many
+            hessian -= both
+            hessian -= both[:, None]
+        gradient += slope - squares * by
 
     def _level(self, values: np.ndarray) -> float:
         return max(float(values.mean()) / self.mean, LEVEL_MIN)

@@ -64,10 +64,13 @@ class LightPrior:
         """Their derivative."""
         return self._rows(values)[1]
 
-    def normal_equations(
-        self, values: Float[np.ndarray, " values"]
-    ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
-        """Hessian (Gauss-Newton) and gradient of the energy at ``values``.
+    def add_to(
+        self,
+        hessian: Float[np.ndarray, "values values"],
+        gradient: Float[np.ndarray, " values"],
+        values: Float[np.ndarray, " values"],
+    ) -> None:
+        """Add the Hessian (Gauss-Newton) and the gradient of the energy at ``values``.
 
         What lights cost is concave, nowhere above its tangent: it has no part in the Hessian. The
         squares of its residuals would hold dark lights where they are, however much a photo wants
@@ -75,7 +78,8 @@ class LightPrior:
         """
         residuals, jacobian, concave = self._rows(values)
         curved = jacobian[~concave]
-        return curved.T @ curved, jacobian.T @ residuals
+        hessian += curved.T @ curved
+        gradient += jacobian.T @ residuals
 
     def concave(self, values: Float[np.ndarray, " values"]) -> Bool[np.ndarray, " residuals"]:
         """Which of the residuals are what lights cost."""

@@ -52,12 +52,10 @@ def with_common_light(
             where = layout.slices["lights"]
             hessian += more[where, where]
             gradient += slope[where]
-        known = prior(view.known(PHASE, at), len(lights))
-        more, slope = known.normal_equations(lights)
+        prior(view.known(PHASE, at), len(lights)).add_to(hessian, gradient, lights)
         low, high = np.zeros(len(lights)), np.full(len(lights), np.inf)
-        step = bounded_step(
-            hessian + more, gradient + slope, DAMPING, lights, low, high, np.ones(len(lights), bool)
-        )
+        every = np.ones(len(lights), bool)
+        step = bounded_step(hessian, gradient, DAMPING, lights, low, high, every)
         actor = actor.lit(lights + step.step)
     return actor
 

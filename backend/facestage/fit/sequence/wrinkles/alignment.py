@@ -28,6 +28,8 @@ FARTHEST = 4.0  # mm
 COUNTS_MAX = 400.0  # inverse variance, that of the usual noise
 ROBUST = 0.08  # log radiance by which a fold, or a shadow, is no matter of place
 AT_REST = 0.35  # strength, of the most that a group has, from which on a frame counts little
+# Texels of a coarser lattice that a Gaussian's standard deviation has at least.
+COARSE = 4.0
 # How far frames are still off, mm: what a texture changes over that is not told from wrinkles.
 LEFT = 0.35
 
@@ -110,6 +112,20 @@ def moved(sheet: Sheet, by: Float32[np.ndarray, "2 rows columns"]) -> Sheet:
 def blurred(
     values: Float[np.ndarray, "rows columns"], width: float
 ) -> Float32[np.ndarray, "rows columns"]:
-    """By a Gaussian of so many texels."""
-    found = opencv().GaussianBlur(np.ascontiguousarray(values, np.float32), (0, 0), width)
-    return np.asarray(found)
+    """By a Gaussian of so many texels; by a wide one on a coarser lattice, in a tenth of the time
+    and to a hundredth of the values' range.
+    """
+    cv2, fine = opencv(), np.ascontiguousarray(values, np.float32)
+    times = int(width / COARSE)
+    if times < 3:
+        return np.asarray(cv2.GaussianBlur(fine, (0, 0), width))
+    rows, columns = fine.shape
+    beyond = 0, -rows % times, 0, -columns % times
+    whole = cv2.copyMakeBorder(fine, *beyond, cv2.BORDER_REFLECT_101)
+    high, wide = whole.shape
+    means = cv2.resize(whole, (wide // times, high // times), interpolation=cv2.INTER_AREA)
+    # Means of squares, and lines between them, blur as well.
+    own = (times**2 - 1) / 12 + times**2 / 6
+    coarse = cv2.GaussianBlur(means, (0, 0), np.sqrt(width**2 - own) / times)
+    found = cv2.resize(coarse, (wide, high), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(found[:rows, :columns])

@@ -16,7 +16,7 @@ from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.forward.surface_frame import FrameField, turned
 from facestage.fit.sequence.actor import Actor
 from facestage.fit.sequence.frames import Cut
-from facestage.fit.sequence.wrinkles.alignment import aligned, at_rest, moved
+from facestage.fit.sequence.wrinkles.alignment import aligned, at_rest, blurred, moved
 from facestage.fit.sequence.wrinkles.folds import Folds, folds_of
 from facestage.fit.sequence.wrinkles.groups import groups_of, telling_frames
 from facestage.fit.sequence.wrinkles.sheets import Lattice, Sheet, sheet_of
@@ -58,6 +58,16 @@ def film(height: np.ndarray, off_mm: float, seed: int = 0) -> list[Sheet]:
         sheet = Sheet(shown.astype(np.float32), weight, slope)
         sheets.append(moved(sheet, (strength * off).astype(np.float32)))
     return sheets
+
+
+@pytest.mark.parametrize("width", [3.0, 13.0, 31.0, 50.0])
+def test_a_wide_blur_is_that_of_all_texels(width: float) -> None:
+    values = np.random.default_rng(1).random((157, 203)) ** 3
+    values[:, 120:] = 0
+    found, true = blurred(values, width), gaussian_filter(values, width, mode="mirror", truncate=5)
+    assert found.shape == values.shape and found.dtype == np.float32
+    assert np.abs(found - true).max() < 0.012
+    assert np.sqrt(np.square(found - true).mean()) < 0.003
 
 
 def found_in(sheets: list[Sheet]) -> tuple[Fields, Folds]:
