@@ -19,6 +19,7 @@ from typing import TextIO
 from facestage import __version__
 from facestage.contract.errors import BackendUnavailableError, InputError
 from facestage.contract.online import OFFLINE_VARIABLE, is_offline
+from facestage.images.opencv import REMEDY
 from facestage.landmarks.model_file import URL, VARIABLE, cached_path, find_model
 from facestage.system import native
 from facestage.system.child import python_code
@@ -154,18 +155,25 @@ def import_finding(subject: str, module: str, *, needed: bool) -> Finding:
 
 
 def opencv_finding() -> Finding:
-    """Whether OpenCV is there and writes OpenEXR, which newer ones and other builds do not."""
+    """Whether OpenCV is there, with all modules, and writes OpenEXR: other packages of it lack
+    these.
+    """
     finding = import_finding("OpenCV", "cv2", needed=True)
     if not finding.works:
         return finding
     code = (
-        "import os; os.environ['OPENCV_IO_ENABLE_OPENEXR'] = '1'; import cv2; "
-        "raise SystemExit(not cv2.haveImageWriter('picture.exr'))"
+        "import os; os.environ['OPENCV_IO_ENABLE_OPENEXR'] = '1'; import cv2; raise SystemExit("
+        "3 if not hasattr(cv2, 'ximgproc') else not cv2.haveImageWriter('picture.exr'))"
     )
-    if subprocess.run(python_code(code), stdin=subprocess.DEVNULL, capture_output=True).returncode:
-        found = f"{finding.found} cannot write OpenEXR, which results are in"
-        return Finding("OpenCV", found, works=False, needed=True, remedy=INSTALL)
-    return finding
+    done = subprocess.run(python_code(code), stdin=subprocess.DEVNULL, capture_output=True)
+    if done.returncode == 0:
+        return finding
+    lack = (
+        "lacks ximgproc, so it is not opencv-contrib-python-headless"
+        if done.returncode == 3
+        else "cannot write OpenEXR, which results are in"
+    )
+    return Finding("OpenCV", f"{finding.found} {lack}", works=False, needed=True, remedy=REMEDY)
 
 
 def renderer_findings() -> Iterator[Finding]:

@@ -98,17 +98,24 @@ def test_module_that_crashes_on_import_is_reported(
     assert finding.remedy
 
 
-def test_an_opencv_without_openexr_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("has", "words"),
+    [
+        ("ximgproc = None", "5.0.0 cannot write OpenEXR"),
+        ("", "5.0.0 lacks ximgproc, so it is not opencv-contrib-python-headless"),
+    ],
+)
+def test_another_opencv_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has: str, words: str
 ) -> None:
     assert doctor.opencv_finding().works
     other = "__version__ = '5.0.0'\ndef haveImageWriter(name): return not name.endswith('.exr')\n"
-    (tmp_path / "cv2.py").write_text(other)
+    (tmp_path / "cv2.py").write_text(f"{other}{has}\n")
     before = f"import sys; sys.path.insert(0, {str(tmp_path)!r})"
     monkeypatch.setattr(doctor, "python_code", lambda code: python_code(f"{before}\n{code}"))
     finding = doctor.opencv_finding()
     assert (finding.works, finding.needed) == (False, True)
-    assert "5.0.0 cannot write OpenEXR" in finding.found and finding.remedy
+    assert words in finding.found and "pip uninstall" in finding.remedy
 
 
 def test_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_fit_is_written_back_as_the_fit_saw_it(
     from facestage_blender.headless import demo, pipeline
     from facestage_blender.pictures import render
 
-    order = order_of(case, tmp_path, truth=case / "truth.npz", budget=40.0)
+    order = order_of(case, tmp_path, truth=case / "truth.npz", quality="draft")
     scene = pipeline.empty_scene()
     stages: list[str] = []
     result = pipeline.fit_photo(scene, order, backend, lambda event: stages.append(event.stage))

@@ -25,6 +25,7 @@ class Fineness:
     # Several photos of one person are kept small while they are fitted, twice what the last phase
     # looks at.
     joint_face_px: float = 320.0
+    keyframes: int = 4  # of a film, to which its person is fitted, at most
     steps_max: int | None = None  # of each phase with a photo; None: as the schedule has it
     # A phase that ends at its last step has settled when this lowered the photo's residual by less
     # than this share; else the last phase of a schedule goes on for a while.

@@ -21,7 +21,6 @@ from facestage.fit.sequence.tracking import Tracker
 from facestage.images.film import Frame
 from facestage.images.image_io import read_exr
 
-KEYFRAMES = 4
 # Of the frames of a shot: the share whose landmarks may be kept out of the choice as its worst.
 STRAYS = 0.02
 # A frame that comes after a blink differs much, but shows no new person: pairs nearer than this
@@ -67,7 +66,7 @@ class Prepared:
 
 
 def choose_keyframes(
-    landmarks: Sequence[Landmarks | None], confidence: Sequence[float], count: int = KEYFRAMES
+    landmarks: Sequence[Landmarks | None], confidence: Sequence[float], count: int
 ) -> list[int]:
     """Indices of ``count`` frames at most, in order: the most usual one, then always the one that
     differs most from all that are chosen.

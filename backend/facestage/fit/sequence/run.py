@@ -176,7 +176,7 @@ class SequenceRun:
         if request.truth is not None:
             truth = SequenceTruth(request.truth, model, len(sightings))
         landmarks = sightings.landmarks(model)
-        chosen = choose_keyframes(landmarks, sightings.confidence)
+        chosen = choose_keyframes(landmarks, sightings.confidence, self._fineness.keyframes)
         if len(chosen) < 2:
             raise InputError(
                 f"The frames of '{self.film.path}' all show the same; fit one of them as a photo: "

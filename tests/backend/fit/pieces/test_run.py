@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from reference.small_film import FRAMES, small_film
 from reference.small_fit import QUICK, StopError
 
 MOST, ALL = 7, 100  # frames of a piece
+FINENESS = replace(QUICK, keyframes=4)
 ELSEWHERE = """
 import json, sys
 from pathlib import Path
@@ -63,10 +64,10 @@ def test_a_film_in_pieces_is_what_one_process_finds(
     monkeypatch.setattr(pieces_run, "cut", evenly)
     request = film.request(truth=film.write_truth(tmp_path / "truth.npz"))
     out = tmp_path / "out"
-    assert begin_film(request, out, MOST, fineness=QUICK) == 2
+    assert begin_film(request, out, MOST, fineness=FINENESS) == 2
     for name in ("whole", "single"):
         shutil.copytree(partial_folder(out), partial_folder(tmp_path / name))
-    whole = begin_film(request, tmp_path / "whole", ALL, True, fineness=QUICK)
+    whole = begin_film(request, tmp_path / "whole", ALL, True, fineness=FINENESS)
     assert isinstance(whole, Sequence)
 
     # The steps of a film of one piece, but for rounding.

@@ -28,10 +28,10 @@ def test_a_face_that_only_moves_and_grows_gives_one_keyframe():
     film = [
         Landmarks(still.scheme, still.points * (1 + k / 9) + k, still.visible) for k in range(9)
     ]
-    assert len(choose_keyframes(film, [1.0] * 9)) == 1
+    assert len(choose_keyframes(film, [1.0] * 9, count=4)) == 1
 
 
 def test_what_is_hardly_a_face_is_not_taken():
     film = [*(frame(0.01 * k) for k in range(10)), frame(0.6)]
-    assert 10 not in choose_keyframes(film, [1.0] * 10 + [0.5])
-    assert choose_keyframes([None, None], [0.0, 0.0]) == []
+    assert 10 not in choose_keyframes(film, [1.0] * 10 + [0.5], count=4)
+    assert choose_keyframes([None, None], [0.0, 0.0], count=4) == []
