@@ -4,6 +4,9 @@ asked for.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from scipy.linalg import cho_solve
 
@@ -12,6 +15,28 @@ from facestage.fit.solve.cholesky import firm_cholesky
 # Relative to a unit diagonal: keeps null directions of the system invertible, their deviation
 # large.
 RIDGE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Laplace's approximation: what is known of the ``active`` (size,) entries by the Hessian
+    (size, size) of all terms and by that of the priors alone. Each is inverted once, however many
+    ask.
+    """
+
+    hessian: np.ndarray
+    prior_hessian: np.ndarray
+    active: np.ndarray
+
+    @cached_property
+    def after(self) -> np.ndarray:
+        """(size, size) covariance after the data, see :func:`covariance`."""
+        return covariance(self.hessian, self.active)
+
+    @cached_property
+    def before(self) -> np.ndarray:
+        """(size, size) covariance by the priors alone."""
+        return covariance(self.prior_hessian, self.active)
 
 
 def covariance(hessian: np.ndarray, active: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from facestage.fit.face.layout import Layout
-from facestage.fit.solve.covariance import covariance
+from facestage.fit.solve.covariance import Posterior
 
 # A parameter that keeps this share of its prior standard deviation counts as unobserved.
 UNOBSERVED_SHARE = 0.95
@@ -43,13 +43,9 @@ class Deviations:
             return (self.after >= UNOBSERVED_SHARE * self.before) & np.isfinite(self.before)
 
 
-def deviations(hessian: np.ndarray, prior: np.ndarray, active: np.ndarray) -> Deviations:
-    """From the Hessian of all terms and that of the priors alone (size, size), for the ``active``
-    (size,) entries.
-    """
-    return Deviations(
-        *(_marginal(covariance(matrix, active), active) for matrix in (hessian, prior))
-    )
+def deviations(known: Posterior) -> Deviations:
+    """Of the entries that are active."""
+    return Deviations(*(_marginal(matrix, known.active) for matrix in (known.after, known.before)))
 
 
 def _marginal(matrix: np.ndarray, active: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from facestage.fit.face.layout import Layout
 from facestage.fit.face.state import State
 from facestage.fit.given.problem import Problem
-from facestage.fit.solve.covariance import covariance
+from facestage.fit.solve.covariance import Posterior, covariance
 from facestage.fit.stages.phases import LENS, Phase, PhaseName, Schedule
 from facestage.fit.stages.photo_descent import Iteration
 from facestage.fit.stages.view import View
@@ -49,7 +49,8 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
     ``in_time``.
     """
     began, state, last = time.monotonic(), ending.state, ending.last
-    certainty, shading = _certainty(view, state, last), _shading_doubt(view, last)
+    known = None if last is None else _known(view, state, last)
+    certainty, shading = _certainty(view, state, known), _shading_doubt(view, last, known)
     size = view.problem.camera.height, view.problem.camera.width
     lens, settled = _lens(view, ending.start), _settled(view, ending.phase, ending.trace)
     return Fitted(
@@ -77,8 +78,8 @@ def conclude(view: View, ending: Ending, seconds: float, in_time: bool) -> Fitte
         surround=view.surround,
         below=view.below,
         between=view.between,
-        support=None if ending.doubt else _support(view, ending.start, state, last),
-        color=_color_doubt(view, state, last),
+        support=None if ending.doubt else _support(view, ending.start, state, last, known),
+        color=_color_doubt(view, state, last, known),
     )
 
 
@@ -124,19 +125,21 @@ def _lens(view: View, start: State) -> LensCheck | None:
     return check_lens(lambda state: view.descent(LENS, state), start, view.problem.job.seed)
 
 
-def _certainty(view: View, state: State, last: Iteration | None) -> Certainty:
+def _known(view: View, state: State, last: Iteration) -> Posterior:
+    """What the last normal equations say of the parameters that were free."""
+    return Posterior(last.hessian, last.prior_hessian, ~view.held(state))
+
+
+def _certainty(view: View, state: State, known: Posterior | None) -> Certainty:
     """What the last normal equations say of each parameter that was free, and of every vertex."""
-    if last is None:
+    if known is None:
         return Certainty({}, {})
     layout, problem, names = Layout(state), view.problem, _names(view.problem)
-    free = ~view.held(state)
-    found = describe(deviations(last.hessian, last.prior_hessian, free), layout, names)
-    vertices = _vertex_deviation(view, state, covariance(last.hessian, free))
-    if free[layout.slices["identity"]].any():
+    found = describe(deviations(known), layout, names)
+    vertices = _vertex_deviation(view, state, known.after)
+    if known.active[layout.slices["identity"]].any():
         vertices = beyond_the_model(vertices)
-    directions = find_null_directions(
-        last.hessian, last.prior_hessian, free, state, problem.geometry, problem.lights, names
-    )
+    directions = find_null_directions(known, state, problem.geometry, problem.lights, names)
     return replace(found, vertices_mm=vertices, directions=directions.to_json())
 
 
@@ -154,15 +157,16 @@ def _vertex_deviation(view: View, state: State, known: np.ndarray) -> np.ndarray
     )
 
 
-def _support(view: View, start: State, state: State, last: Iteration | None) -> Support | None:
+def _support(
+    view: View, start: State, state: State, last: Iteration | None, known: Posterior | None
+) -> Support | None:
     """How much surer of the shape the photo makes; None where it was not asked, or nothing of the
     shape is free.
     """
     layout = Layout(state)
-    free = ~view.held(state)
-    if last is None or last.evaluation is None:
+    if last is None or last.evaluation is None or known is None:
         return None
-    if not (free & layout.mask(("identity", "expression"))).any():
+    if not (known.active & layout.mask(("identity", "expression"))).any():
         return None
     alone = view.descent(Schedule()[PhaseName.LANDMARKS], start)
     if alone is None:
@@ -173,29 +177,30 @@ def _support(view: View, start: State, state: State, last: Iteration | None) -> 
     before = alone.energy.at(start).system(start, alone.active).hessian
     found = [
         expected_distance(
-            model,
-            view.problem.geometry.all_vertices(at),
-            region,
-            covariance(hessian, moved)[shape, shape],
+            model, view.problem.geometry.all_vertices(at), region, matrix[shape, shape]
         )
-        for at, hessian, moved in ((start, before, alone.active), (state, last.hessian, free))
+        for at, matrix in ((start, covariance(before, alone.active)), (state, known.after))
     ]
     return Support(*found)
 
 
-def _color_doubt(view: View, state: State, last: Iteration | None) -> ColorDoubt | None:
-    if last is None or last.evaluation is None:
+def _color_doubt(
+    view: View, state: State, last: Iteration | None, known: Posterior | None
+) -> ColorDoubt | None:
+    if last is None or last.evaluation is None or known is None:
         return None
-    known = covariance(last.hessian, ~view.held(state))
-    return color_doubt(view.problem.geometry, view.problem.lights, state, known)
+    return color_doubt(view.problem.geometry, view.problem.lights, state, known.after)
 
 
-def _shading_doubt(view: View, last: Iteration | None) -> np.ndarray | None:
-    if last is None or last.evaluation is None:
+def _shading_doubt(
+    view: View, last: Iteration | None, known: Posterior | None
+) -> np.ndarray | None:
+    if last is None or last.evaluation is None or known is None:
         return None
-    layout = Layout(last.state)
-    known = covariance(last.hessian, ~view.held(last.state))
-    return shading_doubt(view.forward, last.evaluation, layout, known)
+    # Others may be free where the fit went back from there to its landmarks.
+    there = _known(view, last.state, last)
+    there = known if np.array_equal(there.active, known.active) else there
+    return shading_doubt(view.forward, last.evaluation, Layout(last.state), there.after)
 
 
 def _names(problem: Problem) -> dict[str, list[str]]:

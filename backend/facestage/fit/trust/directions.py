@@ -23,7 +23,7 @@ from facestage.fit.face.layout import Layout
 from facestage.fit.face.light_parameters import CHANNELS, LightParameters
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import UNKNOWNS
-from facestage.fit.solve.covariance import covariance
+from facestage.fit.solve.covariance import Posterior
 from facestage.fit.trust.vertex_certainty import similarity_motions
 
 # What the data tell of a direction relative to its prior, below which it counts as unseen.
@@ -60,14 +60,12 @@ class Unseen:
     any quantity.
     """
 
-    def __init__(
-        self, hessian: np.ndarray, prior: np.ndarray, active: np.ndarray, layout: Layout
-    ) -> None:
-        """Hessians (size, size) of all terms and of the priors, ``active`` (size,) bool."""
-        self.layout, self.covariance = layout, covariance(hessian, active)
-        self.index = np.flatnonzero(active & layout.mask(COUNTED) & (np.diag(prior) > 0))
+    def __init__(self, known: Posterior, layout: Layout) -> None:
+        """By what is ``known`` of the parameters."""
+        self.layout, self.covariance = layout, known.after
+        self.index = np.flatnonzero(_counted(known, layout))
         chosen = np.ix_(self.index, self.index)
-        self.before, self.after = covariance(prior, active)[chosen], self.covariance[chosen]
+        self.before, self.after = known.before[chosen], self.covariance[chosen]
         root = np.linalg.cholesky(self.before)
         half = solve_triangular(root, self.after, lower=True)
         whitened = solve_triangular(root, half.T, lower=True)
@@ -107,10 +105,13 @@ class Unseen:
         return {name: value for name, value in result.items() if value > 0.5}
 
 
+def _counted(known: Posterior, layout: Layout) -> np.ndarray:
+    """(size,) bool, the entries that have a prior and are counted."""
+    return known.active & layout.mask(COUNTED) & (np.diag(known.prior_hessian) > 0)
+
+
 def find_null_directions(
-    hessian: np.ndarray,
-    prior: np.ndarray,
-    active: np.ndarray,
+    known: Posterior,
     state: State,
     geometry: FaceGeometry,
     lights: LightParameters,
@@ -120,9 +121,9 @@ def find_null_directions(
     by block.
     """
     layout = Layout(state)
-    if not (active & layout.mask(COUNTED) & (np.diag(prior) > 0)).any():
+    if not _counted(known, layout).any():
         return NullDirections()
-    unseen = Unseen(hessian, prior, active, layout)
+    unseen = Unseen(known, layout)
     brightness, size = _brightness(layout, geometry), _size(state, layout, geometry)
     distance = _unit(layout, layout.slices["pose"].start + DEPTH)
     total = np.zeros(layout.size)

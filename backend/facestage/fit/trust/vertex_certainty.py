@@ -40,11 +40,11 @@ def similarity_motions(vertices: np.ndarray) -> np.ndarray:
 
 
 def _basis(model: FaceModel, chosen: np.ndarray, relief: np.ndarray | None = None) -> np.ndarray:
-    """(c, 3, k + e + r) of the ``chosen`` vertices."""
+    """(k + e + r, c, 3) of the ``chosen`` vertices."""
     bases = [model.identity_basis[:, chosen], model.expression_basis[:, chosen]]
     if relief is not None:
         bases.append(relief[:, chosen])
-    return np.moveaxis(np.concatenate(bases).astype(np.float64), 0, 2)
+    return np.concatenate(bases).astype(np.float64)
 
 
 def shape_columns(model: FaceModel, vertices: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -53,9 +53,9 @@ def shape_columns(model: FaceModel, vertices: np.ndarray, region: np.ndarray) ->
     """
     motions = similarity_motions((vertices - vertices[region].mean(axis=0))[region])
     basis = _basis(model, region)
-    flat, rows = motions.reshape(-1, 7), basis.reshape(3 * len(region), -1)
+    flat, rows = motions.reshape(-1, 7), basis.reshape(len(basis), -1).T
     taken, *_ = np.linalg.lstsq(flat, rows, rcond=None)
-    return (rows - flat @ taken).reshape(basis.shape)
+    return (rows - flat @ taken).reshape(len(region), 3, len(basis))
 
 
 def vertex_deviation(
@@ -84,12 +84,14 @@ def vertex_deviation(
         return np.zeros((len(vertices), 3), np.float32)
     centred = vertices - vertices[region].mean(axis=0)
     motions = similarity_motions(centred[region]).reshape(-1, 7)
-    inside = _basis(model, region, relief).reshape(len(motions), -1) @ root
+    inside = _basis(model, region, relief).reshape(len(root), -1).T @ root
     taken, *_ = np.linalg.lstsq(motions, inside, rcond=None)
     result = np.zeros((len(vertices), 3), np.float32)
     for start in range(0, len(vertices), ROWS_AT_ONCE):
         chosen = np.arange(start, min(start + ROWS_AT_ONCE, len(vertices)))
-        moved = _basis(model, chosen, relief) @ root - similarity_motions(centred[chosen]) @ taken
-        moved = np.einsum("xy,nyk->nxk", rotation, moved, optimize=True)
-        result[chosen] = 1e3 * np.sqrt((moved**2).sum(axis=2))
+        # One product of large matrices each, many times as fast as one for each vertex.
+        moved = root.T @ _basis(model, chosen, relief).reshape(len(root), -1)
+        moved -= taken.T @ similarity_motions(centred[chosen]).reshape(-1, 7).T
+        moved = moved.reshape(len(moved), len(chosen), 3) @ rotation.T
+        result[chosen] = 1e3 * np.sqrt(np.einsum("kny,kny->ny", moved, moved))
     return result

@@ -15,11 +15,15 @@ from facestage.fit.energy.evaluation import Evaluation
 from facestage.fit.energy.noise import HIGHLIGHT_SHARE
 from facestage.fit.energy.plan import Ledger
 from facestage.fit.face.layout import Layout
+from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SHAPE
 from facestage.fit.stages.phases import Phase, PhaseName, Schedule
+from facestage.fit.stages.photo_descent import Iteration
+from facestage.fit.trust.certainty import Certainty
 from facestage.fit.trust.checks import (
     Ending,
     _certainty,
+    _known,
     _lens,
     _shading_doubt,
     conclude,
@@ -154,20 +158,25 @@ def test_the_lens_is_asked_about_in_six_steps_of_the_shape(scene: Scene):
     assert view.asked == [(Phase("lens", SHAPE, None, 6), scene.state)]
 
 
+def certainty_of(view: Any, state: State, last: Iteration) -> Certainty:
+    """By what ``last`` says."""
+    return _certainty(view, state, _known(view, state, last))
+
+
 def test_certainty_is_the_inverse_of_the_last_normal_equations(scene: Scene):
-    assert not known(_certainty(view_of(scene, held=("relief",)), scene.state, None)).deviations
+    assert not known(_certainty(view_of(scene), scene.state, None)).deviations
     layout = Layout(scene.state)
     prior = np.eye(layout.size)
     # Nothing but its prior holds the second mode.
     prior[layout.slices["identity"].start + 1] *= 4
     last = step_of(scene, None, prior_hessian=prior)
-    found = _certainty(view_of(scene, held=("roughness", "albedo", "relief")), scene.state, last)
+    found = certainty_of(view_of(scene, held=("roughness", "albedo", "relief")), scene.state, last)
     np.testing.assert_allclose(found.deviations["identity"], 0.5)
     np.testing.assert_allclose(found.before["identity"], [1, 0.5, 1, 1])
     np.testing.assert_array_equal(found.deviations["roughness"], 0)
     assert found.unobserved == {"identity": [scene.model.identity_names[1]]}
     # Half the deviation of every mode is half that of every vertex, but for what no mode can say.
-    sharper = _certainty(
+    sharper = certainty_of(
         view_of(scene, held=("relief",)),
         scene.state,
         step_of(scene, None, hessian=16 * np.eye(layout.size)),
@@ -187,7 +196,7 @@ def test_certainty_is_the_inverse_of_the_last_normal_equations(scene: Scene):
         model.regions["narrow_face"],
     )
     np.testing.assert_allclose(of_modes, MISFIT_FACTOR * alone, rtol=1e-2, atol=1e-2)
-    frozen = _certainty(
+    frozen = certainty_of(
         view_of(scene, held=("identity", "expression", "relief")), scene.state, last
     )
     assert not known(frozen.vertices_mm).any()
@@ -199,9 +208,11 @@ def test_where_no_shape_moves_a_highlight_is_all_that_is_doubted(
     scene: Scene, evaluation: Evaluation
 ):
     view = view_of(scene, held=tuple(Layout(scene.state).slices))
-    assert _shading_doubt(view, None) is None
-    assert _shading_doubt(view, step_of(scene, None)) is None
-    found = known(_shading_doubt(view, step_of(scene, evaluation)))
+    assert _shading_doubt(view, None, None) is None
+    for last in (step_of(scene, None), step_of(scene, evaluation)):
+        shading = _shading_doubt(view, last, _known(view, scene.state, last))
+        assert (shading is None) == (last.evaluation is None)
+    found = known(shading)
     image = evaluation.image
     x, y = image.surface.pixels.astype(int).T
     diffuse = brdf.K_DIFFUSE / np.pi * (image.albedo * image.diffuse).mean(axis=1)

@@ -16,6 +16,7 @@ from facestage.contract.light_stage import fibonacci_stage
 from facestage.contract.result import Result
 from facestage.fit.face.layout import Layout
 from facestage.fit.result.run import fit_job
+from facestage.fit.solve.covariance import Posterior
 from facestage.fit.trust.certainty import NAMED_MAX, describe, deviations
 from reference.small_fit import SMALL
 from reference.synthetic_case import Case
@@ -24,7 +25,9 @@ from reference.synthetic_scene import Scene
 
 def test_independent_parameters_have_the_inverse_root_of_their_information() -> None:
     found = deviations(
-        np.diag([4.0, 25.0, 1.0]), np.diag([1.0, 1.0, 1.0]), np.array([True, True, False])
+        Posterior(
+            np.diag([4.0, 25.0, 1.0]), np.diag([1.0, 1.0, 1.0]), np.array([True, True, False])
+        )
     )
     np.testing.assert_allclose(found.after[:2], [0.5, 0.2], rtol=1e-6)
     np.testing.assert_allclose(found.before[:2], 1.0, rtol=1e-6)
@@ -34,20 +37,20 @@ def test_independent_parameters_have_the_inverse_root_of_their_information() -> 
 def test_a_null_direction_of_the_data_leaves_twins_at_their_prior() -> None:
     data = 1e4 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     prior = np.eye(3)
-    found = deviations(data + prior, prior, np.ones(3, bool))
+    found = deviations(Posterior(data + prior, prior, np.ones(3, bool)))
     # The twins' sum is known, their difference is not: half of its prior variance stays with each.
     np.testing.assert_allclose(found.after[:2], np.sqrt(0.5), rtol=1e-3)
     assert found.unobserved.tolist() == [False, False, True]
 
 
 def test_without_a_prior_nothing_is_compared() -> None:
-    found = deviations(np.diag([4.0, 0.0]), np.zeros((2, 2)), np.ones(2, bool))
+    found = deviations(Posterior(np.diag([4.0, 0.0]), np.zeros((2, 2)), np.ones(2, bool)))
     assert found.after[0] == pytest.approx(0.5) and np.isinf(found.after[1])
     assert np.isinf(found.before).all() and not found.unobserved.any()
 
 
 def test_singular_systems_give_large_numbers_not_errors() -> None:
-    found = deviations(np.ones((40, 40)), np.eye(40), np.ones(40, bool))
+    found = deviations(Posterior(np.ones((40, 40)), np.eye(40), np.ones(40, bool)))
     assert np.isfinite(found.after).all() and (found.after > 1e3).all()
 
 
@@ -63,7 +66,9 @@ def test_unobserved_entries_are_named_by_block(scene: Scene) -> None:
     active = np.ones(layout.size, bool)
     active[layout.slices["pose"]] = False
     certainty = describe(
-        deviations(hessian, np.eye(layout.size), active), layout, {"identity": ["wide", "long"]}
+        deviations(Posterior(hessian, np.eye(layout.size), active)),
+        layout,
+        {"identity": ["wide", "long"]},
     )
     assert certainty.unobserved["identity"] == ["long"]
     assert certainty.unobserved["lights"] == ["0"]

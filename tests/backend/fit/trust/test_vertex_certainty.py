@@ -9,7 +9,7 @@ import pytest
 
 from facestage.fit.face.layout import Layout
 from facestage.fit.given.metrics import aligned_difference
-from facestage.fit.solve.covariance import covariance
+from facestage.fit.solve.covariance import Posterior, covariance
 from facestage.fit.trust.directions import Unseen, find_null_directions
 from facestage.fit.trust.vertex_certainty import vertex_deviation
 from reference.synthetic_scene import Scene
@@ -94,9 +94,7 @@ def system(scene: Scene) -> tuple[Layout, np.ndarray, np.ndarray]:
 
 def sentences(scene: Scene, layout: Layout, prior: np.ndarray, data: np.ndarray) -> str:
     found = find_null_directions(
-        data + prior,
-        prior,
-        np.ones(layout.size, bool),
+        Posterior(data + prior, prior, np.ones(layout.size, bool)),
         scene.state,
         scene.geometry,
         scene.lights,
@@ -122,7 +120,7 @@ def test_twin_lights_dark_lights_and_hidden_modes_are_named(scene: Scene):
     assert "only the sum is seen: 1 and 4" in found
     assert "reach nothing that is seen: 5" in found
     assert "hidden expressions: smile" in found and "identity" not in found
-    unseen = Unseen(data + prior, prior, np.ones(layout.size, bool), layout)
+    unseen = Unseen(Posterior(data + prior, prior, np.ones(layout.size, bool)), layout)
     assert unseen.span.shape[1] == 3 + 3 + 1
     assert unseen.by_block() == pytest.approx({"lights": 6.0, "expression": 1.0}, abs=1e-6)
 
