@@ -124,8 +124,6 @@ def blurred(
     whole = cv2.copyMakeBorder(fine, *beyond, cv2.BORDER_REFLECT_101)
     high, wide = whole.shape
     means = cv2.resize(whole, (wide // times, high // times), interpolation=cv2.INTER_AREA)
-    # Means of squares, and lines between them, blur as well.
-    own = (times**2 - 1) / 12 + times**2 / 6
-    coarse = cv2.GaussianBlur(means, (0, 0), np.sqrt(width**2 - own) / times)
+    coarse = cv2.GaussianBlur(means, (0, 0), width / times)
     found = cv2.resize(coarse, (wide, high), interpolation=cv2.INTER_LINEAR)
     return np.asarray(found[:rows, :columns])
