@@ -174,7 +174,8 @@ def install_packages(venv: Path = VENV) -> None:
         f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the "
         "first time) ..."
     )
-    # Pip compiles on one core; on all, setup takes a fifth less.
+    # Pip compiles on one core; on all, setup takes a fifth less. What does not compile, files for
+    # other Pythons, nobody imports.
     pip(*LOCKED, "--no-compile", "-r", str(lock), venv=venv)
     run([str(venv_python(venv)), "-I", "-m", "compileall", "-qq", "-j", "0", str(venv / "lib")])
     # With the locked setuptools: a build of its own would fetch another.

@@ -173,7 +173,8 @@ def opencv_finding() -> Finding:
         if done.returncode == 3
         else "cannot write OpenEXR, which results are in"
     )
-    return Finding("OpenCV", f"{finding.found} {lack}", works=False, needed=True, remedy=REMEDY)
+    found = f"{finding.found} {lack}"
+    return Finding("OpenCV", found, works=False, needed=True, remedy=f"Run: {REMEDY}")
 
 
 def renderer_findings() -> Iterator[Finding]:

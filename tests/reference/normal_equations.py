@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from facestage.contract.arrays import Float
-
-
-class Prior(Protocol):
-    """Of an unknown's values."""
-
-    def add_to(self, hessian: np.ndarray, gradient: np.ndarray, values: np.ndarray) -> None:
-        """Add its part."""
+from facestage.fit.face.gaussians import Gaussian, Relative
+from facestage.fit.face.light_color import LightPrior
 
 
 def normal_equations(
-    prior: Prior, values: Float[np.ndarray, " values"]
+    prior: Gaussian | Relative | LightPrior, values: Float[np.ndarray, " values"]
 ) -> tuple[Float[np.ndarray, "values values"], Float[np.ndarray, " values"]]:
     """Hessian and gradient of its energy at ``values``."""
     hessian, gradient = np.zeros((len(values), len(values))), np.zeros(len(values))

@@ -12,7 +12,7 @@ from facestage.cli import streams
 from facestage.cli.film_options import add_film_options
 from facestage.cli.photo_options import add_photo_options
 from facestage.contract.errors import EXIT_DONE, EXIT_SOME_FAILED, InputError
-from facestage.system.algebra_threads import use_algebra_threads
+from facestage.system.cores import use_algebra_threads
 
 if TYPE_CHECKING:
     from facestage.batch.manifest import ManifestRow

@@ -9,7 +9,7 @@ from typing import Any
 
 from facestage.cli.common import MODELS
 from facestage.contract.errors import InputError
-from facestage.system.algebra_threads import use_algebra_threads
+from facestage.system.cores import use_algebra_threads
 
 
 def add_command(commands: Any) -> None:

@@ -11,8 +11,8 @@ from facestage.cli import streams
 from facestage.cli.signals import Cancellation
 from facestage.contract.errors import CancelledError, FacestageError, InputError
 from facestage.contract.files.machine import machine_trouble
-from facestage.system.algebra_threads import use_algebra_threads
 from facestage.system.child import trusted_path
+from facestage.system.cores import use_algebra_threads
 from facestage.system.folders import shelter_caches
 from facestage.system.freed_memory import keep_freed_memory
 

@@ -11,7 +11,7 @@ from facestage.cli.common import MODELS, add_finding
 from facestage.cli.film_options import add_film_options, read_request
 from facestage.contract.errors import EXIT_DONE, InputError
 from facestage.contract.quality import GOOD
-from facestage.system.algebra_threads import use_algebra_threads
+from facestage.system.cores import use_algebra_threads
 
 if TYPE_CHECKING:
     from facestage.contract.events import Event

@@ -26,7 +26,8 @@ def opencv() -> Any:
 
     if not hasattr(cv2, "ximgproc"):
         raise BackendUnavailableError(
-            f"OpenCV {cv2.__version__} at '{cv2.__file__}' lacks its module ximgproc; {REMEDY}."
+            f"OpenCV {cv2.__version__} at '{cv2.__file__}' lacks its module ximgproc; run: "
+            f"{REMEDY}."
         )
     # What is wrong with a file is said once, by the error it raises. OpenCV 4.12 moved the
     # function.

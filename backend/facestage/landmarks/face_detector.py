@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facestage.images.opencv import opencv
 from facestage.landmarks.crop import Crop
 from facestage.landmarks.views import PhotoViews
 
@@ -69,8 +70,7 @@ class FaceDetector:
     """Runs the network on squares of a photo."""
 
     def __init__(self, tflite: bytes) -> None:
-        import cv2
-
+        cv2 = opencv()
         self._net = cv2.dnn.readNetFromTFLite(np.frombuffer(tflite, np.uint8))
         self._anchors = anchors()
 

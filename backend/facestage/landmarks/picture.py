@@ -9,6 +9,7 @@ import numpy as np
 from facestage.contract.errors import InputError
 from facestage.contract.files.atomic import atomic_file
 from facestage.images.image_io import Photograph
+from facestage.images.opencv import opencv
 from facestage.landmarks.canonical import CanonicalFace
 from facestage.landmarks.crop import Crop
 from facestage.landmarks.finder import Face
@@ -33,8 +34,7 @@ def draw_faces(
 
     Raises InputError when the file cannot be written.
     """
-    import cv2
-
+    cv2 = opencv()
     width, height = photograph.size
     factor = float(np.clip(1.0, SIDE_MIN / max(width, height), SIDE_MAX / max(width, height)))
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
@@ -64,8 +64,7 @@ def draw_faces(
 
 def _display(photograph: Photograph, size: tuple[int, int]) -> np.ndarray:
     """(h, w, 3) uint8 sRGB."""
-    import cv2
-
+    cv2 = opencv()
     views = PhotoViews(photograph)
     side = max(photograph.size)
     square = views.sample(
@@ -84,8 +83,7 @@ def _fixed(point: np.ndarray, factor: float) -> tuple[int, int]:
 def _draw_box(
     canvas: np.ndarray, face: Face, factor: float, text: str, color: tuple[int, int, int]
 ) -> None:
-    import cv2
-
+    cv2 = opencv()
     crop = face.mesh.crop
     corners = Crop(crop.center, face.size, crop.angle).to_photo(
         np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

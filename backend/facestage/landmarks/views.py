@@ -9,6 +9,7 @@ import numpy as np
 
 from facestage.contract.files.color import linear_to_srgb
 from facestage.images.image_io import Photograph, resize
+from facestage.images.opencv import opencv
 from facestage.landmarks.crop import Crop
 
 # Each sample of a view is the mean of so many squared samples of the photo.
@@ -59,8 +60,7 @@ class PhotoViews:
         """(size, size, 3) float32 sRGB in 0..1 of ``crop``; outside the photo black, or its border
         repeated.
         """
-        import cv2
-
+        cv2 = opencv()
         fine = size * SUPERSAMPLES
         step = crop.side / fine
         # Between one and two pixels of the level per sample: bilinear weights then skip none.

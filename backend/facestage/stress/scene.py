@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import SPECULAR_MEAN
 from facestage.fit.forward.lamp_derivatives import AXES
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
+from facestage.images.opencv import opencv
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
 
@@ -196,10 +196,7 @@ def write_job(
 
 def write_float_exr(path: Path, photo: np.ndarray) -> None:
     """Write (h, w, 3) as 32-bit EXR: NaN, infinity and any radiance stay what they are."""
-    os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
-    import cv2
-
-    cv2.imwrite(str(path), np.ascontiguousarray(photo[..., ::-1], np.float32))
+    opencv().imwrite(str(path), np.ascontiguousarray(photo[..., ::-1], np.float32))
 
 
 def write_png(path: Path, photo: np.ndarray, alpha: np.ndarray | None = None) -> None:

@@ -153,9 +153,9 @@ def test_a_dead_worker_costs_the_row_that_it_fitted_and_none_that_waits(
 @pytest.mark.slow
 def test_ctrl_c_keeps_what_is_done(case: Case, photos: Path, tmp_path: Path):
     head, *rows = photos.read_text().splitlines()
-    write(photos, "\n".join([head, *rows[:2], ""]))
+    write(photos, "\n".join([head, *rows[:3], ""]))
     out = tmp_path / "out"
-    process = batch(case, photos, out, workers=1)
+    process = batch(case, photos, out)
     assert process.stdout is not None
     next(line for line in process.stdout if '"iteration": 1' in line)
     children = psutil.Process(process.pid).children(recursive=True)

@@ -14,6 +14,7 @@ import pytest
 
 from facestage import cli
 from facestage.cli.signals import Cancellation
+from facestage.contract.errors import BackendUnavailableError
 from facestage.contract.files.temporaries import PREFIX
 from facestage.system import child
 from reference.command_line import fit_arguments, one_sentence
@@ -279,3 +280,14 @@ def test_an_ignored_signal_stays_ignored():
             assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_another_package_of_opencv_ends_a_fit_in_a_sentence(case: Case, tmp_path: Path):
+    other, out = tmp_path / "other", tmp_path / "out"
+    other.mkdir()
+    (other / "cv2.py").write_text("__version__ = '5.0.0'\n")
+    before = f"import sys; sys.path.insert(0, {str(other)!r})"
+    done = start(before, *fit_arguments(case, out))
+    assert done.returncode == BackendUnavailableError.exit_code, done.stderr
+    assert one_sentence(done.stderr).startswith("facestage: OpenCV 5.0.0 at ")
+    assert list(tmp_path.iterdir()) == [other]

@@ -85,7 +85,7 @@ def test_refusals_through_the_command(capsys: pytest.CaptureFixture[str], tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["no-time", "everything-frozen"])
+@pytest.mark.parametrize("name", ["nan-and-infinity", "no-time", "everything-frozen"])
 def test_a_fit_keeps_its_bounds(name: str) -> None:
     stream = io.StringIO()
     assert run_stress([name], None, stream) == 0, stream.getvalue()

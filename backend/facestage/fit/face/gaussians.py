@@ -21,16 +21,6 @@ class Gaussian:
     operator: sp.spmatrix  # A (r, n)
     offset: Float[np.ndarray, " residuals"]  # b (r,)
 
-    @cached_property
-    def normal(self) -> sp.spmatrix:
-        """(n, n) A^T A, which every step needs."""
-        return (self.operator.T @ self.operator).tocsr()
-
-    @property
-    def hessian(self) -> Float[np.ndarray, "values values"]:
-        """A^T A, dense."""
-        return np.asarray(self.normal.toarray())
-
     def residuals(self, values: Float[np.ndarray, " values"]) -> Float[np.ndarray, " residuals"]:
         """The residuals of the ``values``."""
         return np.asarray(self.operator @ values - self.offset)
@@ -43,8 +33,8 @@ class Gaussian:
 
     @cached_property
     def entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows, columns and values of A^T A where it is not 0."""
-        found = self.normal.tocoo()
+        """Rows, columns and values of A^T A where it is not 0, which every step needs."""
+        found = (self.operator.T @ self.operator).tocoo()
         return found.row, found.col, found.data
 
     def add_to(
@@ -135,7 +125,8 @@ class Relative:
         rows, columns, found = self.pattern.entries
         hessian[rows, columns] += found / level**2
         both = by * slope - 0.5 * squares * by**2
-        if both.any():  # nor where all values are one; in place, because a texel a value is many
+        # Nothing where all values are alike, as at first; in place, because a map has many.
+        if both.any():
             hessian -= both
             hessian -= both[:, None]
         gradient += slope - squares * by

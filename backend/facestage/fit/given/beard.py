@@ -21,6 +21,7 @@ from facestage.fit.given.face_areas import (
     opening_share,
 )
 from facestage.images.image_io import resize
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # The face's size in pixels beyond which it is looked at smaller, and below which strands are too
@@ -70,8 +71,7 @@ def beard_of(photo: Num[np.ndarray, "height width 3"], landmarks: Landmarks) -> 
 
 
 def _share(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    import cv2
-
+    cv2 = opencv()
     shape, face_px = (photo.shape[0], photo.shape[1]), face_size_px(landmarks)
     bare = hull_pixels(shape, landmarks.points[scheme_of(landmarks.scheme).skin])
     height = above_brows(shape, landmarks)

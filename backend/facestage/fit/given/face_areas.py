@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from facestage.contract.landmarks import Landmarks
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Points of the outline that must show for its bounding box to say how large the face is.
@@ -44,8 +45,7 @@ def _share_within(shape: tuple[int, int], border: np.ndarray) -> np.ndarray:
     """(h, w) float32 in 0..1, how much of a pixel lies within a ``border`` (k, 2) of points; 0
     where one of them is unknown.
     """
-    import cv2
-
+    cv2 = opencv()
     filled = np.zeros(shape, np.uint8)
     if np.isfinite(border).all():
         # Pixel centres are at halves in the points, at whole numbers in OpenCV.
@@ -79,8 +79,7 @@ def brow_lines(landmarks: Landmarks) -> list[np.ndarray]:
 
 def around_line(shape: tuple[int, int], line: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     """(h, w) bool, as far around a ``line`` (k, 2) as a brow is high."""
-    import cv2
-
+    cv2 = opencv()
     result = np.zeros(shape, np.uint8)
     drawn = np.round(line - 0.5).astype(np.int32)
     cv2.polylines(result, [drawn], False, 1, 2 * brow_reach(landmarks) + 1)

@@ -26,6 +26,7 @@ from facestage.fit.given.face_areas import (
 )
 from facestage.fit.given.hairline import STEP_MIN, hairline_step
 from facestage.fit.given.mixture import Mixture
+from facestage.images.opencv import opencv
 
 # Lengths are in ways from chin to brows, if they are not pixels.
 # Where hair begins above the brows: usually, and where no hairline is seen there, as on a bald
@@ -94,8 +95,7 @@ def _outside(
     features: np.ndarray, landmarks: Landmarks, within: np.ndarray, height: np.ndarray
 ) -> np.ndarray:
     """(h, w) bool, whose ``features`` (h, w, 4) are those of what is not ``within`` the face."""
-    import cv2
-
+    cv2 = opencv()
     shape = (features.shape[0], features.shape[1])
     cheek = np.where(within > -0.02, CHEEK_LOG * np.clip(height / CHEEK, 0, 1), 0.0)
     place = np.clip(within / BORDER + cheek, -PLACE_MAX, PLACE_MAX).astype(np.float32)
@@ -168,8 +168,7 @@ def _within(
     shape: tuple[int, int], landmarks: Landmarks, forehead: float, length: float
 ) -> np.ndarray:
     """(h, w) how far inside the face with such a ``forehead``, negative outside."""
-    import cv2
-
+    cv2 = opencv()
     face = hull_pixels(shape, with_forehead(landmarks, forehead)).astype(np.uint8)
     inside = cv2.distanceTransform(face, cv2.DIST_L2, 5)
     return (inside - cv2.distanceTransform(1 - face, cv2.DIST_L2, 5)) / np.float32(length)

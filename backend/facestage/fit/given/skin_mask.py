@@ -22,6 +22,7 @@ from facestage.fit.given.face_areas import (
 from facestage.fit.given.hair import hair_pixels
 from facestage.fit.given.strands import strand_pixels
 from facestage.images.image_io import resize
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # Added before taking ratios, as a share of the face's mean radiance: black has no hue.
@@ -110,8 +111,7 @@ def _coherent(photo: np.ndarray, weight: np.ndarray, landmarks: Landmarks) -> np
     What the color model is sure of seeds it; near the face only, and at no more pixels than the fit
     looks at.
     """
-    import cv2
-
+    cv2 = opencv()
     points = landmarks.points[np.isfinite(landmarks.points).all(axis=1)]
     low, high, side = points.min(axis=0), points.max(axis=0), face_size_px(landmarks)
     left, top = np.clip(low - CUT_MARGIN * side, 0, None).astype(int)
@@ -210,8 +210,7 @@ def beyond_border(hiding: np.ndarray, width: float) -> np.ndarray:
     """(h, w) float32 in 0..1 of pixels around the ``hiding`` (h, w) bool: 0 up to ``width`` pixels
     away, 1 from twice as far on.
     """
-    import cv2
-
+    cv2 = opencv()
     if not hiding.any():
         return np.ones(hiding.shape, np.float32)
     away = cv2.distanceTransform((~hiding).astype(np.uint8), cv2.DIST_L2, 5)
@@ -244,8 +243,7 @@ def _features(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 def _denoised(photo: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """The photo, or its median filtered by as little as its noise on the face asks for."""
-    import cv2
-
+    cv2 = opencv()
     # The Laplacian that ignores planes and edges, Immerkaer 1996; its median ignores what is left
     # of edges.
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)

@@ -17,6 +17,7 @@ from facestage.fit.given.face_areas import brow_pixels, chin_to_brows, face_size
 from facestage.fit.given.skin_mask import SURE_SKIN, beyond_border, border_width
 from facestage.fit.given.window import Window
 from facestage.images.image_io import resize
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # The face's size in pixels beyond which it is looked at smaller, and below which a frame is thinner
@@ -196,8 +197,7 @@ def dark_lines(
     """0 to 1, of radiance ``beside_skin``'s: how far down from that of what lies on both sides to
     black it is, by the logarithm; ``size`` is the face's in pixels.
     """
-    import cv2
-
+    cv2 = opencv()
     light = np.log1p(np.maximum(beside_skin, 0.0) / FLOOR_SHARE).astype(np.float32)
     around = np.asarray(cv2.morphologyEx(light, cv2.MORPH_CLOSE, disc(0.5 * LINE_SHARE * size)))
     return 1.0 - light / np.maximum(around, 1e-3)

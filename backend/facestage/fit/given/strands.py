@@ -18,6 +18,7 @@ from facestage.fit.given.face_areas import (
     opening_share,
 )
 from facestage.images.image_io import resize
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import scheme_of
 
 # The widest that a strand may be, and how far it and what it hangs from may seem apart, in shares
@@ -55,8 +56,7 @@ def strand_pixels(photo: np.ndarray, skin: np.ndarray, landmarks: Landmarks) -> 
 
 
 def _strands(photo: np.ndarray, skin: np.ndarray, landmarks: Landmarks) -> np.ndarray:
-    import cv2
-
+    cv2 = opencv()
     shape, face_px = (skin.shape[0], skin.shape[1]), face_size_px(landmarks)
     luminance = photo.mean(axis=2)
     other = _from_outside(skin < 0.5, landmarks)

@@ -23,8 +23,8 @@ from facestage.fit.result.memory import machine_memory
 from facestage.fit.sequence.looking import Answer, Looker, Question
 from facestage.render.threads import use_threads
 from facestage.render.variant import start_renderer
-from facestage.system.algebra_threads import cores
 from facestage.system.child import apart
+from facestage.system.cores import cores
 from facestage.system.freed_memory import keep_freed_memory
 
 # A process takes as long to begin as for a dozen looks.

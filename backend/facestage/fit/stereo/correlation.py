@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facestage.contract.arrays import Bool, Float
+from facestage.images.opencv import opencv
 
 # Standard deviation of a window in pixels, and the area that it amounts to.
 WINDOW_PX = 4.0
@@ -116,8 +117,7 @@ def _mean(picture: np.ndarray, seen: np.ndarray, sigma: float) -> np.ndarray:
 
 def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
     """Zero around the image."""
-    import cv2
-
+    cv2 = opencv()
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
 
 

@@ -19,6 +19,7 @@ from facestage.fit.stereo.correlation import (
     textured,
 )
 from facestage.fit.stereo.overlap import Overlap, Sight, overlap
+from facestage.images.opencv import opencv
 
 # A match is kept every so many pixels: neighbours within a window say the same.
 SPACING = round(WINDOW_PX)
@@ -119,8 +120,7 @@ def _matches(
     both: Overlap, moved: Displacements, sure: Bool[np.ndarray, "height width"]
 ) -> Matches | None:
     """A few of the ``sure`` pixels, carried into the second photo."""
-    import cv2
-
+    cv2 = opencv()
     height, width = sure.shape
     y, x = np.mgrid[:height, :width]
     at = np.stack([x, y], axis=-1) + moved.shift

@@ -10,6 +10,7 @@ import numpy as np
 from facestage.contract.arrays import Bool, Float, Int
 from facestage.fit.face.state import State
 from facestage.fit.forward.shading import ForwardModel, Surface
+from facestage.images.opencv import opencv
 
 # What a photo sees must lie this close, metres, to what the other one sees there: else something
 # else of the face is before it.
@@ -124,8 +125,7 @@ def _in_sight(sight: Sight, points: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 def _sampled(picture: np.ndarray, places: np.ndarray, smooth: bool = False) -> np.ndarray:
     """(p,) values of ``picture`` (h, w) at ``places`` (p, 2); 0 outside."""
-    import cv2
-
+    cv2 = opencv()
     at = (places - 0.5).astype(np.float32)[:, None]
     how = cv2.INTER_CUBIC if smooth else cv2.INTER_LINEAR
     # OpenCV takes at most 32767 places along a side.

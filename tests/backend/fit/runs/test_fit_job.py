@@ -25,8 +25,7 @@ from facestage.contract.parameters import PARAMETERS
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
 from facestage.fit.result import run
-from facestage.images.image_io import read_exr, read_photograph
-from facestage.images.opencv import opencv
+from facestage.images.image_io import read_exr
 from reference.known import known
 from reference.small_fit import QUICK, REPORTED
 from reference.synthetic_case import Case
@@ -409,21 +408,6 @@ def test_a_given_camera_is_held_whatever_the_exif_says(job: Job, tmp_path: Path)
     assert not problem.fit_focal and problem.camera.focal_px == 300.0
     assert "as given" in problem.read_from_photo()["focal"]
     assert "guess" in read_problem(replace(job, camera=None)).read_from_photo()["focal"]
-
-
-def test_pixels_that_are_no_numbers_say_nothing(job: Job, plain: Plain, tmp_path: Path):
-    """What a renderer with a bug writes."""
-    photo = read_photograph(job.image).color.astype(np.float32)
-    damage = np.random.default_rng(3).uniform(size=photo.shape[:2])
-    for least, value in ((0.00, np.nan), (0.04, np.inf), (0.06, -np.inf)):
-        photo[(damage >= least) & (damage < least + 0.02), 1] = value
-    photo[:10, :10] = -1.0
-    # As it is: write_exr writes no such numbers.
-    assert opencv().imwrite(str(tmp_path / "photo.exr"), photo[..., ::-1])
-    result = fit_job(replace(job, image=tmp_path / "photo.exr"), tmp_path / "out")
-    assert np.isfinite(result.vertices).all() and np.isfinite(result.stage.radiance).all()
-    assert result.errors["psnr_skin"] > plain.result.errors["psnr_skin"] - 1
-    assert result.errors["similarity_mm"] < plain.result.errors["similarity_mm"] + 0.3
 
 
 def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path):

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
 
 from facestage.contract.arrays import Float, Float32
+from facestage.images.opencv import opencv
 from facestage.models.anatomy.regions import IRIS_RADIUS, PUPIL_RADIUS
 
 PUPIL = 0.006  # albedo
@@ -127,8 +128,7 @@ def _branch(
     ink: float,
 ) -> None:
     """Draw a vessel from ``radius`` (of REACH) inwards, and what branches off it."""
-    import cv2
-
+    cv2 = opencv()
     steps = 40
     end = rng.uniform(0.54, 0.72)
     along = np.linspace(radius, end, steps)

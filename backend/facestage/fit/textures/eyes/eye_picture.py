@@ -16,6 +16,7 @@ from facestage.fit.textures.atlas import Atlas, shown_at
 from facestage.fit.textures.eyes.eye_pattern import REACH, eye_albedo
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import LUMINANCE, PUPIL_MAX
+from facestage.images.opencv import opencv
 
 TEXELS = 2**20  # of the picture
 SIDES = ("eye_left", "eye_right")
@@ -130,8 +131,7 @@ def eyes_painted(
     """The texture with the ``picture`` of the eyes in its place, each texel the mean of what it
     covers.
     """
-    import cv2
-
+    cv2 = opencv()
     left, bottom, right, top = eye_box(geometry.model)
     size = max(round((right - left) * atlas.size), 1), max(round((top - bottom) * atlas.size), 1)
     if size[0] < picture.shape[1]:

@@ -1,4 +1,4 @@
-"""How many threads multiply matrices: few, whatever the machine has.
+"""How many cores there are, and how many of them multiply matrices: few, whatever the machine has.
 
 OpenBLAS takes one for each core by itself. A fit's matrices are small, so on many cores most of
 these threads wait for the others, and do it busily. Nothing here imports numpy, which asks once,

@@ -12,14 +12,14 @@ ASKED = """
 import os, sys
 
 from facestage.cli import run
-from facestage.system import algebra_threads
+from facestage.system import cores
 
-algebra_threads.cores = lambda: {cores}
+cores.cores = lambda: {cores}
 run._prepare_process()
 assert "numpy" not in sys.modules, "it asks when it is imported"
 if {most}:
-    algebra_threads.use_algebra_threads({most})
-print(os.environ[algebra_threads.VARIABLE])
+    cores.use_algebra_threads({most})
+print(os.environ[cores.VARIABLE])
 """
 
 
