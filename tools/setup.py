@@ -27,6 +27,8 @@ SUPPORTED = ("3.11", "3.13")  # the Pythons inside Blender 4.2-5.0 and 5.1+
 # Only files whose digests are in the list, and nothing that would have to be built: a build fetches
 # what no list names.
 LOCKED = ("--require-hashes", "--only-binary", ":all:")
+# On all cores, where pip has one; nobody imports the packages' own tests.
+COMPILE = ("compileall", "-qq", "-j", "0", "-x", r"site-packages.*[/\\]tests?[/\\]")
 INGREDIENTS = ("pyproject.toml", "tools/*.py", "requirements/*.txt")
 
 
@@ -174,10 +176,9 @@ def install_packages(venv: Path = VENV) -> None:
         f"Installing the packages of {lock.relative_to(PROJECT)} (1.7 GB on disk; minutes the "
         "first time) ..."
     )
-    # Pip compiles on one core; on all, setup takes a fifth less. What does not compile, files for
-    # other Pythons, nobody imports.
     pip(*LOCKED, "--no-compile", "-r", str(lock), venv=venv)
-    run([str(venv_python(venv)), "-I", "-m", "compileall", "-qq", "-j", "0", str(venv / "lib")])
+    # What does not compile, files for other Pythons, nobody imports.
+    run([str(venv_python(venv)), "-I", "-m", *COMPILE, str(venv / "lib")])
     # With the locked setuptools: a build of its own would fetch another.
     own = ("--no-deps", "--no-build-isolation", "--no-index", "--editable", str(PROJECT))
     pip(*own, venv=venv)

@@ -159,7 +159,7 @@ def test_killed_fit_is_resumed(case: Path, backend: list[str], tmp_path: Path) -
     pipeline.prepare_scene(scene, order, backend, lambda _event: None)
     job, out = tmp_path / "out" / "job", tmp_path / "out" / "result"
     # Without the maps, which take most of the time.
-    replace(read_job(scene), freeze=("specular", "albedo", "roughness")).save(job)
+    replace(read_job(scene), freeze=("specular", "albedo", "roughness"), quality="draft").save(job)
     child = BackendProcess(fit_command(backend, [job], out))
     deadline = time.monotonic() + 120
     while not any(event.stage == "geometry" for event in child.poll()):
