@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from facestage.contract.face_model import FaceModel
 from facestage.contract.files.paths import user_path
 from facestage.contract.job import DEFAULT_MODEL, MODEL_FORMS
 from facestage.contract.wording import quoted
-from facestage.system.folders import cache_folder
+from facestage.models.cached import cached
 
 # Raise when a loader's output changes, so that stale conversions are not read.
 CACHE_VERSION = 1
@@ -35,7 +33,7 @@ def load_model(specification: str) -> FaceModel:
     """The face model a job names. Raises InputError for an unknown kind or an unreadable file."""
     kind, _, argument = specification.partition(":")
     if kind == DEFAULT_MODEL and not argument:
-        return _cached("default", _source_fingerprint(), _build_default)
+        return cached("default", _source_fingerprint(), _build_default)
     if kind == "npz" and argument:
         return FaceModel.load(_path(argument))
     loaders = {
@@ -48,7 +46,7 @@ def load_model(specification: str) -> FaceModel:
     if kind in loaders and argument:
         path = _path(argument)
         key = f"{path}|{_fingerprint(path)}|{_source_fingerprint()}"
-        return _cached(kind, key, lambda: _converted(loaders[kind], path))
+        return cached(kind, key, lambda: _converted(loaders[kind], path))
     raise InputError(f"The face model '{specification}' is unknown; expected {MODEL_FORMS}.")
 
 
@@ -153,19 +151,3 @@ def _source_fingerprint() -> str:
     for file in sorted([*folder.rglob("*.py"), *folder.rglob("data/*.npz")]):
         digest.update(file.read_bytes())
     return digest.hexdigest()
-
-
-def _cached(name: str, key: str, build: Callable[[], FaceModel]) -> FaceModel:
-    """The model from the cache, or built and then cached; an unwritable cache only costs time."""
-    file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz"
-    # Without a cache, or with one that is damaged or cannot be read, the model is built anew.
-    with contextlib.suppress(InputError, OSError):
-        path = cache_folder() / "models" / file
-        if path.is_file():
-            return FaceModel.load(path)
-    model = build()
-    try:
-        model.save(cache_folder() / "models" / file)
-    except (InputError, OSError) as error:
-        print(f"facestage: the converted face model is not cached ({error})", file=sys.stderr)
-    return model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.models import registry
+from facestage.models.cached import KEPT
 from facestage.models.registry import load_model
 from facestage.system.folders import cache_folder
 from reference.synthetic_face import synthetic_face
@@ -107,6 +109,30 @@ def test_a_changed_source_is_converted_again(tmp_path: Path, built: list[str]):
     source.write_bytes(b"other content")
     load_model(f"ict:{source}")
     assert built == ["ict ict.zip"] * 2
+
+
+def test_of_many_models_those_used_last_stay(cache: Path, tmp_path: Path, built: list[str]):
+    source = tmp_path / "ict.zip"
+    load_model("default")
+    default = next((cache / "models").iterdir())
+    own = cache / "models" / "notes.txt"
+    own.touch()
+    for number in range(KEPT + 1):
+        # Used long ago, the first made longest ago.
+        for age, path in enumerate(sorted((cache / "models").iterdir(), key=_time)):
+            os.utime(path, ns=(age, age))
+        load_model("default")  # used again
+        source.write_bytes(bytes(number))
+        load_model(f"ict:{source}")
+    left = set((cache / "models").iterdir())
+    assert built == ["default"] + ["ict ict.zip"] * (KEPT + 1)
+    assert len(left) == KEPT + 1 and {default, own} < left
+    load_model(f"ict:{source}")
+    assert len(built) == KEPT + 2, "the last is among them"
+
+
+def _time(path: Path) -> int:
+    return path.stat().st_mtime_ns
 
 
 def test_an_unwritable_cache_costs_only_time(
