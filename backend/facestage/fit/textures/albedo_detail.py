@@ -4,6 +4,7 @@ the photo.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,13 +76,15 @@ def albedo_detail(
     doubts: Doubts = DOUBTS,
     paint: Paint | None = None,
     geometry: FaceGeometry | None = None,
+    hair_seen: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> AlbedoDetail:
     """The smooth, shrunken field of log albedo that explains the photo, completed by the face's
     other side.
 
     ``half_mirror`` as of :func:`symmetry.mirrored_texels`, half as wide or less; None: no symmetry.
     Where neither side is seen, the detail decays to the tone of the skin that is, on the surface
-    of ``geometry``, whose hair begins where bare skin ends; None: to zero.
+    of ``geometry``, whose hair begins where bare skin ends; None: to zero. ``hair_seen`` takes the
+    model's shade of hair to that of the photo's.
 
     ``paint``: of the model on the skin. Where the skin is known it is taken away as far as the
     photo contradicts it, and the photo's own brows and lips are found whole: pixels that are
@@ -92,8 +95,11 @@ def albedo_detail(
     painted, tone, hair = None, None, None
     if geometry is not None:
         hair = hair_shade(geometry)
-        tone = bared(geometry, surface, weight, hair)
-        hair = hair + tone
+        off = bared(geometry, surface, weight, hair)
+        seen = hair if hair_seen is None else hair_seen(hair)
+        left = 1 + off / np.minimum(hair, -1e-9)
+        tone = left * seen - hair
+        hair = left * seen
         target = target - surface.of_vertices(tone)
     if paint is not None:
         painted = paint.contradicted(surface, target, weight)

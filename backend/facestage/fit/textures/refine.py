@@ -33,6 +33,7 @@ from facestage.fit.textures.eyes.lash_line import draw_lash_line
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import Look, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
+from facestage.fit.textures.hair_color import hair_over_skin, in_color_of_hair
 from facestage.fit.textures.painted_features import painted_features
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, light_on, what_is_shown
@@ -120,6 +121,7 @@ def refine(
             mirrored_texels(half, problem.geometry),
             paint=painted_features(problem.geometry),
             geometry=problem.geometry,
+            hair_seen=lambda shade: _hair(problem, forward, fitted, shade),
         )
         photo = problem.photograph
         look = Look(
@@ -292,6 +294,26 @@ def _gloss_textures(
 
 def _rough(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
     return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
+
+
+def _hair(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, shade: Float[np.ndarray, "vertices 3"]
+) -> Float[np.ndarray, "vertices 3"]:
+    """The model's ``shade`` of hair in the color of the photo's, if that shows any."""
+    if not shade.any():
+        return shade
+    geometry, state, photo = forward.geometry, fitted.state, problem.photograph
+    skin = np.exp(np.median(forward.log_albedo(state)[geometry.fitted_vertices], axis=0))
+    over_skin = hair_over_skin(
+        geometry,
+        state,
+        shade,
+        photo.color,
+        problem.skin,
+        photo.mask & ~problem.frame,
+        skin.astype(float),
+    )
+    return shade if over_skin is None else in_color_of_hair(shade, over_skin)
 
 
 def _coverage(

@@ -14,7 +14,7 @@ from facestage.fit.textures.atlas import Atlas
 SPACING = 0.0007  # metres from a follicle to the next, about; no finer than texels
 PERIOD = 64  # of them, after which their pattern begins again
 CONTRAST = 0.8  # by how much of it how much of the skin hair covers varies from place to place
-COVERS_MAX = 0.9  # of the skin's albedo
+DENSE_CONTRAST = 0.7  # by how much of it what hair leaves varies, at most: dense hair has no gaps
 MATTE = 0.6  # the share of gloss that dense stubble takes away
 
 
@@ -38,9 +38,8 @@ def grow_stubble(
         row, column = np.nonzero(atlas.covered[rows])
         row, column = row[covered] + rows.start, column[covered]
         left = np.exp(there[covered, :3])
-        grain = CONTRAST * noise_at(there[covered, 3:] / SPACING)[:, None]
-        covers = np.minimum((1 - left) * (1 + grain), COVERS_MAX)
-        log_albedo[row, column] += np.log((1 - covers) / left)
+        most = np.minimum(CONTRAST * (1 - left) / left, DENSE_CONTRAST)
+        log_albedo[row, column] += np.log1p(most * noise_at(there[covered, 3:] / SPACING)[:, None])
 
 
 def matted(shade: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, " vertices"]:

@@ -118,6 +118,30 @@ def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, pr
     )
 
 
+def test_hair_has_the_color_of_the_photo_s(scene: Scene, problem: Problem):
+    """A photo with black hair where the model paints a thin shade, which no other pixel shows."""
+    v = 2 * (scene.model.uvs[:, 1] - 0.02) / 0.96 - 1
+    hairy = v > 0.6
+    model = replace(
+        scene.model,
+        regions={**scene.model.regions, "scalp": np.flatnonzero(hairy).astype(np.int32)},
+        albedo_mean=np.where(hairy[:, None], 0.7, 1).astype(np.float32) * scene.model.albedo_mean,
+    )
+    y, x = np.mgrid[:96, :96]
+    surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5)
+    column, row = np.floor(surface.pixels).astype(int).T
+    there = np.zeros((96, 96), bool)
+    there[row, column] = surface.of_vertices(hairy[:, None] + 0.0)[:, 0] > 0.1
+    color = np.where(there[..., None], 0.02, problem.photograph.color).astype(np.float32)
+    black = replace(problem.photograph, color=color)
+    shaded = replace(problem, geometry=FaceGeometry(model))
+    own = refined(scene, shaded)
+    found = refined(scene, replace(shaded, photograph=black))
+    assert own.hair is not None and found.hair is not None
+    print("shade of hair, the model's and the photo's:", own.hair.min(0), found.hair.min(0))
+    assert found.hair.mean(axis=1).min() < -1.5 < -0.4 < own.hair.mean(axis=1).min()
+
+
 def test_the_coverage_tells_seen_from_unseen(scene: Scene, problem: Problem):
     found = refined(scene, problem)
     atlas = Atlas.build(scene.geometry, 64)

@@ -1,0 +1,121 @@
+"""The color of the hair that a photo shows above its face, for the scalp of the model, whose own
+hair is brown.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from facestage.contract.arrays import Bool, Float
+from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.state import State
+
+# Cosine between view and head from which on a place is looked at.
+FACING = 0.25
+# Of how sure a pixel is skin: hair below, skin above.
+NO_SKIN, SURE_SKIN = 0.2, 0.6
+# Metres from skin that the photo shows within which hair is looked for: farther off, the model's
+# head may be larger than the person's, and what is seen there a wall.
+NEAR = 0.04
+# Of the model's shade, from which on a place is on the scalp, and up to which on the face.
+ON_SCALP, ON_FACE = 0.3, 0.02
+# Places that are looked at, and the share of them that shows hair: less is a bald head, or a photo
+# that ends at the forehead.
+LEAST_PLACES, LEAST_SHARE = 12, 0.3
+# Log of hair's albedo over skin's: black hair on light skin, as dense as hair on a scalp is; and
+# what is lighter than that is white hair, or as well a hat.
+DARKEST, LIGHTEST = -1.9, -0.25
+# Hair is red rather than green, and green rather than blue, by its melanins, up to so many times;
+# a hat is not. Black is of any hue: so much albedo is added to each channel before.
+REDDER, YELLOWER, BLACK = (0.8, 2.6), (0.75, 3.5), 0.05
+# How much at least, of the logarithm, in the end: what is bluer is the sky, in the gloss of hair.
+LEAST_RED, LEAST_YELLOW = 0.03, 0.05
+
+
+def hair_over_skin(
+    geometry: FaceGeometry,
+    state: State,
+    shade: Float[np.ndarray, "vertices 3"],
+    color: Float[np.ndarray, "height width 3"],
+    skin: Float[np.ndarray, "height width"],
+    usable: Bool[np.ndarray, "height width"],
+    albedo: Float[np.ndarray, " 3"],
+) -> Float[np.ndarray, " 3"] | None:
+    """The logarithm of the photo's hair over its skin; None where it shows no hair that one could
+    tell.
+
+    ``shade`` of hair on the model's scalp; ``color`` linear, ``skin`` 0..1 and ``usable`` of the
+    photo's pixels; ``albedo`` of the person's skin.
+    """
+    on_scalp = shade.mean(axis=1) / min(float(shade.mean(axis=1).min()), -1e-9)
+    places, pixels = _seen(geometry, state, color.shape[0], color.shape[1])
+    row, column = pixels[:, 1], pixels[:, 0]
+    known = usable[row, column] & np.isfinite(color[row, column]).all(axis=1)
+    places, row, column = places[known], row[known], column[known]
+    weight, there = skin[row, column], on_scalp[places]
+    bare = (weight > SURE_SKIN) & (there < ON_FACE)
+    if bare.sum() < LEAST_PLACES:
+        return None
+    distance, _ = cKDTree(geometry.mean[places[bare]]).query(geometry.mean[places])
+    looked_at = (there > ON_SCALP) & (distance < NEAR)
+    hairy = looked_at & (weight < NO_SKIN)
+    if hairy.sum() < max(LEAST_PLACES, LEAST_SHARE * looked_at.sum()):
+        return None
+    logs = np.log(np.maximum(color[row, column], 1e-4))
+    found = _usual(logs[hairy]) - np.median(logs[bare], axis=0)
+    if found.mean() > LIGHTEST or not _grows(albedo * np.exp(found)):
+        return None
+    return _melanin(found, albedo)
+
+
+def in_color_of_hair(
+    shade: Float[np.ndarray, "vertices 3"], over_skin: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "vertices 3"]:
+    """The model's ``shade``, whose densest is ``over_skin`` (see :func:`hair_over_skin`)."""
+    dense = shade.mean(axis=1) / min(float(shade.mean(axis=1).min()), -1e-9)
+    return np.asarray(dense[:, None] * over_skin)
+
+
+def _seen(
+    geometry: FaceGeometry, state: State, height: int, width: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices that face the camera within its picture, and the pixels (m, 2) that they are
+    in.
+    """
+    vertices = geometry.at(state)
+    points = vertices @ state.rotation.T + state.translation
+    normals = geometry.vertex_normals(vertices)[0] @ state.rotation.T
+    facing = -(normals * points).sum(axis=1) / np.linalg.norm(points, axis=1)
+    pixels = np.floor(state.camera.scaled(width / state.camera.width).project(points))
+    inside = (pixels >= 0).all(axis=1) & (pixels < [width, height]).all(axis=1)
+    places = np.flatnonzero(inside & (facing > FACING))
+    return places, pixels[places].astype(int)
+
+
+def _usual(logs: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " 3"]:
+    """The median of that half whose brightness is most alike: some of it is a highlight, or a
+    wall.
+    """
+    logs = logs[np.argsort(logs.mean(axis=1))]
+    half = (len(logs) + 1) // 2
+    brightness = logs.mean(axis=1)
+    first = int(np.argmin(brightness[half - 1 :] - brightness[: len(logs) - half + 1]))
+    return np.asarray(np.median(logs[first : first + half], axis=0))
+
+
+def _melanin(over_skin: Float[np.ndarray, " 3"], albedo: Float[np.ndarray, " 3"]) -> np.ndarray:
+    """No darker than hair is, of a hue that hair has, and in no channel lighter than skin."""
+    logs = np.log(np.maximum(albedo, 1e-4))
+    red, green, blue = logs + over_skin
+    yellow = max(green - blue, LEAST_YELLOW)
+    hue = np.array([max(red - green, LEAST_RED) + yellow, yellow, 0.0])
+    wanted = logs.mean() + max(over_skin.mean(), DARKEST)
+    result = hue - hue.mean() + wanted - logs
+    return np.asarray(result - max(float(result.max()), 0.0))
+
+
+def _grows(albedo: Float[np.ndarray, " 3"]) -> bool:
+    """Whether hair may have this albedo."""
+    red, green, blue = albedo + BLACK
+    return bool(REDDER[0] < red / green < REDDER[1] and YELLOWER[0] < green / blue < YELLOWER[1])
