@@ -18,13 +18,11 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.case_files import CAMERA, LANDMARKS, PHOTO, TRUTH
 from facestage.contract.errors import InputError
-from facestage.contract.files.storage import read_json
 from facestage.contract.job import DEFAULT_MODEL
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.result import RENDER, Result
 from facestage.contract.result_files import REPORT
 
-from ..pictures.texture import inside_polygon
 from .command import exit_code
 
 if TYPE_CHECKING:
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
     from ..pictures.render import Crop
 
 SHIPPED_LANDMARKS = Path(__file__).parent / "data" / "astronaut_landmarks.json"
-SKIN = Path(__file__).parent / "data" / "astronaut_skin.json"
 SEED = 7
 BUDGET_SECONDS = 75.0  # for each fit, so that the demo ends within its four minutes on any machine
 SAMPLES = 32
@@ -90,7 +87,7 @@ def fit_astronaut(out: Path, samples: int, budget: float) -> list[str]:
     out.mkdir(parents=True, exist_ok=True)
     photo = out / "astronaut.png"
     scene = pipeline.empty_scene()
-    render.save_png(photo, _with_skin_mask(skimage.data.astronaut() / 255.0))
+    render.save_png(photo, skimage.data.astronaut() / 255.0)
     backend = find_backend()
     landmarks, origin = astronaut_landmarks(photo, out / "astronaut_landmarks.json", backend)
     order = pipeline.Order(image=photo, out=out / "astronaut", landmarks=landmarks, budget=budget)
@@ -231,12 +228,3 @@ def _close_ups(scene: bpy.types.Scene, folder: Path, samples: int) -> Path:
     sheet = folder / "close_ups.png"
     contact_sheet(close_ups(scene, CLOSE_UP_PX, samples), sheet, columns=3)
     return sheet
-
-
-def _with_skin_mask(pixels: np.ndarray) -> np.ndarray:
-    """(h, w, 4) the photo with an alpha channel that leaves out the hair, which no face model
-    explains.
-    """
-    polygon = np.array(read_json(SKIN, "outline of the skin")["polygon"])
-    alpha = inside_polygon(polygon, pixels.shape[1], pixels.shape[0])
-    return np.concatenate([pixels, alpha[..., None]], axis=2)

@@ -30,18 +30,6 @@ def paint_vertices(
     return _filled(texture, covered)
 
 
-def inside_polygon(polygon: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width) bool: pixel centres inside a polygon (m, 2) of pixel coordinates, by the
-    even-odd rule.
-    """
-    y, x = np.mgrid[:height, :width] + 0.5
-    inside = np.zeros((height, width), bool)
-    for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if y1 != y2:
-            inside ^= ((y1 > y) != (y2 > y)) & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
-    return inside
-
-
 def _paint(
     texture: np.ndarray,
     covered: np.ndarray,

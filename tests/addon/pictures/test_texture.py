@@ -19,11 +19,3 @@ def test_painted_texture_is_the_interpolated_value() -> None:
     np.testing.assert_allclose(texture[box], np.stack([u, v], -1)[box], atol=1e-6)
     assert texture[0, 0] == pytest.approx([0.1, 0.9], abs=0.02)
     assert (texture > 0).all()
-
-
-def test_polygon_covers_its_pixels() -> None:
-    from facestage_blender.pictures.texture import inside_polygon
-
-    inside = inside_polygon(np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]), 8, 6)
-    assert inside.sum() == 12
-    assert inside[1:4, 1:5].all()
