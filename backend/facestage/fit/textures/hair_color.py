@@ -29,8 +29,8 @@ DARKEST, LIGHTEST = -1.9, -0.25
 # Hair is red rather than green, and green rather than blue, by its melanins, up to so many times;
 # a hat is not. Black is of any hue: so much albedo is added to each channel before.
 REDDER, YELLOWER, BLACK = (0.8, 2.6), (0.75, 3.5), 0.05
-# How much at least, of the logarithm, in the end: no hair is olive, and what is bluer is the sky, in
-# the gloss of hair.
+# How much at least, of the logarithm, in the end: no hair is olive, and what is bluer is the sky,
+# in the gloss of hair.
 LEAST_RED, LEAST_YELLOW = 0.12, 0.08
 
 

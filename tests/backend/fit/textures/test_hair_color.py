@@ -107,14 +107,15 @@ def test_a_bald_head_and_one_that_the_photo_cuts_off_have_none(
     assert found(replace(face, state=cut), shade, above, BROWN) is None
 
 
+@pytest.mark.parametrize("wall", [(0.3, 0.9), (0.001, 0.003)])
 def test_a_wall_behind_the_hair_is_none_of_it(
-    face: PaintedFace, shade: np.ndarray, above: np.ndarray
+    face: PaintedFace, shade: np.ndarray, above: np.ndarray, wall: tuple[float, float]
 ):
-    colors = np.broadcast_to(BLACK, (SIDE, SIDE, 3)).copy()
-    colors[:, : SIDE * 45 // 100] = np.random.default_rng(0).uniform(0.3, 0.9, (SIDE, 72, 3))
+    colors = np.broadcast_to(BROWN, (SIDE, SIDE, 3)).copy()
+    colors[:, : SIDE * 45 // 100] = np.random.default_rng(0).uniform(*wall, (SIDE, 72, 3))
     over_skin = found(face, shade, above, colors)
     assert over_skin is not None
-    assert over_skin.mean() == pytest.approx(DARKEST)
+    np.testing.assert_allclose(SKIN * np.exp(over_skin), BROWN, rtol=1e-6)
 
 
 def test_on_the_head_hair_is_dense_where_the_models_is(face: PaintedFace, shade: np.ndarray):
