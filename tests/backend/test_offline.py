@@ -12,7 +12,7 @@ from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
 from facestage.contract.online import is_offline, with_online_access
 from facestage.landmarks import model_file
-from facestage.models import registry
+from facestage.models.cached import cached
 from facestage.system import folders
 
 
@@ -80,7 +80,7 @@ def test_no_home_is_one_sentence_that_names_the_variable(
     assert model_file.find_model() is None
     built: list[FaceModel] = []
     with pytest.raises(StopIteration):
-        registry._cached("any", "key", lambda: next(iter(built)))  # it is built, not refused
+        cached("any", "key", lambda: next(iter(built)))  # it is built, not refused
 
 
 def test_a_model_named_by_an_unknown_home_is_one_sentence() -> None:
