@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse.linalg import splu
 
 from facestage.contract.face_model import MOUTH, SKIN
-from facestage.models.anatomy.regions import GUM, TONGUE
+from facestage.models.anatomy.regions import GUM, PALATE, TONGUE
 from facestage.models.anatomy.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
 from facestage.models.head import eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
@@ -26,7 +26,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
 )
 # GAP: relative to the crown
 TOOTH, GAP = (0.62, 0.57, 0.48), (0.62, 0.52, 0.44)
-MOUTH_INSIDE, HAIR = (0.12, 0.03, 0.025), (0.045, 0.030, 0.022)
+HAIR = (0.045, 0.030, 0.022)
 HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et
 # al. 2010, "A practical appearance model for dynamic facial color".
@@ -66,7 +66,7 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
         -((((np.stack([np.abs(x), y, z], -1) - [6.6, -48.0, 103.0]) / [3.2, 4.5, 5.0]) ** 2).sum(1))
     )
     color = _blend(color, (0.06, 0.02, 0.016), 0.85 * np.minimum(1.6 * nostril, 1.0) * masks.skin)
-    _paint_part(color, mesh, MOUTH, masks.mouth_bag, MOUTH_INSIDE)
+    _paint_part(color, mesh, MOUTH, masks.mouth_bag, PALATE)
     for name, row in (("upper", teeth.UPPER), ("lower", teeth.LOWER)):
         color[mesh.teeth[name]] = _teeth_color(row).reshape(-1, 3)
     for side in SIDES:
