@@ -18,6 +18,8 @@ NO_SKIN, SURE_SKIN = 0.2, 0.6
 # Metres from skin that the photo shows within which hair is looked for: farther off, the model's
 # head may be larger than the person's, and what is seen there a wall.
 NEAR = 0.04
+# Metres from hair within which skin is compared with it, if there is any.
+BESIDE = 0.04
 # Of the model's shade, from which on a place is on the scalp, and up to which on the face.
 ON_SCALP, ON_FACE = 0.3, 0.02
 # Places that are looked at, and the share of them that shows hair: less is a bald head, or a photo
@@ -64,7 +66,12 @@ def hair_over_skin(
     if hairy.sum() < max(LEAST_PLACES, LEAST_SHARE * looked_at.sum()):
         return None
     logs = np.log(np.maximum(color[row, column], 1e-4))
-    found = _usual(logs[hairy]) - np.median(logs[bare], axis=0)
+    # Cheeks and lips are redder than what hair grows on, and in another light.
+    points = geometry.mean[places]
+    beside = bare & (cKDTree(points[there > ON_SCALP]).query(points)[0] < BESIDE)
+    if beside.sum() < LEAST_PLACES:
+        beside = bare
+    found = _usual(logs[hairy]) - np.median(logs[beside], axis=0)
     if found.mean() > LIGHTEST or not _grows(albedo * np.exp(found)):
         return None
     return _melanin(found, albedo)

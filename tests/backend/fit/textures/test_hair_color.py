@@ -49,9 +49,10 @@ def found(
     above: np.ndarray,
     hair: tuple[float, float, float] | np.ndarray,
     bald: bool = False,
+    skin: np.ndarray = SKIN,
 ) -> np.ndarray | None:
     """Of a photo with skin below, and ``hair`` (3,) or of each pixel ``above``."""
-    color = np.where(above[..., None], np.array(hair), SKIN) * LIGHT
+    color = np.where(above[..., None], np.array(hair), skin) * LIGHT
     return hair_over_skin(
         face.forward.geometry,
         face.state,
@@ -61,6 +62,16 @@ def found(
         np.ones((SIDE, SIDE), bool),
         SKIN,
     )
+
+
+def test_redder_cheeks_do_not_color_the_hair(
+    face: PaintedFace, shade: np.ndarray, above: np.ndarray
+):
+    skin = np.broadcast_to(SKIN, (SIDE, SIDE, 3)).copy()
+    skin[SIDE * 7 // 16 :] *= [1.3, 0.8, 0.8]
+    over_skin = found(face, shade, above, BROWN, skin=skin)
+    assert over_skin is not None
+    np.testing.assert_allclose(SKIN * np.exp(over_skin), BROWN, rtol=1e-6)
 
 
 @pytest.mark.parametrize("hair", [BROWN, BLOND])
