@@ -94,12 +94,11 @@ def albedo_detail(
     surface = shown.image.surface
     painted, tone, hair = None, None, None
     if geometry is not None:
-        hair = hair_shade(geometry)
-        off = bared(geometry, surface, weight, hair)
-        seen = hair if hair_seen is None else hair_seen(hair)
-        left = 1 + off / np.minimum(hair, -1e-9)
-        tone = left * seen - hair
-        hair = left * seen
+        model = hair_shade(geometry)
+        # The share of it that no bare skin takes off.
+        left = 1 + bared(geometry, surface, weight, model) / np.minimum(model, -1e-9)
+        hair = left * (model if hair_seen is None else hair_seen(model))
+        tone = hair - model
         target = target - surface.of_vertices(tone)
     if paint is not None:
         painted = paint.contradicted(surface, target, weight)

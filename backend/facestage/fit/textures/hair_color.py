@@ -31,9 +31,10 @@ DARKEST, LIGHTEST = -1.9, -0.25
 # Hair is red rather than green, and green rather than blue, by its melanins, up to so many times;
 # a hat is not. Black is of any hue: so much albedo is added to each channel before.
 REDDER, YELLOWER, BLACK = (0.8, 2.6), (0.75, 3.5), 0.05
-# How much at least, of the logarithm, in the end: no hair is olive, and what is bluer is the sky,
-# in the gloss of hair.
-LEAST_RED, LEAST_YELLOW = 0.12, 0.08
+# So many times at least in the end: no hair is olive, and what is bluer is the sky, in its gloss.
+LEAST_RED, LEAST_YELLOW = 1.13, 1.08
+# Of skin's radiance, below which a pixel is black, whatever its noise says.
+BLACK_SHARE = 0.005
 
 
 def hair_over_skin(
@@ -51,27 +52,25 @@ def hair_over_skin(
     ``shade`` of hair on the model's scalp; ``color`` linear, ``skin`` 0..1 and ``usable`` of the
     photo's pixels; ``albedo`` of the person's skin.
     """
-    on_scalp = shade.mean(axis=1) / min(float(shade.mean(axis=1).min()), -1e-9)
     places, pixels = _seen(geometry, state, color.shape[0], color.shape[1])
     row, column = pixels[:, 1], pixels[:, 0]
     known = usable[row, column] & np.isfinite(color[row, column]).all(axis=1)
     places, row, column = places[known], row[known], column[known]
-    weight, there = skin[row, column], on_scalp[places]
+    shown, weight, there = color[row, column], skin[row, column], _density(shade)[places]
     bare = (weight > SURE_SKIN) & (there < ON_FACE)
     if bare.sum() < LEAST_PLACES:
         return None
-    distance, _ = cKDTree(geometry.mean[places[bare]]).query(geometry.mean[places])
-    looked_at = (there > ON_SCALP) & (distance < NEAR)
+    points = geometry.mean[places]
+    looked_at = there > ON_SCALP
+    looked_at &= cKDTree(points[bare]).query(points)[0] < NEAR
     hairy = looked_at & (weight < NO_SKIN)
     if hairy.sum() < max(LEAST_PLACES, LEAST_SHARE * looked_at.sum()):
         return None
-    logs = np.log(np.maximum(color[row, column], 1e-4))
     # Cheeks and lips are redder than what hair grows on, and in another light.
-    points = geometry.mean[places]
-    beside = bare & (cKDTree(points[there > ON_SCALP]).query(points)[0] < BESIDE)
-    if beside.sum() < LEAST_PLACES:
-        beside = bare
-    found = _usual(logs[hairy]) - np.median(logs[beside], axis=0)
+    beside = bare & (cKDTree(points[hairy]).query(points)[0] < BESIDE)
+    radiance = np.median(shown[beside if beside.sum() >= LEAST_PLACES else bare], axis=0)
+    ratio = shown[hairy] / np.maximum(radiance, np.finfo(float).tiny)
+    found = _usual(np.log(np.maximum(ratio, BLACK_SHARE)))
     if found.mean() > LIGHTEST or not _grows(albedo * np.exp(found)):
         return None
     return _melanin(found, albedo)
@@ -81,8 +80,13 @@ def in_color_of_hair(
     shade: Float[np.ndarray, "vertices 3"], over_skin: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, "vertices 3"]:
     """The model's ``shade``, whose densest is ``over_skin`` (see :func:`hair_over_skin`)."""
-    dense = shade.mean(axis=1) / min(float(shade.mean(axis=1).min()), -1e-9)
-    return np.asarray(dense[:, None] * over_skin)
+    return np.asarray(_density(shade)[:, None] * over_skin)
+
+
+def _density(shade: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, " vertices"]:
+    """0..1, 1 where the model's ``shade`` of hair is darkest."""
+    darkness = -shade.mean(axis=1)
+    return np.asarray(darkness / max(float(darkness.max()), 1e-9))
 
 
 def _seen(
@@ -116,8 +120,8 @@ def _melanin(over_skin: Float[np.ndarray, " 3"], albedo: Float[np.ndarray, " 3"]
     """No darker than hair is, of a hue that hair has, and in no channel lighter than skin."""
     logs = np.log(np.maximum(albedo, 1e-4))
     red, green, blue = logs + over_skin
-    yellow = max(green - blue, LEAST_YELLOW)
-    hue = np.array([max(red - green, LEAST_RED) + yellow, yellow, 0.0])
+    yellow = np.clip(green - blue, np.log(LEAST_YELLOW), np.log(YELLOWER[1]))
+    hue = np.array([np.clip(red - green, np.log(LEAST_RED), np.log(REDDER[1])) + yellow, yellow, 0])
     wanted = logs.mean() + max(over_skin.mean(), DARKEST)
     result = hue - hue.mean() + wanted - logs
     return np.asarray(result - max(float(result.max()), 0.0))

@@ -50,9 +50,10 @@ def found(
     hair: tuple[float, float, float] | np.ndarray,
     bald: bool = False,
     skin: np.ndarray = SKIN,
+    exposure: float = 1.0,
 ) -> np.ndarray | None:
     """Of a photo with skin below, and ``hair`` (3,) or of each pixel ``above``."""
-    color = np.where(above[..., None], np.array(hair), skin) * LIGHT
+    color = np.where(above[..., None], np.array(hair), skin) * LIGHT * exposure
     return hair_over_skin(
         face.forward.geometry,
         face.state,
@@ -91,6 +92,17 @@ def test_hair_is_no_darker_and_no_bluer_than_hair_on_a_scalp(
     red, green, blue = SKIN * np.exp(over_skin)
     assert red > green > blue
     assert over_skin.mean() == pytest.approx(DARKEST)
+
+
+@pytest.mark.parametrize("exposure", [1.0, 1e-6])
+def test_black_in_one_channel_is_no_hue(
+    face: PaintedFace, shade: np.ndarray, above: np.ndarray, exposure: float
+):
+    """Brown hair in warm light, whose blue a photo has clipped; and whatever the unit of light."""
+    over_skin = found(face, shade, above, (0.06, 0.035, 0.0), exposure=exposure)
+    assert over_skin is not None
+    red, green, blue = SKIN * np.exp(over_skin)
+    assert red > green > blue > green / 4
 
 
 def test_in_no_channel_it_is_lighter_than_skin(

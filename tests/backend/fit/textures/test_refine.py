@@ -97,15 +97,23 @@ def test_what_is_frozen_stays_as_it_was(scene: Scene, problem: Problem):
         assert np.abs(getattr(free.textures, name) - getattr(held.textures, name)).max() > 1e-5
 
 
-def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, problem: Problem):
-    v = 2 * (scene.model.uvs[:, 1] - 0.02) / 0.96 - 1
-    hairy = v > 0.8
+def upper(scene: Scene, least: float) -> np.ndarray:
+    """(vertices,) bool, above ``least`` of -1..1 from the face's bottom to its top."""
+    return np.asarray(2 * (scene.model.uvs[:, 1] - 0.02) / 0.96 - 1 > least)
+
+
+def with_scalp(scene: Scene, problem: Problem, hairy: np.ndarray, shade: float) -> Problem:
+    """A face model that paints a ``shade`` of hair on ``hairy`` vertices."""
     model = replace(
         scene.model,
         regions={**scene.model.regions, "scalp": np.flatnonzero(hairy).astype(np.int32)},
-        albedo_mean=np.where(hairy[:, None], 0.4, 1).astype(np.float32) * scene.model.albedo_mean,
+        albedo_mean=np.where(hairy[:, None], shade, 1).astype(np.float32) * scene.model.albedo_mean,
     )
-    shaded = replace(problem, geometry=FaceGeometry(model))
+    return replace(problem, geometry=FaceGeometry(model))
+
+
+def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, problem: Problem):
+    shaded = with_scalp(scene, problem, upper(scene, 0.8), 0.4)
     with_hair, without = refined(scene, shaded), refined(scene, problem)
     ratio = with_hair.textures.specular / without.textures.specular
     middle = ratio.shape[1] // 2
@@ -120,13 +128,7 @@ def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, pr
 
 def test_hair_has_the_color_of_the_photo_s(scene: Scene, problem: Problem):
     """A photo with black hair where the model paints a thin shade, which no other pixel shows."""
-    v = 2 * (scene.model.uvs[:, 1] - 0.02) / 0.96 - 1
-    hairy = v > 0.6
-    model = replace(
-        scene.model,
-        regions={**scene.model.regions, "scalp": np.flatnonzero(hairy).astype(np.int32)},
-        albedo_mean=np.where(hairy[:, None], 0.7, 1).astype(np.float32) * scene.model.albedo_mean,
-    )
+    hairy = upper(scene, 0.6)
     y, x = np.mgrid[:96, :96]
     surface = scene.forward.surface(scene.state, np.stack([x.ravel(), y.ravel()], 1) + 0.5)
     column, row = np.floor(surface.pixels).astype(int).T
@@ -134,7 +136,7 @@ def test_hair_has_the_color_of_the_photo_s(scene: Scene, problem: Problem):
     there[row, column] = surface.of_vertices(hairy[:, None] + 0.0)[:, 0] > 0.1
     color = np.where(there[..., None], 0.02, problem.photograph.color).astype(np.float32)
     black = replace(problem.photograph, color=color)
-    shaded = replace(problem, geometry=FaceGeometry(model))
+    shaded = with_scalp(scene, problem, hairy, 0.7)
     own = refined(scene, shaded)
     found = refined(scene, replace(shaded, photograph=black))
     assert own.hair is not None and found.hair is not None
