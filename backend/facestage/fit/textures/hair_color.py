@@ -25,16 +25,14 @@ ON_SCALP, ON_FACE = 0.3, 0.02
 # Places that are looked at, and the share of them that shows hair: less is a bald head, or a photo
 # that ends at the forehead.
 LEAST_PLACES, LEAST_SHARE = 12, 0.3
-# Log of hair's albedo over skin's: black hair on light skin, as dense as hair on a scalp is; and
-# what is lighter than that is white hair, or as well a hat.
+# Log of hair's mean albedo over skin's: black hair on light skin, as dense as hair on a scalp is;
+# and what is lighter than that is white hair, or as well a hat.
 DARKEST, LIGHTEST = -1.9, -0.25
 # Hair is red rather than green, and green rather than blue, by its melanins, up to so many times;
 # a hat is not. Black is of any hue: so much albedo is added to each channel before.
 REDDER, YELLOWER, BLACK = (0.8, 2.6), (0.75, 3.5), 0.05
 # So many times at least in the end: no hair is olive, and what is bluer is the sky, in its gloss.
 LEAST_RED, LEAST_YELLOW = 1.13, 1.08
-# Of skin's radiance, below which a pixel is black, whatever its noise says.
-BLACK_SHARE = 0.005
 
 
 def hair_over_skin(
@@ -69,11 +67,10 @@ def hair_over_skin(
     # Cheeks and lips are redder than what hair grows on, and in another light.
     beside = bare & (cKDTree(points[hairy]).query(points)[0] < BESIDE)
     radiance = np.median(shown[beside if beside.sum() >= LEAST_PLACES else bare], axis=0)
-    ratio = shown[hairy] / np.maximum(radiance, np.finfo(float).tiny)
-    found = _usual(np.log(np.maximum(ratio, BLACK_SHARE)))
-    if found.mean() > LIGHTEST or not _grows(albedo * np.exp(found)):
+    hair = albedo * _usual(shown[hairy] / np.maximum(radiance, np.finfo(float).tiny))
+    if hair.mean() > np.exp(LIGHTEST) * albedo.mean() or not _grows(hair):
         return None
-    return _melanin(found, albedo)
+    return np.asarray(np.log(_melanin(hair, albedo) / albedo))
 
 
 def in_color_of_hair(
@@ -105,26 +102,29 @@ def _seen(
     return places, pixels[places].astype(int)
 
 
-def _usual(logs: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " 3"]:
+def _usual(colors: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " 3"]:
     """The median of that half whose brightness is most alike: some of it is a highlight, or a
     wall.
     """
-    logs = logs[np.argsort(logs.mean(axis=1))]
-    half = (len(logs) + 1) // 2
-    brightness = logs.mean(axis=1)
-    first = int(np.argmin(brightness[half - 1 :] - brightness[: len(logs) - half + 1]))
-    return np.asarray(np.median(logs[first : first + half], axis=0))
+    brightness = np.log(np.maximum(colors.mean(axis=1), np.finfo(float).tiny))
+    order = np.argsort(brightness)
+    half = (len(order) + 1) // 2
+    wide = brightness[order[half - 1 :]] - brightness[order[: len(order) - half + 1]]
+    first = int(np.argmin(wide))
+    return np.asarray(np.median(colors[order[first : first + half]], axis=0))
 
 
-def _melanin(over_skin: Float[np.ndarray, " 3"], albedo: Float[np.ndarray, " 3"]) -> np.ndarray:
-    """No darker than hair is, of a hue that hair has, and in no channel lighter than skin."""
-    logs = np.log(np.maximum(albedo, 1e-4))
-    red, green, blue = logs + over_skin
-    yellow = np.clip(green - blue, np.log(LEAST_YELLOW), np.log(YELLOWER[1]))
-    hue = np.array([np.clip(red - green, np.log(LEAST_RED), np.log(REDDER[1])) + yellow, yellow, 0])
-    wanted = logs.mean() + max(over_skin.mean(), DARKEST)
-    result = hue - hue.mean() + wanted - logs
-    return np.asarray(result - max(float(result.max()), 0.0))
+def _melanin(
+    hair: Float[np.ndarray, " 3"], albedo: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, " 3"]:
+    """The albedo of ``hair`` no darker than it is, of a hue that it has, and in no channel lighter
+    than skin.
+    """
+    red, green, blue = np.maximum(hair, np.finfo(float).tiny)
+    yellow = np.clip(green / blue, LEAST_YELLOW, YELLOWER[1])
+    hue = np.array([np.clip(red / green, LEAST_RED, REDDER[1]) * yellow, yellow, 1.0])
+    result = hue / hue.mean() * max(hair.mean(), np.exp(DARKEST) * albedo.mean())
+    return np.asarray(result * min(float((albedo / result).min()), 1.0))
 
 
 def _grows(albedo: Float[np.ndarray, " 3"]) -> bool:
