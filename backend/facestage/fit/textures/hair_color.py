@@ -67,7 +67,7 @@ def hair_over_skin(
     # Cheeks and lips are redder than what hair grows on, and in another light.
     beside = bare & (cKDTree(points[hairy]).query(points)[0] < BESIDE)
     radiance = np.median(shown[beside if beside.sum() >= LEAST_PLACES else bare], axis=0)
-    hair = albedo * _usual(shown[hairy] / np.maximum(radiance, np.finfo(float).tiny))
+    hair = albedo * _usual(shown[hairy] / np.maximum(radiance, np.finfo(np.float32).tiny))
     if hair.mean() > np.exp(LIGHTEST) * albedo.mean() or not _grows(hair):
         return None
     return np.asarray(np.log(_melanin(hair, albedo) / albedo))
@@ -106,7 +106,7 @@ def _usual(colors: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " 3"]:
     """The median of that half whose brightness is most alike: some of it is a highlight, or a
     wall.
     """
-    brightness = np.log(np.maximum(colors.mean(axis=1), np.finfo(float).tiny))
+    brightness = np.log(np.maximum(colors.mean(axis=1), np.finfo(np.float32).tiny))
     order = np.argsort(brightness)
     half = (len(order) + 1) // 2
     wide = brightness[order[half - 1 :]] - brightness[order[: len(order) - half + 1]]
@@ -120,7 +120,7 @@ def _melanin(
     """The albedo of ``hair`` no darker than it is, of a hue that it has, and in no channel lighter
     than skin.
     """
-    red, green, blue = np.maximum(hair, np.finfo(float).tiny)
+    red, green, blue = np.maximum(hair, np.finfo(np.float32).tiny)
     yellow = np.clip(green / blue, LEAST_YELLOW, YELLOWER[1])
     hue = np.array([np.clip(red / green, LEAST_RED, REDDER[1]) * yellow, yellow, 1.0])
     result = hue / hue.mean() * max(hair.mean(), np.exp(DARKEST) * albedo.mean())
