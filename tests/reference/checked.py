@@ -50,7 +50,7 @@ _beartype: Any = beartype(
 
 
 # Of a function, in one test.
-FIRST_CALLS = 20
+FIRST_CALLS = 6
 _calls: Counter[Callable[..., Any]] = Counter()
 
 
