@@ -99,7 +99,7 @@ def head() -> FaceModel:
 
 @contextmanager
 def addon_enabled() -> Iterator[Any]:
-    """An empty scene with the add-on enabled; disabled afterwards."""
+    """An empty scene with the add-on enabled; disabled afterwards, and the next one empties it."""
     import bpy  # first, because it is what makes the other importable
 
     import addon_utils  # isort: skip
@@ -108,7 +108,6 @@ def addon_enabled() -> Iterator[Any]:
     assert addon_utils.enable("facestage_blender", default_set=True) is not None
     yield bpy.context.scene
     addon_utils.disable("facestage_blender", default_set=True)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
 @pytest.fixture
