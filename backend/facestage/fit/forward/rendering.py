@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 
 from facestage.contract.arrays import Bool, Float, Float32, Int
 from facestage.contract.face_model import SKIN
@@ -16,19 +15,20 @@ from facestage.contract.light_stage import LightStage
 from facestage.contract.relight_cache import RelightCache
 from facestage.fit.face.state import State
 from facestage.fit.forward.one_light import OneLightImages
-from facestage.fit.forward.reflectance import Skin, by_albedo
+from facestage.fit.forward.penumbras import Penumbras
+from facestage.fit.forward.reflectance import Skin
 from facestage.fit.forward.scattered_picture import LatticeLight
 from facestage.fit.forward.shading import ForwardModel, Surface, sample_bilinear
 from facestage.fit.forward.surface_frame import FrameField
-from facestage.render.light_terms import Asked
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
-RAY_BUDGET = 2.5e7
+RAY_BUDGET = 1.2e7
 BLOCK_POINTS = 100_000
 # Of eyes and of what lips leave open, which are few pixels, in shadows full of edges.
 WET_SAMPLES = 12
-# Where a shadow is grainy, and from which deviation among neighbors on, as a share of their mean.
-GRAINY_SAMPLES, GRAIN = 8, 0.06
+# Of a pixel and a light that is grainy there: as many as cost no more than all others where a
+# twentieth is grainy, within these; and of a part of a pixel.
+GRAINY_SAMPLES, GRAINY_SHARE, PART_SAMPLES = (8, 20), 0.05, 4
 PROBE_HEIGHT = 128
 
 
@@ -101,14 +101,19 @@ def render_picture(
     each, images = 0, OneLightImages(state.camera, pixels, len(stage)) if by_light else None
     if len(pixels):
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
-        grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
+        grid = 3 if per_light >= 13 else 2 if per_light >= 2 else 1
         each = samples or int(np.clip(per_light / grid**2, 1, 16))
         below = None
         if state.scattering > 0:
             below = LatticeLight.under(forward, state, stage, pixels, seed)
-        grainy = np.zeros((height, width), bool)
-        if samples is None and each < GRAINY_SAMPLES:
-            grainy = _grainy(forward, state, stage, pixels, seed)
+        penumbras = None
+        if samples is None:
+            again = int(np.clip(per_light / GRAINY_SHARE, *GRAINY_SAMPLES)) // grid**2
+            brightness = [radiance.mean(axis=1) for radiance in radiances.values()]
+            if by_light:
+                brightness.append(np.ones(len(stage)))
+            again = max(again, PART_SAMPLES)
+            penumbras = Penumbras(forward, state, stage, np.stack(brightness), again)
         for sub in range(grid * grid):
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
             surface = forward.surface(state, pixels + offset)
@@ -117,13 +122,15 @@ def render_picture(
                 surface = frames.mapped(
                     surface, forward.uvs(surface), textures.normal, state.rotation
                 )
-            for block, count in _blocks(forward, surface, each, grainy):
+            for block, count in _blocks(forward, surface, each):
                 x, y = block.pixels.astype(int).T
                 uvs = forward.uvs(block)
                 rough = (
                     None if textures.roughness is None else sample_bilinear(textures.roughness, uvs)
                 )
                 terms = forward.light_terms(state, block, stage, count, seed + sub, roughness=rough)
+                if penumbras is not None and penumbras.samples > count:
+                    terms = penumbras.smoothed(terms, block, seed + sub, rough)
                 albedo, c_spec = (
                     sample_bilinear(textures.albedo, uvs),
                     sample_bilinear(textures.specular, uvs),
@@ -140,47 +147,10 @@ def render_picture(
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
 
 
-def _grainy(
-    forward: ForwardModel,
-    state: State,
-    stage: LightStage,
-    pixels: Int[np.ndarray, "pixels 2"],
-    seed: int,
-) -> Bool[np.ndarray, "height width"]:
-    """Where single shadow rays differ from pixel to pixel: in penumbras, and at folds."""
-    height, width = state.camera.height, state.camera.width
-    # Of light, its square, and whether there is any, what 3 x 3 pixels have together.
-    sums = np.zeros((height, width, 3), np.float32)
-    surface = forward.surface(state, pixels + 0.5)
-    for start in range(0, len(surface.pixels), BLOCK_POINTS):
-        block = surface.part(np.arange(start, min(start + BLOCK_POINTS, len(surface.pixels))))
-        terms = forward.light_terms(
-            state, block, stage, 1, seed, Asked(specular=False), bounced=False
-        )
-        light = by_albedo(forward.shade(state, block, terms, radiance=stage.radiance).diffuse)
-        x, y = block.pixels.astype(int).T
-        mean = light.mean(axis=1)
-        sums[y, x] = np.stack([mean, mean**2, np.ones(len(mean))], axis=1)
-    hit = sums[..., 2] > 0
-    sums = uniform_filter(sums, (3, 3, 1), mode="constant")
-    mean, square = sums[..., 0], sums[..., 1]
-    count = np.maximum(sums[..., 2], 1e-6)
-    variance = np.maximum(square / count - (mean / count) ** 2, 0.0)
-    bright = float((mean / count)[hit].max()) if hit.any() else 0.0
-    grainy: Bool[np.ndarray, "height width"] = hit & (
-        variance > (GRAIN * np.maximum(mean / count, GRAIN * bright)) ** 2
-    )
-    return grainy
-
-
-def _blocks(
-    forward: ForwardModel, surface: Surface, samples: int, grainy: Bool[np.ndarray, "height width"]
-) -> Iterator[tuple[Surface, int]]:
+def _blocks(forward: ForwardModel, surface: Surface, samples: int) -> Iterator[tuple[Surface, int]]:
     """The surface in pieces, with the samples of each."""
     wet = forward.geometry.triangle_part[surface.triangle] != SKIN
-    x, y = surface.pixels.astype(int).T
-    again = grainy[y, x] & ~wet
-    for pixels, least in ((~wet & ~again, 0), (again, GRAINY_SAMPLES), (wet, WET_SAMPLES)):
+    for pixels, least in ((~wet, 0), (wet, WET_SAMPLES)):
         index = np.flatnonzero(pixels)
         for start in range(0, len(index), BLOCK_POINTS):
             yield surface.part(index[start : start + BLOCK_POINTS]), max(samples, least)

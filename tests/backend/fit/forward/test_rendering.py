@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
 from facestage.fit.forward import rendering
 from facestage.fit.forward.one_light import NUMBERS_MAX, relight_scale
-from facestage.fit.forward.rendering import Textures, light_probe, render_picture
+from facestage.fit.forward.rendering import Picture, Textures, light_probe, render_picture
 from facestage.fit.given.face_areas import face_pixels
 from facestage.fit.given.problem import select_lights
 from facestage.fit.given.skin_mask import skin_weight
@@ -99,25 +100,51 @@ def test_the_picture_is_the_forward_model_averaged(scene: Scene, textures: Textu
     assert not picture.color[picture.coverage == 0].any()
 
 
-def test_penumbras_are_as_smooth_as_many_rays_make_them(
-    renderer: str, monkeypatch: pytest.MonkeyPatch
-):
-    """One ray for each light and part of a pixel leaves grain where a shadow ends."""
+@pytest.fixture(scope="module")
+def grain(renderer: str) -> dict[tuple[str, str], float]:
+    """Root mean square errors of a picture under its own light and relit by its darkest lamps, and
+    of each lamp alone: by one ray for each light and part of a pixel, and as rays are given out.
+    """
     face = painted_face(texels=64, key_side=0.3)
     box = face.forward.box(face.state)
     pixels = (box[0].stop - box[0].start) * (box[1].stop - box[1].start)
-    monkeypatch.setattr(rendering, "RAY_BUDGET", 5 * pixels * len(face.stage))
-    plain = Textures(np.full((16, 16, 3), 0.5, np.float32), np.zeros((16, 16), np.float32))
-    given = face.forward, face.state, face.stage, plain
-    reference = render_picture(*given, seed=7, samples=64)
-    inside = reference.fitted
-    errors = {}
-    for name, samples in (("budget", None), ("one ray", 1)):
-        picture = render_picture(*given, seed=3, samples=samples)
-        assert picture.samples == 1
-        errors[name] = np.sqrt(((picture.color - reference.color)[inside] ** 2).mean())
-    print("root mean square error", errors)
-    assert errors["budget"] < 0.55 * errors["one ray"]
+    shiny = Textures(np.full((16, 16, 3), 0.5, np.float32), np.full((16, 16), 0.5, np.float32))
+    brightness = face.stage.radiance.mean(axis=1)
+    dark = np.where(brightness < np.median(brightness), 1.0, 0.0)[:, None] * np.ones(3)
+
+    def rendered(seed: int, samples: int | None, **more: Any) -> Picture:
+        return render_picture(
+            face.forward, face.state, face.stage, shiny, seed=seed, samples=samples, **more
+        )
+
+    def pictures(seed: int, samples: int | None) -> dict[str, np.ndarray]:
+        picture = rendered(seed, samples, relight={"relit": dark})
+        alone = rendered(seed, samples, by_light=True)
+        assert picture.samples == alone.samples == (samples or 1) and alone.by_light is not None
+        return {
+            "own": picture.color[picture.fitted],
+            "relit": picture.relit["relit"][picture.fitted],
+            "alone": alone.by_light.colors,
+        }
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rendering, "RAY_BUDGET", 3 * pixels * len(face.stage))
+        reference = pictures(7, 64)
+        return {
+            (name, kind): float(np.sqrt(((values - reference[kind]) ** 2).mean()))
+            for name, samples in (("budget", None), ("one ray", 1))
+            for kind, values in pictures(3, samples).items()
+        }
+
+
+@pytest.mark.parametrize("kind", ["own", "relit", "alone"])
+def test_penumbras_are_as_smooth_as_many_rays_make_them(
+    grain: dict[tuple[str, str], float], kind: str
+):
+    """One ray for each light and part of a pixel leaves grain where a shadow ends."""
+    few, many = grain["one ray", kind], grain["budget", kind]
+    print(f"{kind}: {many:.5f} instead of {few:.5f}, {many / few:.2f} of it")
+    assert many < 0.3 * few
 
 
 def test_relit_pictures_are_linear_in_the_light(scene: Scene, textures: Textures):
