@@ -17,6 +17,8 @@ from facestage.render.light_terms import LightTerms
 # one of the pictures; and the least light that counts, as a share of what skin gets that faces it.
 GRAIN, DARK = 0.015, 0.2
 NEIGHBORS = 5  # pixels across
+# What the surface sends on, over what comes from below it, of ordinary skin.
+GLOSS = 6.0
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,14 @@ class Penumbras:
             return np.asarray(done).reshape(image.shape)[y, x]
 
         count = total(np.ones((len(x), 1)))
-        mean = total(terms.diffuse) / count
-        deviation = np.sqrt(np.maximum(total(terms.diffuse**2) / count - mean**2, 0.0))
+        light = terms.diffuse + GLOSS * terms.specular
+        mean = total(light) / count
+        deviation = np.sqrt(np.maximum(total(light**2) / count - mean**2, 0.0))
         facing = self._facing().astype(np.float32)
         grainy = np.zeros(deviation.shape, bool)
         for radiance in self.radiances.astype(np.float32):
-            light = np.maximum(mean @ radiance, DARK * (facing @ radiance))
-            grainy |= deviation * radiance > GRAIN * light[:, None]
+            whole = np.maximum(mean @ radiance, DARK * (facing @ radiance))
+            grainy |= deviation * radiance > GRAIN * whole[:, None]
         return grainy
 
     def _facing(self) -> Float[np.ndarray, " lights"]:

@@ -22,13 +22,13 @@ from facestage.fit.forward.shading import ForwardModel, Surface, sample_bilinear
 from facestage.fit.forward.surface_frame import FrameField
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
-RAY_BUDGET = 1.2e7
+RAY_BUDGET = 2.5e7
 BLOCK_POINTS = 100_000
 # Of eyes and of what lips leave open, which are few pixels, in shadows full of edges.
 WET_SAMPLES = 12
 # Of a pixel and a light that is grainy there: as many as cost no more than all others where a
-# twentieth is grainy, within these; and of a part of a pixel.
-GRAINY_SAMPLES, GRAINY_SHARE, PART_SAMPLES = (8, 20), 0.05, 4
+# twentieth is grainy, within these; and of a part of a pixel twice as many as others have, up to 8.
+GRAINY_SAMPLES, GRAINY_SHARE, PART_SAMPLES = (8, 20), 0.05, 8
 PROBE_HEIGHT = 128
 
 
@@ -101,7 +101,7 @@ def render_picture(
     each, images = 0, OneLightImages(state.camera, pixels, len(stage)) if by_light else None
     if len(pixels):
         per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
-        grid = 3 if per_light >= 13 else 2 if per_light >= 2 else 1
+        grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
         each = samples or int(np.clip(per_light / grid**2, 1, 16))
         below = None
         if state.scattering > 0:
@@ -112,7 +112,7 @@ def render_picture(
             brightness = [radiance.mean(axis=1) for radiance in radiances.values()]
             if by_light:
                 brightness.append(np.ones(len(stage)))
-            again = max(again, PART_SAMPLES)
+            again = max(again, min(2 * each, PART_SAMPLES))
             penumbras = Penumbras(forward, state, stage, np.stack(brightness), again)
         for sub in range(grid * grid):
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
