@@ -17,6 +17,7 @@ from facestage.render.light_terms import LightTerms
 # one of the pictures; and the least light that counts, as a share of what skin gets that faces it.
 GRAIN, DARK = 0.015, 0.2
 NEIGHBORS = 5  # pixels across
+CHANNELS = 512  # that OpenCV takes at a time
 # What the surface sends on, over what comes from below it, of ordinary skin.
 GLOSS = 6.0
 
@@ -69,9 +70,7 @@ class Penumbras:
         def total(values: np.ndarray) -> np.ndarray:
             image = np.zeros((*shape, values.shape[1]), np.float32)
             image[y, x] = values
-            size, cv2 = (NEIGHBORS, NEIGHBORS), opencv()
-            done = cv2.boxFilter(image, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
-            return np.asarray(done).reshape(image.shape)[y, x]
+            return box_sums(image, NEIGHBORS)[y, x]
 
         count = total(np.ones((len(x), 1)))
         light = terms.diffuse + GLOSS * terms.specular
@@ -90,3 +89,21 @@ class Penumbras:
         distance = np.linalg.norm(offset, axis=1)
         cosine = np.einsum("lx,lx->l", offset, self.stage.direction) / distance
         return np.asarray(self.stage.side**2 * np.maximum(cosine, 0.0) / distance**2)
+
+
+def box_sums(
+    image: Float[np.ndarray, "rows columns channels"], size: int
+) -> Float[np.ndarray, "rows columns channels"]:
+    """Sums over ``size`` x ``size`` pixels, with nothing beyond the border."""
+    cv2 = opencv()
+    parts = [
+        cv2.boxFilter(
+            np.ascontiguousarray(image[..., first : first + CHANNELS]),
+            -1,
+            (size, size),
+            normalize=False,
+            borderType=cv2.BORDER_CONSTANT,
+        ).reshape(*image.shape[:2], -1)
+        for first in range(0, image.shape[2], CHANNELS)
+    ]
+    return np.concatenate(parts, axis=2)

@@ -23,7 +23,8 @@ from facestage.fit.forward.surface_frame import FrameField
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
 RAY_BUDGET = 2.5e7
-BLOCK_POINTS = 100_000
+# Of points and lights that are worked on at a time.
+BLOCK_PAIRS, LEAST_POINTS = 4_000_000, 1000
 # Of eyes and of what lips leave open, which are few pixels, in shadows full of edges.
 WET_SAMPLES = 12
 # Of a pixel and a light that is grainy there: as many as cost no more than all others where a
@@ -122,7 +123,7 @@ def render_picture(
                 surface = frames.mapped(
                     surface, forward.uvs(surface), textures.normal, state.rotation
                 )
-            for block, count in _blocks(forward, surface, each):
+            for block, count in _blocks(forward, surface, len(stage), each):
                 x, y = block.pixels.astype(int).T
                 uvs = forward.uvs(block)
                 rough = (
@@ -147,13 +148,16 @@ def render_picture(
     return Picture(colors.pop(""), coverage, fitted > 1 - 1e-3, colors, each, images)
 
 
-def _blocks(forward: ForwardModel, surface: Surface, samples: int) -> Iterator[tuple[Surface, int]]:
+def _blocks(
+    forward: ForwardModel, surface: Surface, lights: int, samples: int
+) -> Iterator[tuple[Surface, int]]:
     """The surface in pieces, with the samples of each."""
     wet = forward.geometry.triangle_part[surface.triangle] != SKIN
+    step = max(BLOCK_PAIRS // lights, LEAST_POINTS)
     for pixels, least in ((~wet, 0), (wet, WET_SAMPLES)):
         index = np.flatnonzero(pixels)
-        for start in range(0, len(index), BLOCK_POINTS):
-            yield surface.part(index[start : start + BLOCK_POINTS]), max(samples, least)
+        for start in range(0, len(index), step):
+            yield surface.part(index[start : start + step]), max(samples, least)
 
 
 def light_probe(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facestage.fit.forward.penumbras import NEIGHBORS, Penumbras
+from facestage.fit.forward.penumbras import CHANNELS, NEIGHBORS, Penumbras, box_sums
 from facestage.render.light_terms import LightTerms
 from reference.synthetic_scene import Scene
 
@@ -34,3 +34,11 @@ def test_a_light_that_changes_from_pixel_to_pixel_is_grainy_there(
     near = np.abs(x - LINE) <= NEIGHBORS // 2
     np.testing.assert_array_equal(grainy[:, 1], near & (radiance > 0))
     assert not np.delete(grainy, 1, axis=1).any()
+
+
+@pytest.mark.parametrize("channels", [1, 3, CHANNELS, CHANNELS + 1])
+def test_any_number_of_lights_is_summed_over_neighbors(channels: int):
+    image = np.random.default_rng(0).random((7, 9, channels)).astype(np.float32)
+    wide = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    wanted = sum(wide[i : i + 7, j : j + 9] for i in range(3) for j in range(3))
+    np.testing.assert_allclose(box_sums(image, 3), wanted, rtol=1e-5)
