@@ -110,10 +110,10 @@ def render_picture(
         penumbras = None
         if samples is None:
             again = int(np.clip(per_light / GRAINY_SHARE, *GRAINY_SAMPLES)) // grid**2
+            again = max(again, min(2 * each, PART_SAMPLES))
             brightness = [radiance.mean(axis=1) for radiance in radiances.values()]
             if by_light:
                 brightness.append(np.ones(len(stage)))
-            again = max(again, min(2 * each, PART_SAMPLES))
             penumbras = Penumbras(forward, state, stage, np.stack(brightness), again)
         for sub in range(grid * grid):
             offset = (np.array([sub % grid, sub // grid]) + 0.5) / grid
