@@ -2,7 +2,8 @@
 
 Crown sizes after Nelson and Ash 2010, "Wheeler's Dental Anatomy"; the upper incisors end two
 millimetres below the line where the lips meet, as they show when lips part at rest (Vig and Brundo
-1978, "The kinetics of anterior tooth display").
+1978, "The kinetics of anterior tooth display"). Gums fill two fifths of the gaps (Chu et al. 2009,
+"Papilla proportions in the maxillary anterior dentition"). How edges are rounded is by eye.
 """
 
 from __future__ import annotations
@@ -13,84 +14,162 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class Crown:
+    """One tooth; mm. ``rise``: of its biting edge above (upper row) or below (lower row) that of
+    the central incisor. ``corners``: how much further that edge rises towards its neighbour on the
+    midline's side, and on the other. ``level``: where the edge is level, in shares of the width.
+    """
+
+    width: float
+    height: float
+    rise: float
+    corners: tuple[float, float]
+    level: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Row:
     """One dental arch, from the midline to the second molar; mm.
 
-    inset: how far the row stands behind the upper one. edge: height of the incisal edge. rise: of
-    each biting edge above (upper row) or below (lower row) the incisal one. lean: how far the
-    front teeth's gums stand back, by mm from their edges.
+    inset: how far the row stands behind the upper one. edge: height of the incisal edge. lean: how
+    far the front teeth's gums stand back, by mm from their edges.
     """
 
-    widths: tuple[float, ...]
-    heights: tuple[float, ...]
-    rise: tuple[float, ...]
+    crowns: tuple[Crown, ...]
     inset: float
     edge: float
     away: float  # the direction of the gum: 1 up, -1 down
     lean: float = 0.0
 
 
-UPPER = Row((8.6, 6.6, 7.6, 7.1, 6.8, 10.2, 9.2), (10.2, 9.0, 10.0, 8.8, 8.2, 7.6, 7.2),
-            (0.0, 0.7, 0.1, 0.6, 0.8, 1.0, 1.2), 0.0, -75.1, 1.0)  # fmt: skip
-LOWER = Row((5.3, 5.9, 6.8, 7.0, 7.1, 11.0, 10.4), (8.6, 9.0, 10.0, 8.8, 8.2, 7.6, 7.2),
-            (0.0, 0.0, 0.1, 0.6, 0.9, 1.0, 0.8), 2.8, -73.3, -1.0, 0.3)  # fmt: skip
+UPPER = Row(
+    (
+        Crown(8.6, 10.2, 0.0, (0.3, 0.65), (0.14, 0.80)),
+        Crown(6.6, 9.0, 0.6, (0.45, 0.9), (0.20, 0.72)),
+        Crown(7.6, 10.0, 0.0, (1.3, 1.7), (0.40, 0.52)),
+        Crown(7.1, 8.8, 0.5, (1.3, 1.3), (0.42, 0.58)),
+        Crown(6.8, 8.2, 0.8, (1.0, 1.0), (0.40, 0.60)),
+        Crown(10.2, 7.6, 0.9, (0.9, 0.9), (0.25, 0.75)),
+        Crown(9.2, 7.2, 1.1, (0.8, 0.8), (0.25, 0.75)),
+    ),
+    0.0,
+    -75.1,
+    1.0,
+)
+LOWER = Row(
+    (
+        Crown(5.3, 8.6, 0.0, (0.15, 0.2), (0.15, 0.85)),
+        Crown(5.9, 9.0, 0.0, (0.2, 0.35), (0.15, 0.80)),
+        Crown(6.8, 10.0, 0.0, (0.9, 1.3), (0.38, 0.52)),
+        Crown(7.0, 8.8, 0.5, (1.1, 1.2), (0.40, 0.60)),
+        Crown(7.1, 8.2, 0.8, (0.9, 0.9), (0.35, 0.65)),
+        Crown(11.0, 7.6, 0.9, (0.8, 0.8), (0.25, 0.75)),
+        Crown(10.4, 7.2, 0.7, (0.8, 0.8), (0.25, 0.75)),
+    ),
+    2.8,
+    -73.3,
+    -1.0,
+    0.3,
+)
 FRONT_Z = 92.4  # of the upper incisors: just behind the lips
 _ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.4, 2.25
 
-_ACROSS = (0.0, 0.06, 0.34, 0.66, 0.94)  # columns of a crown; the first is the gap before it
-_GAP_DEPTH = 0.45
+# Columns of a crown: the gap before it, its two ends, and between them where its edge is level, or
+# near to that at the neck; shares of its width.
+COLUMNS = 5
+_END = 0.055
+_AT_NECK = (0.0, _END, 0.27, 0.73, 1 - _END, 1.0)
+_EDGE, _NECK = 0.2, 0.6  # shares of the height
+# mm: walls of a gap that meet at less than a right angle keep all light from it, because shadow
+# rays begin beyond the other wall.
+_GAP_DEPTH = 0.1
+# By so much of its height gums reach down beside a crown, and its edge's corners round it off.
+_PAPILLA, _ROUNDED = 0.4, 0.45
 # Rows from the gum over the biting edge to the back: share of the crown's height, mm inward, part.
 GUM_ROWS = 2
-_PROFILE = (
+PROFILE_ROWS = (
     (1.45, 1.6),
     (1.03, 0.3),
     (0.97, 0.7),
-    (0.6, 0.0),
+    (0.53, 0.0),
     (0.2, 0.25),
     (0.0, 0.7),
     (0.0, 1.7),
     (0.8, 5.0),
 )
-PROFILE = len(_PROFILE)
+PROFILE = len(PROFILE_ROWS)
 
 
 def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
     """(PROFILE, m, 3) mm, from the subject's right to the left, and how deep in a gap each column
     (m,) lies, 0..1.
     """
-    widths = np.array([*row.widths[::-1], *row.widths])
-    bounds = np.concatenate([[0.0], np.cumsum(widths)]) - sum(row.widths)
-    number = np.array([*range(len(row.widths))[::-1], *range(len(row.widths))])
-    at = np.concatenate(
-        [(bounds[:-1, None] + widths[:, None] * np.array(_ACROSS)).ravel(), bounds[-1:]]
-    )
-    tooth = np.concatenate([np.repeat(number, len(_ACROSS)), number[-1:]])
-    across = np.concatenate([np.tile(_ACROSS, len(widths)), [0.0]])
-    gap = (across == 0.0).astype(np.float64)
-    middle = np.sin(np.pi * across)  # 1 in the middle of a crown, 0 in the gaps
-    arch, inward = _arch(at, row.inset)
-    # A gap takes the mean of its two neighbours.
-    before = np.concatenate([number[:1], number])[np.cumsum(gap).astype(int) - 1]
-    height = _of_tooth(row.heights, tooth, before, gap)
-    edge = row.edge + row.away * _of_tooth(row.rise, tooth, before, gap)
+    columns = _columns(row)
     rows = []
-    for share, depth in _PROFILE:
-        scallop = -1.0 * (1 - middle) if share > 0.9 else 0.0  # gums reach down between the teeth
-        rounding = 0.8 * gap + 0.2 * (1 - middle) if share < 0.1 else 0.0
-        up = row.away * (share * height + scallop + rounding)
-        bulge = 0.5 * (1 - middle) + _GAP_DEPTH * gap * (share < 1.0)
-        point = np.stack([arch[:, 0], edge + up, arch[:, 1]], axis=-1)
+    for share, depth in PROFILE_ROWS:
+        across = columns.across(share)
+        middle = np.sin(np.pi * across)  # 1 in the middle of a crown, 0 in the gaps
+        arch, inward = _arch(columns.start + columns.width * across, row.inset)
+        papilla = _PAPILLA * columns.height * (1 - middle) ** 1.5 * (0.9 < share < 1.2)
+        rounding = columns.corner * max(1 - share / _ROUNDED, 0.0)
+        up = row.away * (columns.rise + share * columns.height - papilla + rounding)
+        bulge = 0.5 * (1 - middle) + _GAP_DEPTH * columns.gap * (share < 1.0)
+        point = np.stack([arch[:, 0], row.edge + up, arch[:, 1]], axis=-1)
         point[:, [0, 2]] += (depth + bulge)[:, None] * inward
         point[:, 2] -= row.lean * np.abs(up) * np.abs(inward[:, 1])
         rows.append(point)
-    return np.stack(rows), gap
+    return np.stack(rows), columns.gap
 
 
-def _of_tooth(
-    values: tuple[float, ...], tooth: np.ndarray, before: np.ndarray, gap: np.ndarray
-) -> np.ndarray:
-    table = np.array(values)
-    return np.where(gap > 0, 0.5 * (table[tooth] + table[before]), table[tooth])
+@dataclass(frozen=True)
+class _Columns:
+    """(m,) each, from the subject's right to the left; mm. A gap is the mean of its neighbours."""
+
+    start: np.ndarray  # where their crowns begin along the arch
+    width: np.ndarray  # of their crowns
+    at_edge: np.ndarray  # 0..1 of them
+    at_neck: np.ndarray
+    gap: np.ndarray  # 1 in the gaps
+    height: np.ndarray
+    rise: np.ndarray
+    corner: np.ndarray  # how much further the edge rises
+
+    def across(self, share: float) -> np.ndarray:
+        """Where the columns are, 0..1 of their crowns, at a share of the crowns' height."""
+        neck = np.clip((share - _EDGE) / (_NECK - _EDGE), 0.0, 1.0)
+        return self.at_edge + neck * (self.at_neck - self.at_edge)
+
+
+def _columns(row: Row) -> _Columns:
+    left = np.stack([_crown(crown) for crown in row.crowns])
+    right = left[::-1, ::-1] * [-1, -1, 1, 1, 1] + [1, 1, 0, 0, 0]
+    crowns = np.concatenate([right, left])  # (crowns, COLUMNS + 1, 5)
+    gaps = 0.5 * (crowns[1:, 0] + crowns[:-1, -1])[:, 2:]
+    crowns[1:, 0, 2:] = gaps
+    width = np.array([crown.width for crown in row.crowns])
+    width = np.concatenate([width[::-1], width])
+    start = np.cumsum(width) - width - 0.5 * width.sum()
+    columns = np.concatenate([crowns[:, :-1].reshape(-1, 5), crowns[-1:, -1]])
+    gap = np.arange(len(columns)) % COLUMNS == 0
+    crown = np.minimum(np.arange(len(columns)) // COLUMNS, len(crowns) - 1)
+    at_edge, at_neck, *rest = columns.T
+    return _Columns(start[crown], width[crown], at_edge, at_neck, gap * 1.0, *rest)
+
+
+def _crown(crown: Crown) -> np.ndarray:
+    """(COLUMNS + 1, 5) of a crown on the subject's left and the gaps on both sides of it: where at
+    the edge and the neck, its height, rise and corner.
+    """
+    near, far = crown.corners
+    at_edge = [0.0, _END, *crown.level, 1 - _END, 1.0]
+    corner = [_in_gap(near), near, 0.0, 0.0, far, _in_gap(far)]
+    same = np.ones(COLUMNS + 1)
+    return np.stack([at_edge, _AT_NECK, crown.height * same, crown.rise * same, corner], axis=-1)
+
+
+def _in_gap(corner: float) -> float:
+    """How far an edge has risen (mm) in the middle of the gap beside such a corner."""
+    return 1.6 * corner + 0.3
 
 
 def _arch(at: np.ndarray, inset: float) -> tuple[np.ndarray, np.ndarray]:

@@ -197,6 +197,68 @@ def test_teeth_have_natural_sizes():
     assert 1.0 < behind < 3.0
 
 
+def crowns(row: teeth.Row, share: float) -> np.ndarray:
+    """(14, COLUMNS + 1, 3) mm, from the subject's right: each crown and the gaps beside it, at the
+    row of the profile whose share of the height is nearest to ``share``, gums left out.
+    """
+    table = np.array([each for each, _ in teeth.PROFILE_ROWS])
+    table[: teeth.GUM_ROWS] = np.inf
+    strip = teeth.strip(row)[0][int(np.abs(table - share).argmin())]
+    first = np.arange(0, len(strip) - 1, teeth.COLUMNS)
+    return strip[first[:, None] + np.arange(teeth.COLUMNS + 1)]
+
+
+@pytest.mark.parametrize("row", [teeth.UPPER, teeth.LOWER], ids=["upper", "lower"])
+def test_crowns_part_at_their_edges(row):
+    """Each edge is rounded off towards the gaps, canines and premolars are pointed, and both sides
+    are mirror images.
+    """
+    edge = row.away * (crowns(row, 0.0)[..., 1] - row.edge)
+    np.testing.assert_allclose(edge, edge[::-1, ::-1], atol=1e-9)
+    left = edge[7:]
+    notches = left[:6, -1] - np.minimum(left[:6].min(axis=1), left[1:7].min(axis=1))
+    assert (notches > 0.4).all() and (notches < 3.0).all()
+    for tooth in (2, 3, 4):
+        tip = left[tooth].argmin()
+        assert 0 < tip < teeth.COLUMNS
+        assert left[tooth, [1, -2]].min() - left[tooth, tip] > 0.8
+    near, far = left[:3, 1] - left[:3].min(axis=1), left[:3, -2] - left[:3].min(axis=1)
+    assert (far > near).all(), "rounder on the side away from the midline"
+
+
+def test_notches_between_the_upper_front_teeth_grow_from_the_midline():
+    left = crowns(teeth.UPPER, 0.0)[7:, :, 1] - teeth.UPPER.edge
+    notch = [np.mean(left[tooth, 0] - left[tooth].min()) for tooth in range(3)]
+    assert notch[0] < left[0, -1] - left[0].min() < left[1, -1] - left[1].min()
+
+
+@pytest.mark.parametrize("row", [teeth.UPPER, teeth.LOWER], ids=["upper", "lower"])
+def test_gums_fill_two_fifths_of_the_gaps(row):
+    """Chu et al. 2009, of the front teeth; a crown's neck lies deepest in its middle."""
+    strip = teeth.strip(row)[0]
+    necks = row.away * (strip[teeth.GUM_ROWS, :, 1] - row.edge)
+    for tooth in range(7, 13):
+        first = tooth * teeth.COLUMNS
+        neck = necks[first : first + teeth.COLUMNS + 1]
+        height = row.crowns[tooth - 7].height
+        assert 0.3 < (neck[2] - neck[-1]) / height < 0.5
+        assert neck[2] > neck[1] > neck[0] and neck[3] > neck[4] > neck[5]
+
+
+@pytest.mark.parametrize("row", [teeth.UPPER, teeth.LOWER], ids=["upper", "lower"])
+@pytest.mark.parametrize("share", [0.2, 0.53])
+def test_gaps_are_too_shallow_to_hide_from_light(row, share):
+    """A shadow ray starts a fifth of a millimetre off the surface: where walls meet at less than a
+    right angle that is beyond the other wall, and the gap is a black line.
+    """
+    front = crowns(row, share)[4:10][..., [0, 2]]
+    before, after = front[:-1, -2] - front[1:, 0], front[1:, 1] - front[1:, 0]
+    before, after = (
+        wall / np.linalg.norm(wall, axis=-1, keepdims=True) for wall in (before, after)
+    )
+    assert np.degrees(np.arccos((before * after).sum(-1))).min() > 90
+
+
 def test_short_lips_show_more_teeth():
     """The lip's length varies, the teeth hardly follow it."""
     mode = model().identity_basis[model().identity_names.index("upper_lip_height")] / MM
