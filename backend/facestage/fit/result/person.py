@@ -26,7 +26,7 @@ from facestage.fit.given.problem import Problem
 from facestage.fit.given.truth import read_truth
 from facestage.fit.result.output import finish, write_result
 from facestage.fit.result.person_advice import company, person_verdict
-from facestage.fit.result.person_photos import at_own_size, check_jobs, face_px, read_photos
+from facestage.fit.result.person_photos import OwnSizes, check_jobs, face_px, read_photos
 from facestage.fit.result.run import kept_unless_refused, seconds_to_fit
 from facestage.fit.runs.joint_checkpoint import JointCheckpoint
 from facestage.fit.runs.joint_run import JointFitted, JointRun
@@ -93,12 +93,13 @@ def _write(
 ) -> Person:
     """Every file of the person's folder."""
     started = time.monotonic()
-    shared = _merged(run, fitted, teller)
+    sizes = OwnSizes()
+    shared = _merged(run, fitted, sizes, teller)
     results = []
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.drawing(member.number)
         one = replace(one, company=company(member, fitted, run.shape_held))
-        problem, one = at_own_size(member, one)
+        problem, one = sizes.of(member, one)
         finished = finish(problem, member.view.forward, one, member.truth, shared)
         own = folder / f"{member.number}-{member.problem.job.image.stem}"
         own.mkdir()
@@ -125,31 +126,31 @@ def _write(
     return person
 
 
-def _merged(run: JointRun, fitted: JointFitted, teller: Teller) -> Refined:
+def _merged(run: JointRun, fitted: JointFitted, sizes: OwnSizes, teller: Teller) -> Refined:
     """The maps of the photos that share their skin."""
-    sizes = [face_px(member) for member in run.members]
+    faces = [face_px(member) for member in run.members]
     first = next(member for member in run.members if member.joined)
-    size = texture_size(max(sizes), first.problem.fineness)
+    size = texture_size(max(faces), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
-    relief = relief_together(lambda: _own_sizes(run, fitted), size)
+    relief = relief_together(lambda: _own_sizes(run, fitted, sizes), size)
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.painting(member.number)
         if member.joined:
-            problem, one = at_own_size(member, one)
+            problem, one = sizes.of(member, one)
             # A texel counts by the number of pixels that show it.
-            weight = (sizes[member.number - 1] / max(sizes)) ** 2
+            weight = (faces[member.number - 1] / max(faces)) ** 2
             maps = refine(problem, member.view.forward, one, size, relief)
             merged.add(maps, one.state, weight)
     return merged.maps()
 
 
 def _own_sizes(
-    run: JointRun, fitted: JointFitted
+    run: JointRun, fitted: JointFitted, sizes: OwnSizes
 ) -> Iterator[tuple[Problem, ForwardModel, Fitted]]:
     """The photos that share their skin, one after another at its own size."""
     for member, one in zip(run.members, fitted.photos, strict=True):
         if member.joined:
-            problem, one = at_own_size(member, one)
+            problem, one = sizes.of(member, one)
             yield problem, member.view.forward, one
 
 

@@ -20,6 +20,8 @@ from facestage.fit.runs.member import Member
 from facestage.fit.trust.fitted import Fitted
 from facestage.models.anatomy.relief import relief_basis
 
+# Of all photos together, so that what is known of each pixel takes less than half a gigabyte.
+KEPT_PIXELS = 3_000_000
 # What the jobs of one person must agree on, in words.
 COMMON = {
     "model": "the face model",
@@ -91,16 +93,34 @@ def read_photos(
     return problems
 
 
-def at_own_size(member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
-    """A member's problem and fit at the photo's own size."""
-    small = member.problem
-    problem = read_problem(small.job, geometry=small.geometry, fineness=small.fineness)
-    problem = problem.lit_as(small)
-    if problem.camera.width == small.camera.width:
-        return problem, fitted
-    focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
-    state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
-    return problem, fitted.in_size(state, *problem.photograph.size)
+class OwnSizes:
+    """The photos of the members at their own sizes, which textures and pictures are made at."""
+
+    def __init__(self, kept_pixels: int = KEPT_PIXELS) -> None:
+        """Problems of so many pixels together are kept."""
+        self._kept: dict[int, Problem] = {}
+        self._pixels_left = kept_pixels
+
+    def of(self, member: Member, fitted: Fitted) -> tuple[Problem, Fitted]:
+        """A member's problem and fit. Finding skin and hair takes a second or two, so problems of
+        small photos are kept.
+        """
+        problem = self._kept.get(member.number) or self._read(member)
+        if problem.camera.width == member.problem.camera.width:
+            return problem, fitted
+        focal_px = fitted.state.camera.focal_px / problem.scale(problem.fineness.joint_face_px)
+        state = replace(fitted.state, camera=replace(problem.camera, focal_px=focal_px))
+        return problem, fitted.in_size(state, *problem.photograph.size)
+
+    def _read(self, member: Member) -> Problem:
+        small = member.problem
+        problem = read_problem(small.job, geometry=small.geometry, fineness=small.fineness)
+        problem = problem.lit_as(small)
+        pixels = problem.photograph.mask.size
+        if pixels <= self._pixels_left:
+            self._pixels_left -= pixels
+            self._kept[member.number] = problem
+        return problem
 
 
 def face_px(member: Member) -> float:

@@ -50,12 +50,14 @@ BANDS = (Band(0.0, 2.0, 0.004, 0.25), Band(0.7, 3.0, 0.003, 0.1))
 
 @dataclass(frozen=True)
 class Displacements:
-    """For each pixel of the first picture, where its surroundings are in the second."""
+    """For places of the first picture, rows and columns of them, where their surroundings are in
+    the second.
+    """
 
-    shift: Float[np.ndarray, "height width 2"]  # x and y, pixels
-    sure: Bool[np.ndarray, "height width"]  # a peak that stands out; else nothing is known
+    shift: Float[np.ndarray, "rows columns 2"]  # x and y, pixels
+    sure: Bool[np.ndarray, "rows columns"]  # a peak that stands out; else nothing is known
     # inverse of the shift's covariance
-    information: Float[np.ndarray, "height width 2 2"]
+    information: Float[np.ndarray, "rows columns 2 2"]
 
 
 def detail(
@@ -76,21 +78,29 @@ def textured(
     return np.asarray(energy > (TEXTURE_MIN * band.noise) ** 2 * np.maximum(covered, 1e-3))
 
 
+def lattice(spacing: int) -> tuple[slice, slice]:
+    """Rows and columns of a picture's pixels that lie ``spacing`` apart."""
+    each = slice(spacing // 2, None, spacing)
+    return each, each
+
+
 def displacements(
     first: Float[np.ndarray, "height width"],
     second: Float[np.ndarray, "height width"],
     seen: Bool[np.ndarray, "height width"],
     reach: int,
     band: Band,
+    spacing: int = 1,
 ) -> Displacements:
     """Of the details of two pictures that show the same where they are ``seen``, but for shifts of
-    up to ``reach`` pixels.
+    up to ``reach`` pixels; at the :func:`lattice` of the first one's pixels.
     """
-    return _peaks(_correlations(first, second, seen, reach, band.noise), band.independent)
+    at = lattice(spacing)
+    return _peaks(_correlations(first, second, seen, reach, band.noise, at), band.independent)
 
 
 def surest(found: Sequence[Displacements]) -> Displacements:
-    """Pixel by pixel the one that is known best."""
+    """Place by place the one that is known best."""
     strength = [
         np.where(one.sure, np.linalg.det(one.information), -1.0 - number)
         for number, one in enumerate(found)
@@ -122,21 +132,26 @@ def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _correlations(
-    first: np.ndarray, second: np.ndarray, seen: np.ndarray, reach: int, deviation: float
-) -> Float[np.ndarray, "shifts shifts height width"]:
-    """The correlation at each shift, y first, from -reach to reach."""
+    first: np.ndarray,
+    second: np.ndarray,
+    seen: np.ndarray,
+    reach: int,
+    deviation: float,
+    at: tuple[slice, slice],
+) -> Float[np.ndarray, "shifts shifts rows columns"]:
+    """The correlation ``at`` these pixels by each shift, y first, from -reach to reach."""
     height, width = first.shape
     inside = seen.astype(np.float32)
     second = np.pad(second * inside, reach)
     shown, side = np.pad(inside, reach), 2 * reach + 1
-    result = np.empty((side, side, height, width), np.float32)
+    result = np.empty((side, side, *inside[at].shape), np.float32)
     for down in range(side):
         for right in range(side):
             where = slice(down, down + height), slice(right, right + width)
             both = inside * shown[where]
             a, b = first * both, second[where] * both
             sums = _blurred(np.stack([a * b, a * a, b * b, both], axis=-1), WINDOW_PX)
-            product, of_first, of_second, covered = np.moveaxis(sums, -1, 0)
+            product, of_first, of_second, covered = np.moveaxis(sums[at], -1, 0)
             noise = deviation**2 * covered + 1e-12
             correlation = product / np.sqrt((of_first + noise) * (of_second + noise))
             result[down, right] = correlation * np.minimum(1.0, covered / COVERED_MIN)
@@ -144,7 +159,7 @@ def _correlations(
 
 
 def _peaks(correlations: np.ndarray, independent: float) -> Displacements:
-    """The highest correlation of each pixel, between the shifts that were tried by a parabola."""
+    """The highest correlation of each place, between the shifts that were tried by a parabola."""
     side, (height, width) = len(correlations), correlations.shape[2:]
     flat = correlations.reshape(side * side, height, width)
     row, column = np.divmod(flat.argmax(axis=0), side)
@@ -172,7 +187,7 @@ def _peaks(correlations: np.ndarray, independent: float) -> Displacements:
 
 
 def _rival(correlations: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """(h, w) the highest correlation that is no part of the highest peak."""
+    """(rows, columns) the highest correlation that is no part of the highest peak."""
     result = np.full(row.shape, -1.0, np.float32)
     for down, line in enumerate(correlations):
         for right, one in enumerate(line):

@@ -15,6 +15,7 @@ from facestage.fit.stereo.correlation import (
     Displacements,
     detail,
     displacements,
+    lattice,
     surest,
     textured,
 )
@@ -23,9 +24,9 @@ from facestage.images.opencv import opencv
 
 # A match is kept every so many pixels: neighbours within a window say the same.
 SPACING = round(WINDOW_PX)
-# Matches of one surface move alike: within two windows the median of at least so many others may
+# Matches of one surface move alike: within so many places the median of at least so many others may
 # not be further away than this, pixels.
-NEIGHBOURS_MIN, DISAGREEMENT_MAX = 8, 1.5
+AROUND, NEIGHBOURS_MIN, DISAGREEMENT_MAX = 2, 8, 1.5
 # With fewer, in pixels of a common overlap or in matches, chance finds as many.
 OVERLAP_MIN, MATCHES_MIN = 400, 25
 # Share of the textured places below which what agrees is chance, or lips on anybody's lips.
@@ -73,14 +74,16 @@ def compare(first: Sight, second: Sight, reach: int) -> Comparison:
     both = overlap(first, second)
     if both is None or both.common.sum() < OVERLAP_MIN:
         return NOTHING
-    common = both.common
-    grid = _grid(common.shape) & binary_erosion(common, iterations=SPACING)
+    common, here = both.common, lattice(SPACING)
+    well_inside = binary_erosion(common, iterations=SPACING)[here]
     found, likeness = [], []
     for band in BANDS:
         details = [detail(tone, common, band) for tone in (both.tone, both.other_tone)]
-        moved = displacements(details[0], details[1], common, reach, band)
-        rich = grid & textured(details[0], common, band) & textured(details[1], common, band)
-        sure = _agreeing(moved.shift, common & moved.sure)
+        moved = displacements(details[0], details[1], common, reach, band, SPACING)
+        rich = well_inside.copy()
+        for one in details:
+            rich &= textured(one, common, band)[here]
+        sure = _agreeing(moved.shift, common[here] & moved.sure)
         found.append(moved)
         likeness.append((int(rich.sum()), int((rich & sure).sum())))
     # Who it is, the finest detail tells: lips lie on anybody's lips.
@@ -88,28 +91,21 @@ def compare(first: Sight, second: Sight, reach: int) -> Comparison:
     if all(same < LIKENESS_MIN * places for places, same in likeness):
         return Comparison(None, textured_places, recognised)
     moved = surest(found)
-    sure = _agreeing(moved.shift, common & moved.sure)
+    sure = _agreeing(moved.shift, common[here] & moved.sure)
     return Comparison(_matches(both, moved, sure), textured_places, recognised)
 
 
-def _grid(shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
-    result = np.zeros(shape, bool)
-    result[SPACING // 2 :: SPACING, SPACING // 2 :: SPACING] = True
-    return result
-
-
 def _agreeing(
-    shift: Float[np.ndarray, "height width 2"], sure: Bool[np.ndarray, "height width"]
-) -> Bool[np.ndarray, "height width"]:
+    shift: Float[np.ndarray, "rows columns 2"], sure: Bool[np.ndarray, "rows columns"]
+) -> Bool[np.ndarray, "rows columns"]:
     """Those of ``sure`` that move as their surroundings do."""
-    height, width = sure.shape
-    reach = 2 * SPACING
+    rows, columns = sure.shape
     known = np.where(sure[..., None], shift, np.nan)
-    known = np.pad(known, ((reach, reach), (reach, reach), (0, 0)), constant_values=np.nan)
-    steps = range(0, 2 * reach + 1, SPACING)
-    around = np.stack([known[j : j + height, i : i + width][sure] for j in steps for i in steps])
+    known = np.pad(known, ((AROUND, AROUND), (AROUND, AROUND), (0, 0)), constant_values=np.nan)
+    steps = range(2 * AROUND + 1)
+    around = np.stack([known[j : j + rows, i : i + columns][sure] for j in steps for i in steps])
     enough = np.isfinite(around[..., 0]).sum(axis=0) > NEIGHBOURS_MIN
-    # The pixel itself is among them.
+    # The place itself is among them.
     off = shift[sure] - np.nanmedian(around, axis=0)
     result = sure.copy()
     result[sure] = enough & (np.linalg.norm(off, axis=-1) < DISAGREEMENT_MAX)
@@ -117,26 +113,27 @@ def _agreeing(
 
 
 def _matches(
-    both: Overlap, moved: Displacements, sure: Bool[np.ndarray, "height width"]
+    both: Overlap, moved: Displacements, sure: Bool[np.ndarray, "rows columns"]
 ) -> Matches | None:
-    """A few of the ``sure`` pixels, carried into the second photo."""
-    cv2 = opencv()
-    height, width = sure.shape
+    """The ``sure`` places, carried into the second photo."""
+    cv2, here = opencv(), lattice(SPACING)
+    height, width = both.common.shape
     y, x = np.mgrid[:height, :width]
-    at = np.stack([x, y], axis=-1) + moved.shift
+    pixels = np.stack([x[here], y[here]], axis=-1)
+    at = (pixels + moved.shift).astype(np.float32)
     # Where all pixels around the place are known, for values and for slopes.
     firm = binary_erosion(both.common, np.ones((3, 3)))
-    place = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
+    place = at[..., 0], at[..., 1]
     targets = cv2.remap(both.shown.astype(np.float32), *place, cv2.INTER_LINEAR)
     known = cv2.remap(firm.astype(np.float32), *place, cv2.INTER_LINEAR) > 0.99
-    chosen = _grid(sure.shape) & sure & known & firm
+    chosen = sure & known & firm[here]
     if chosen.sum() < MATCHES_MIN:
         return None
     # How the second photo's pixels move with the first one's.
-    stretch = np.stack(np.gradient(both.shown, axis=(1, 0)), axis=-1)[chosen]
+    stretch = np.stack(np.gradient(both.shown, axis=(1, 0)), axis=-1)[here][chosen]
     covariance = np.linalg.inv(moved.information[chosen])
     return Matches(
-        np.stack([x, y], axis=-1)[chosen] + both.corner + 0.5,
+        pixels[chosen] + both.corner + 0.5,
         targets[chosen].astype(np.float64),
         stretch @ covariance @ stretch.transpose(0, 2, 1),
         SPACING**2 / WINDOW_AREA,

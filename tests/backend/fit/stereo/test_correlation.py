@@ -39,6 +39,20 @@ def compared(
     return displacements(details[0], details[1], seen, reach, band)
 
 
+@pytest.mark.parametrize("spacing", [1, 3, 4])
+def test_a_lattice_knows_what_every_pixel_does(spacing: int):
+    first = texture()
+    second = shift(first, (1.3, -0.6), order=5, mode="mirror")
+    details = [detail(one, SEEN, FINE) for one in (first, second)]
+    every = displacements(details[0], details[1], SEEN, REACH, FINE)
+    some = displacements(details[0], details[1], SEEN, REACH, FINE, spacing)
+    first_row = range(SIZE)[spacing // 2 :: spacing]
+    assert some.sure.shape == (len(first_row), len(first_row))
+    for name in ("shift", "sure", "information"):
+        there = getattr(every, name)[np.ix_(first_row, first_row)]
+        np.testing.assert_array_equal(getattr(some, name), there)
+
+
 def light(strength: float) -> np.ndarray:
     y, x = np.mgrid[:SIZE, :SIZE] / SIZE
     return np.asarray(strength * np.sin(3 * x + y))
