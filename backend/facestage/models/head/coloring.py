@@ -25,7 +25,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
     (0.008, 0.008, 0.008),
 )
 # GAP: relative to the crown
-TOOTH, GAP = (0.62, 0.57, 0.48), (0.62, 0.52, 0.44)
+TOOTH, GAP = (0.62, 0.57, 0.48), (0.76, 0.67, 0.59)
 HAIR = (0.045, 0.030, 0.022)
 HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et

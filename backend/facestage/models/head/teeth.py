@@ -44,8 +44,8 @@ class Row:
 
 UPPER = Row(
     (
-        Crown(8.6, 10.2, 0.0, (0.3, 0.65), (0.14, 0.80)),
-        Crown(6.6, 9.0, 0.6, (0.45, 0.9), (0.20, 0.72)),
+        Crown(8.6, 10.2, 0.0, (0.2, 0.45), (0.14, 0.82)),
+        Crown(6.6, 9.0, 0.6, (0.3, 0.6), (0.20, 0.76)),
         Crown(7.6, 10.0, 0.0, (1.3, 1.7), (0.40, 0.52)),
         Crown(7.1, 8.8, 0.5, (1.3, 1.3), (0.42, 0.58)),
         Crown(6.8, 8.2, 0.8, (1.0, 1.0), (0.40, 0.60)),
@@ -78,7 +78,7 @@ _ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.4, 2.25
 # near to that at the neck; shares of its width.
 COLUMNS = 5
 _END = 0.055
-_AT_NECK = (0.0, _END, 0.27, 0.73, 1 - _END, 1.0)
+_AT_NECK = (0.0, _END, 0.2, 0.8, 1 - _END, 1.0)
 _EDGE, _NECK = 0.2, 0.6  # shares of the height
 # mm: walls of a gap that meet at less than a right angle keep all light from it, because shadow
 # rays begin beyond the other wall.
@@ -110,7 +110,7 @@ def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
         across = columns.across(share)
         middle = np.sin(np.pi * across)  # 1 in the middle of a crown, 0 in the gaps
         arch, inward = _arch(columns.start + columns.width * across, row.inset)
-        papilla = _PAPILLA * columns.height * (1 - middle) ** 1.5 * (0.9 < share < 1.2)
+        papilla = _PAPILLA * columns.height * (1 - middle) ** 2.5 * (0.9 < share < 1.2)
         rounding = columns.corner * max(1 - share / _ROUNDED, 0.0)
         up = row.away * (columns.rise + share * columns.height - papilla + rounding)
         bulge = 0.5 * (1 - middle) + _GAP_DEPTH * columns.gap * (share < 1.0)
