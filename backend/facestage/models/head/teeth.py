@@ -83,14 +83,15 @@ _EDGE, _NECK = 0.2, 0.6  # shares of the height
 # mm: walls of a gap that meet at less than a right angle keep all light from it, because shadow
 # rays begin beyond the other wall.
 _GAP_DEPTH = 0.1
-# By so much of its height gums reach down beside a crown, and its edge's corners round it off.
-_PAPILLA, _ROUNDED = 0.4, 0.45
+# By so much of its height gums reach down beside a crown, and its edge's corners round it off; and
+# how much less deep its neck lies there.
+_PAPILLA, _ROUNDED, _FLUSH = 0.4, 0.45, 0.75
 # Rows from the gum over the biting edge to the back: share of the crown's height, mm inward, part.
 GUM_ROWS = 2
 PROFILE_ROWS = (
     (1.45, 1.6),
     (1.03, 0.3),
-    (0.97, 0.7),
+    (0.97, 0.5),
     (0.53, 0.0),
     (0.2, 0.25),
     (0.0, 0.7),
@@ -106,13 +107,15 @@ def strip(row: Row) -> tuple[np.ndarray, np.ndarray]:
     """
     columns = _columns(row)
     rows = []
-    for share, depth in PROFILE_ROWS:
+    for share, inside in PROFILE_ROWS:
         across = columns.across(share)
         middle = np.sin(np.pi * across)  # 1 in the middle of a crown, 0 in the gaps
         arch, inward = _arch(columns.start + columns.width * across, row.inset)
-        papilla = _PAPILLA * columns.height * (1 - middle) ** 2.5 * (0.9 < share < 1.2)
+        # Where gums meet crowns they reach down between them, and lie flush with them there.
+        papilla = (1 - middle) ** 2.5 * (0.9 < share < 1.2)
+        depth = inside * (1 - _FLUSH * papilla)
         rounding = columns.corner * max(1 - share / _ROUNDED, 0.0)
-        up = row.away * (columns.rise + share * columns.height - papilla + rounding)
+        up = row.away * (columns.rise + (share - _PAPILLA * papilla) * columns.height + rounding)
         bulge = 0.5 * (1 - middle) + _GAP_DEPTH * columns.gap * (share < 1.0)
         point = np.stack([arch[:, 0], row.edge + up, arch[:, 1]], axis=-1)
         point[:, [0, 2]] += (depth + bulge)[:, None] * inward

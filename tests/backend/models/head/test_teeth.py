@@ -252,11 +252,22 @@ def test_gaps_are_too_shallow_to_hide_from_light(row, share):
     right angle that is beyond the other wall, and the gap is a black line.
     """
     front = crowns(row, share)[4:10][..., [0, 2]]
-    before, after = front[:-1, -2] - front[1:, 0], front[1:, 1] - front[1:, 0]
-    before, after = (
-        wall / np.linalg.norm(wall, axis=-1, keepdims=True) for wall in (before, after)
-    )
-    assert np.degrees(np.arccos((before * after).sum(-1))).min() > 90
+    assert angles(front[:-1, -2], front[1:, 0], front[1:, 1]).min() > 90
+
+
+@pytest.mark.parametrize("row", [teeth.UPPER, teeth.LOWER], ids=["upper", "lower"])
+def test_necks_are_too_shallow_to_hide_from_light(row):
+    """Between the gum above and the crown below them, as the gaps are."""
+    strip = teeth.strip(row)[0][:, 4 * teeth.COLUMNS : 10 * teeth.COLUMNS + 1]
+    gum, neck, crown = strip[teeth.GUM_ROWS - 1 : teeth.GUM_ROWS + 2]
+    assert angles(gum, neck, crown).min() > 120
+
+
+def angles(before: np.ndarray, corner: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Degrees between the ways to both neighbours."""
+    ways = before - corner, after - corner
+    one, other = (way / np.linalg.norm(way, axis=-1, keepdims=True) for way in ways)
+    return np.asarray(np.degrees(np.arccos((one * other).sum(-1))))
 
 
 def test_short_lips_show_more_teeth():
