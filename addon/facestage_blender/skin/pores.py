@@ -34,7 +34,7 @@ SIDES, NOSE = 4.55, 12.2
 MIDDLE_M = 0.025
 # Pores and relief of skin outside the face, of its sides, and of its middle.
 OUTSIDE, BESIDE, CENTRAL = 0.3, 0.6, 1.0
-BARE = ("lips", "brows", "scalp")  # regions with none, where a model names them
+BARE = ("lips", "brows", "scalp", "eye_corners")  # regions with none, where a model names them
 FACE = "face"
 # Wavelength of the longest octave, octaves below it, the factor from each height to the next, and
 # the noise's height at which its slopes are those above.

@@ -27,6 +27,7 @@ from facestage.fit.given.fineness import TEXELS_PER_FACE_PX, USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.eyes.eye_corner import keep_flesh
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.eyes.iris_size import iris_size
 from facestage.fit.textures.eyes.lash_line import draw_lash_line
@@ -147,6 +148,7 @@ def refine(
     logs = atlas.bake(vertices)
     hair = None if detail is None else detail.hair
     if detail is not None:
+        keep_flesh(detail.log_albedo, atlas, problem.geometry)
         logs += detail.log_albedo
         if hair is not None:
             grow_stubble(logs, atlas, problem.geometry, hair)

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 from facestage.contract.face_model import MOUTH, SKIN
 from facestage.models.anatomy.regions import GUM, PALATE, TONGUE
 from facestage.models.anatomy.skin import HAEMOGLOBIN_MEAN, MELANIN_MEAN, skin_albedo
-from facestage.models.head import eyes, mouth, teeth
+from facestage.models.head import caruncle, eyes, mouth, teeth
 from facestage.models.head.assemble import SIDES, HeadMesh
 from facestage.models.head.features import BROW_LINE
 from facestage.models.head.masks import Masks, eye_center, smoothstep
@@ -26,6 +26,7 @@ SCLERA, IRIS, IRIS_RIM, PUPIL = (
 )
 # GAP: relative to the crown
 TOOTH, GAP = (0.62, 0.57, 0.48), (0.76, 0.67, 0.59)
+FLESH = (0.50, 0.23, 0.20)  # in the corners of the eyes
 HAIR = (0.045, 0.030, 0.022)
 HAIRLINE_MM = 5.0  # over which hair thins
 # Blood relative to the mean: front view centre (|x|, y), radii, gain. After the zones of Jimenez et
@@ -60,6 +61,7 @@ def mean_albedo(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     color = skin_albedo(MELANIN_MEAN * melanin, HAEMOGLOBIN_MEAN * blood)
     color = _blend(color, (0.30, 0.115, 0.10), _lip_weight(mesh, masks))
     color = _blend(color, (0.36, 0.15, 0.13), _lid_edge_weight(mesh, masks))
+    color = _fleshed(color, mesh)
     color = _blend(color, HAIR, 0.76 * brow_weight(masks))
     color = _blend(color, HAIR, 0.42 * hair_weight(masks))
     nostril = np.exp(
@@ -157,6 +159,13 @@ def _lid_edge_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
         weight[mesh.loops[f"eye_{side}"][-3]] = 0.35
         weight[mesh.loops[f"eye_{side}"][-2:]] = 0.8
     return weight
+
+
+def _fleshed(color: np.ndarray, mesh: HeadMesh) -> np.ndarray:
+    """Colors with the flesh in the corners of the eyes, red to white."""
+    white = caruncle.whiteness(mesh)[:, None]
+    flesh = np.array(FLESH) + white * (np.array(SCLERA) - FLESH)
+    return color + caruncle.flesh(mesh)[:, None] * (flesh - color)
 
 
 def _blend(color: np.ndarray, target: tuple[float, float, float], weight: np.ndarray) -> np.ndarray:

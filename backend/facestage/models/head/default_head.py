@@ -14,6 +14,7 @@ from facestage.models.anatomy.shipped_landmarks import SCHEME, read_table
 from facestage.models.anatomy.skin import albedo_basis
 from facestage.models.head import coloring, eyes, mouth
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
+from facestage.models.head.caruncle import flesh
 from facestage.models.head.ear_height import ears_lowered
 from facestage.models.head.expressions import expressions
 from facestage.models.head.face_form import face_form
@@ -26,6 +27,7 @@ from facestage.models.head.variation import mixing
 
 NAME = "default"
 ALBEDO_MODES = 80
+FLESH_PALE = 0.8  # how little of the skin's pigment the flesh in the corners of the eyes has
 _MM = 1e-3
 
 
@@ -48,6 +50,7 @@ def build_default_model() -> FaceModel:
     origin = (mesh.vertices + shift)[narrow].mean(axis=0) * [0, 1, 1]
     vertices = (sculpted(mesh) + shift - origin) * _MM
     _, basis = albedo_basis(plain, mesh.triangles, regions["skin"], ALBEDO_MODES)
+    basis *= 1 - FLESH_PALE * flesh(mesh)[None, :, None].astype(np.float32)
     # The jaw's first ones lie beside the ears, and not on what moved with them.
     landmark = ibug68(replace(mesh, vertices=ears_lowered(mesh, mesh.vertices)))
     weights = np.tile([1.0, 0.0, 0.0], (68, 1))
@@ -107,6 +110,7 @@ def _regions(mesh: HeadMesh, masks: Masks) -> dict[str, np.ndarray]:
         "neck": neck,
         "ears": ears,
         "brows": coloring.brow_weight(masks) > 0.4,
+        "eye_corners": flesh(mesh) > 0.5,
     }
     regions = {name: np.flatnonzero(mask).astype(np.int32) for name, mask in masked.items()}
     regions["lips"] = np.unique(mesh.loops["mouth"][lip_border : mouth.LIP_LOOPS + 1]).astype(

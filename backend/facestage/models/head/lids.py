@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from facestage.models.head import eyes
+from facestage.models.head.caruncle import flesh_share
 from facestage.models.head.features import EYE_RADIUS
 from facestage.models.head.masks import Masks, eye_center, rotate_about, smoothstep
 
@@ -51,12 +52,16 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
         np.concatenate([[0.0], 1.15 * np.array(eyes.LID_LOOPS) - 0.13, [1.0, 1.0, 1.0]]).clip(0, 1)
         ** 1.3
     )
+    # Lids slide over the flesh in their corners.
+    flesh = flesh_share(n, side)
     for ring, row in enumerate(loops):
         here = masks.points[row]
         moved = rotate_about(here, center, 0, -follow[ring] * turn) + follow[ring] * rest
         if ring <= margin_ring:
             moved = lifted(moved, here, center)
-        result[row] = moved - here
+            result[row] = moved - here
+        else:
+            result[row] = (1 - flesh[:, None]) * (moved - here)
     return result
 
 

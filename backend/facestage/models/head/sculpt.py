@@ -16,9 +16,11 @@ from scipy.spatial import cKDTree
 from facestage.contract.face_model import SKIN
 from facestage.models.head.assemble import SIDES, HeadMesh, window_chart
 from facestage.models.head.base_surface import BaseSurface
+from facestage.models.head.caruncle import MARGIN, fleshed
 from facestage.models.head.ear import folded_ear
 from facestage.models.head.ear_height import ears_lowered
-from facestage.models.head.features import smoothstep, to_segment
+from facestage.models.head.features import EYE_RADIUS, smoothstep, to_segment
+from facestage.models.head.masks import eye_center
 from facestage.models.mesh.surface_harmonics import laplacian_and_mass
 
 # Moves (x outward, y, z) in mm of the chart's nodes: for each level the stations 0 to 10, from the
@@ -65,6 +67,7 @@ _CORDS = (
 )
 _NECK_AXIS_Z = -20.0
 _EVENING_MM = 9.0
+LID_OVER_EYE = 0.3  # mm, at the bottom of its fold: less lets the eyeball through where lids move
 
 
 def sculpted(mesh: HeadMesh) -> np.ndarray:
@@ -84,7 +87,20 @@ def sculpted(mesh: HeadMesh) -> np.ndarray:
     order = -np.arange(shell.shape[1]) + shell.shape[1] // 2
     result[mesh.loops["ear_left"][1:]] = shell
     result[mesh.loops["ear_right"][1:]] = shell[:, order] * [-1, 1, 1]
+    for eye in SIDES:
+        loops = mesh.loops[f"eye_{eye}"]
+        result = _covering(fleshed(result, loops, eye), loops[: MARGIN + 1], eye)
     return ears_lowered(mesh, _evened(mesh, result))
+
+
+def _covering(vertices: np.ndarray, lids: np.ndarray, side: str) -> np.ndarray:
+    """Vertices with the ``lids`` (rings, m) nowhere nearer to the eyeball than `LID_OVER_EYE`."""
+    center = eye_center(side)
+    relative = vertices[lids] - center
+    radius = np.linalg.norm(relative, axis=-1, keepdims=True)
+    result = vertices.copy()
+    result[lids] = center + relative * np.maximum(1.0, (EYE_RADIUS + LID_OVER_EYE) / radius)
+    return result
 
 
 def _evened(mesh: HeadMesh, vertices: np.ndarray) -> np.ndarray:

@@ -126,6 +126,23 @@ def test_gloss_goes_where_a_model_paints_hair_unless_it_is_held(scene: Scene, pr
     )
 
 
+def test_flesh_in_the_corners_of_the_eyes_keeps_the_models_color(scene: Scene, problem: Problem):
+    flesh = ~upper(scene, 0.3) & upper(scene, -0.3)
+    model = replace(
+        scene.model,
+        regions={**scene.model.regions, "eye_corners": np.flatnonzero(flesh).astype(np.int32)},
+    )
+    with_flesh = refined(scene, replace(problem, geometry=FaceGeometry(model))).textures.albedo
+    plain = refined(scene, problem).textures.albedo
+    atlas = Atlas.build(scene.geometry, len(plain))
+    basis = np.exp(atlas.bake(scene.forward.log_albedo(scene.state)))
+    share = atlas.bake(flesh[:, None].astype(float))[..., 0]
+    inside, outside = atlas.covered & (share > 0.999), atlas.covered & (share < 0.001)
+    assert np.abs(np.log(plain / basis))[inside].max() > 0.03
+    np.testing.assert_allclose(with_flesh[inside], basis[inside], rtol=1e-3)
+    np.testing.assert_allclose(with_flesh[outside], plain[outside], rtol=1e-3)
+
+
 def test_hair_has_the_color_of_the_photo_s(scene: Scene, problem: Problem):
     """A photo with black hair where the model paints a thin shade, which no other pixel shows."""
     hairy = upper(scene, 0.6)

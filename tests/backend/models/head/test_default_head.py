@@ -84,6 +84,7 @@ def test_sizes_and_names():
         "neck",
         "brows",
         "ears",
+        "eye_corners",
     }
     assert wanted <= set(m.regions)
     assert all(len(m.regions[name]) > 20 for name in wanted)

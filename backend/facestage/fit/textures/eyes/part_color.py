@@ -25,6 +25,7 @@ from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.given.skin_mask import SURE_SKIN
 from facestage.fit.given.teeth import beside_skin, is_gum, like_teeth
+from facestage.fit.textures.eyes.eye_corner import flesh_of
 from facestage.fit.textures.eyes.lid_shade import faded, shade_depth
 from facestage.fit.textures.eyes.lip_shadow import out_of_shadow
 from facestage.render.light_terms import PLAIN
@@ -179,6 +180,8 @@ def part_colors(
             told.add(TEETH if part.name == "teeth" else EYES)
             color = _log_change(part, pixels.out_of(shade), look.tinted)
             change[part.vertices] = color
+            if part.name == "white":
+                change[flesh_of(geometry)] = color
             if part.name == "teeth" and pixels.sure:
                 change[part.vertices] += _in_the_open(geometry, part, pixels, color)
     return PartColors(change, shade, frozenset(told))

@@ -203,6 +203,17 @@ def test_lids_and_lashes_do_not_darken_the_whites(face: PaintedFace, smiling: St
     assert np.abs(white).max() < 0.15  # the median of all: -0.8
 
 
+def test_flesh_beside_the_whites_goes_with_them(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    change = np.zeros_like(geometry.log_albedo)
+    white = next(part for part in parts_of(geometry) if part.name == "white").vertices
+    change[white] = -0.4
+    found = part_colors(face.forward, smiling, face.stage, picture(face, smiling, change))
+    flesh = geometry.new_index[geometry.model.regions["eye_corners"]]
+    assert found[white].max() < -0.1
+    np.testing.assert_array_equal(found[flesh], np.broadcast_to(found[white][0], (len(flesh), 3)))
+
+
 def test_no_iris_is_purple(face: PaintedFace, smiling: State):
     geometry = face.forward.geometry
     iris = next(part for part in parts_of(geometry) if part.name == "iris").vertices
