@@ -31,7 +31,9 @@ def keep_flesh(
     margins of the lids less and less of it.
     """
     flesh = flesh_of(geometry)
-    if not flesh.any():
+    near = np.flatnonzero(flesh[atlas.triangles].any(axis=1)[atlas.triangle])
+    if not len(near):
         return
-    for rows, share in atlas.baked(flesh[:, None].astype(np.float32)):
-        detail[rows][atlas.covered[rows]] *= 1 - share
+    share = (atlas.weights[near] * flesh[atlas.triangles[atlas.triangle[near]]]).sum(axis=1)
+    row, column = np.divmod(np.flatnonzero(atlas.covered)[near], atlas.size)
+    detail[row, column] *= (1 - share)[:, None].astype(np.float32)
