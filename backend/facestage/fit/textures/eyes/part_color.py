@@ -99,6 +99,11 @@ SHADED_MAX = 0.3
 # Red over green and blue, of the logarithm, of the brownest iris: where a photo has next to no
 # blue, what is taken off for reflections leaves none.
 BROWNEST = np.array([0.0, 0.8, 1.4])
+# The model's irises are a light brown. Those of dark people are dark, as the two pigments have
+# genes in common (Sturm and Larsson 2009, "Genetics of human iris colour and patterns"): from where
+# skin is so much darker than the model's, of the logarithm, by so much for each part of it, to the
+# luminance of a dark brown one at most.
+SKIN_DARKER, IRIS_WITH_SKIN, DARKEST_IRIS = 0.25, 1.4, 0.03
 CROWN = 0.9  # of the crowns' vertices, sorted by lightness: one that shows their color
 # Most of the lips' shadow that goes, of the logarithm: more looks patchy in other light.
 EVENED_MAX = 0.2
@@ -184,6 +189,8 @@ def part_colors(
                 change[flesh_of(geometry)] = color
             if part.name == "teeth" and pixels.sure:
                 change[part.vertices] += _in_the_open(geometry, part, pixels, color)
+        elif part.name == "iris":
+            change[part.vertices] = _beside_dark_skin(forward, state, part)
     return PartColors(change, shade, frozenset(told))
 
 
@@ -332,6 +339,15 @@ def _log_change(part: Part, pixels: _Pixels, tinted: bool) -> Float[np.ndarray, 
     color += np.clip(luminance, np.log(known.low), np.log(known.high)) - luminance
     result: np.ndarray = color - np.median(np.log(own), axis=0)
     return result
+
+
+def _beside_dark_skin(forward: ForwardModel, state: State, iris: Part) -> float:
+    """What to add to the log albedo of an ``iris`` that the photo does not show."""
+    geometry = forward.geometry
+    skin = (forward.log_albedo(state) - geometry.log_albedo)[geometry.fitted_vertices]
+    darker = min(float(np.median(skin.mean(axis=1))) + SKIN_DARKER, 0.0)
+    own = np.median(np.exp(geometry.log_albedo[iris.vertices]) @ LUMINANCE)
+    return max(IRIS_WITH_SKIN * darker, min(float(np.log(DARKEST_IRIS / own)), 0.0))
 
 
 def _in_the_open(

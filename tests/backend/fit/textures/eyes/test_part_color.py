@@ -251,6 +251,27 @@ def test_dark_glasses_are_not_the_color_of_eyes(face: PaintedFace, smiling: Stat
     assert blue.any() and not none.any()
 
 
+def test_irises_that_no_photo_shows_are_dark_in_dark_faces(face: PaintedFace, smiling: State):
+    geometry = face.forward.geometry
+    black = Look(np.zeros((SIDE, SIDE, 3)), np.zeros((SIDE, SIDE), bool), np.zeros((SIDE, SIDE)))
+
+    def iris(darker: float) -> np.ndarray:
+        """Luminance of the irises of somebody whose skin is so much darker, of the logarithm."""
+        basis = geometry.albedo_basis[:3, geometry.fitted_vertices].mean(axis=2)
+        tones = np.linalg.lstsq(basis.T, np.full(basis.shape[1], -darker), rcond=None)[0]
+        albedo = np.zeros_like(smiling.albedo)
+        albedo[:3] = tones
+        found = found_colors(face.forward, replace(smiling, albedo=albedo), face.stage, black)
+        assert not found.told
+        logs = by_name(face, geometry.log_albedo + found.log_change, "iris")
+        return np.median(np.exp(logs) @ [0.2126, 0.7152, 0.0722])
+
+    model = iris(0.0)
+    assert iris(-0.6) == iris(0.15) == model
+    assert model > 1.1 * iris(0.5) > 1.2 * iris(0.9)
+    assert iris(1.5) == pytest.approx(iris(2.5)) == pytest.approx(0.03, rel=0.05)
+
+
 def test_eyes_between_painted_lids_are_found(face: PaintedFace, smiling: State):
     """Half of what surrounds them is hidden, and landmarks find their own pixels."""
     look = blue_eyes(face, smiling)
