@@ -78,7 +78,7 @@ def textured(
     return np.asarray(energy > (TEXTURE_MIN * band.noise) ** 2 * np.maximum(covered, 1e-3))
 
 
-def lattice(spacing: int) -> tuple[slice, slice]:
+def kept_places(spacing: int) -> tuple[slice, slice]:
     """Rows and columns of a picture's pixels that lie ``spacing`` apart."""
     each = slice(spacing // 2, None, spacing)
     return each, each
@@ -93,9 +93,9 @@ def displacements(
     spacing: int = 1,
 ) -> Displacements:
     """Of the details of two pictures that show the same where they are ``seen``, but for shifts of
-    up to ``reach`` pixels; at the :func:`lattice` of the first one's pixels.
+    up to ``reach`` pixels; at the :func:`kept_places` of the first one's pixels.
     """
-    at = lattice(spacing)
+    at = kept_places(spacing)
     return _peaks(_correlations(first, second, seen, reach, band.noise, at), band.independent)
 
 

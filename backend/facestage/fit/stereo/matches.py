@@ -15,7 +15,7 @@ from facestage.fit.stereo.correlation import (
     Displacements,
     detail,
     displacements,
-    lattice,
+    kept_places,
     surest,
     textured,
 )
@@ -74,7 +74,7 @@ def compare(first: Sight, second: Sight, reach: int) -> Comparison:
     both = overlap(first, second)
     if both is None or both.common.sum() < OVERLAP_MIN:
         return NOTHING
-    common, here = both.common, lattice(SPACING)
+    common, here = both.common, kept_places(SPACING)
     well_inside = binary_erosion(common, iterations=SPACING)[here]
     found, likeness = [], []
     for band in BANDS:
@@ -116,7 +116,7 @@ def _matches(
     both: Overlap, moved: Displacements, sure: Bool[np.ndarray, "rows columns"]
 ) -> Matches | None:
     """The ``sure`` places, carried into the second photo."""
-    cv2, here = opencv(), lattice(SPACING)
+    cv2, here = opencv(), kept_places(SPACING)
     height, width = both.common.shape
     y, x = np.mgrid[:height, :width]
     pixels = np.stack([x[here], y[here]], axis=-1)

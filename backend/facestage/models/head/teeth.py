@@ -52,9 +52,9 @@ UPPER = Row(
         Crown(10.2, 7.6, 0.9, (0.9, 0.9), (0.25, 0.75)),
         Crown(9.2, 7.2, 1.1, (0.8, 0.8), (0.25, 0.75)),
     ),
-    0.0,
-    -75.1,
-    1.0,
+    inset=0.0,
+    edge=-75.1,
+    away=1.0,
 )
 LOWER = Row(
     (
@@ -66,10 +66,10 @@ LOWER = Row(
         Crown(11.0, 7.6, 0.9, (0.8, 0.8), (0.25, 0.75)),
         Crown(10.4, 7.2, 0.7, (0.8, 0.8), (0.25, 0.75)),
     ),
-    2.8,
-    -73.3,
-    -1.0,
-    0.3,
+    inset=2.8,
+    edge=-73.3,
+    away=-1.0,
+    lean=0.3,
 )
 FRONT_Z = 92.4  # of the upper incisors: just behind the lips
 _ARCH_HALF_WIDTH, _ARCH_DEPTH, _ARCH_POWER = 27.8, 46.4, 2.25
