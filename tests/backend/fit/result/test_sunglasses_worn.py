@@ -10,6 +10,7 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from facestage.contract.job import Job
+from facestage.contract.quality import DRAFT
 from facestage.contract.texture_maps import EYE_MAP
 from facestage.fit.given.face_areas import opening_share
 from facestage.fit.given.spectacles import Eyes, disc
@@ -42,7 +43,8 @@ def jobs(renderer: str, tmp_path_factory: pytest.TempPathFactory) -> list[Job]:
     blue = np.where(dark[..., None], bare[..., ::-1], bare)
     worn = write_job(folder, scene, np.where(glass[..., None], bare.max() * GLASS, bare))
     shown = write_job(tmp_path_factory.mktemp("bare"), scene, blue)
-    return [worn, replace(shown, model=worn.model)]
+    # What is told of eyes comes after the steps.
+    return [replace(each, model=worn.model, quality=DRAFT) for each in (worn, shown)]
 
 
 def iris(folder: Path) -> np.ndarray:
