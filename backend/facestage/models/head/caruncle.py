@@ -2,8 +2,8 @@
 that leads from it to the white, and a floor in the outer one.
 
 The margins of the lids go on past the eyeball towards both corners. What lies behind them there,
-the last two loops of the eye, hangs back into the socket and left a black pit between the lids. The
-caruncle is 4 to 5 mm long and 3 mm high and lies just behind the margins (Bron, Tripathi and
+the last two loops of the eye, hangs back into the socket and left a black pit between the lids. A
+caruncle is about 5 mm high and 3 mm broad; between the lids less of it shows (Bron, Tripathi and
 Tripathi 1997, "Wolff's Anatomy of the Eye and Orbit").
 """
 

@@ -27,7 +27,7 @@ from facestage.models.head.variation import mixing
 
 NAME = "default"
 ALBEDO_MODES = 80
-FLESH_PALE = 0.8  # how little of the skin's pigment the flesh in the corners of the eyes has
+FLESH_PALE = 0.8  # share of the skin's pigment that the flesh in the corners of the eyes lacks
 _MM = 1e-3
 
 
