@@ -111,7 +111,7 @@ def moves(head: FaceModel, other: FaceModel) -> np.ndarray:
     result = share[:, None] * way
     for side in SIDES:
         loops = mesh.loops[f"eye_{side}"]
-        margin = len(eyes.LID_LOOPS) + 1
+        margin = eyes.MARGIN
         away, _ = cKDTree(masks.points[loops[margin]]).query(masks.points)
         follow = 1 - smoothstep((away - LIDS) / (SOCKET - LIDS))
         follow[loops[margin:]] = 1.0

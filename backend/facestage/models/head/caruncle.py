@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from facestage.models.head.assemble import SIDES, HeadMesh
-from facestage.models.head.eyes import LID_LOOPS
+from facestage.models.head.eyes import MARGIN
 
-MARGIN = len(LID_LOOPS) + 1  # the loop of the lids' margins; two more lie behind it
 # By steps from the corner: how far behind the margins the flesh lies, mm, how much of it there is
 # beside what hangs into the socket, and how white it is, as the fold is that leads to the eyeball.
 _INNER = (

@@ -156,8 +156,8 @@ def _lip_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
 def _lid_edge_weight(mesh: HeadMesh, masks: Masks) -> np.ndarray:
     weight = np.zeros(masks.count)
     for side in SIDES:
-        weight[mesh.loops[f"eye_{side}"][-3]] = 0.35
-        weight[mesh.loops[f"eye_{side}"][-2:]] = 0.8
+        weight[mesh.loops[f"eye_{side}"][eyes.MARGIN]] = 0.35
+        weight[mesh.loops[f"eye_{side}"][eyes.MARGIN + 1 :]] = 0.8
     return weight
 
 

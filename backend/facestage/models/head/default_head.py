@@ -92,7 +92,7 @@ def _regions(mesh: HeadMesh, masks: Masks) -> dict[str, np.ndarray]:
     behind_lips[mesh.loops["mouth"][mouth.LIP_LOOPS + 1 :]] = True
     behind_lids = np.zeros(masks.count, bool)
     for side in SIDES:
-        behind_lids[mesh.loops[f"eye_{side}"][len(eyes.LID_LOOPS) + 2 :]] = True
+        behind_lids[mesh.loops[f"eye_{side}"][eyes.MARGIN + 1 :]] = True
     visible = masks.skin & ~behind_lips & ~behind_lids
     # Chin to brows, and sideways to the outer corners of the eyes.
     narrow = visible & (z > 45) & (np.abs(x) < 50) & (y < 27) & (y > -112 - 0.25 * (84 - z).clip(0))

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from facestage.contract.arkit import ARKIT_NAMES
-from facestage.models.head import lids, mouth
+from facestage.models.head import eyes, lids, mouth
 from facestage.models.head.assemble import SIDES
 from facestage.models.head.expression_table import BOTH, ONE_SIDED, Fold, Muscle
 from facestage.models.head.features import to_segment
@@ -179,7 +179,7 @@ def _kept_off_eyes(masks: Masks, shape: np.ndarray) -> np.ndarray:
     """Skin pushed into an eyeball slides over it instead."""
     for side in SIDES:
         near = masks.skin & (masks.eye_distance(side) < 20.0)
-        near[masks.mesh.loops[f"eye_{side}"][-2:]] = False
+        near[masks.mesh.loops[f"eye_{side}"][eyes.MARGIN + 1 :]] = False
         rest = masks.points[near]
         shape[near] = lids.lifted(rest + shape[near], rest, eye_center(side)) - rest
     return shape

@@ -13,6 +13,7 @@ INNER_CORNER = np.array([17.0, -2.2])
 OUTER_CORNER = np.array([45.7, -0.6])
 LID_THICKNESS = 1.2
 LID_LOOPS = (0.2, 0.38, 0.54, 0.68, 0.79, 0.87)  # between the window (0) and the lid margin (1)
+MARGIN = len(LID_LOOPS) + 1  # the loop of the lids' margins; two more lie behind it
 
 IRIS_RADIUS, PUPIL_RADIUS = 5.9, 2.0
 _POLAR_DEGREES = (

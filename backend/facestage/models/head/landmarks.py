@@ -51,10 +51,9 @@ def _on_front(
 
 
 def _eyes(mesh: HeadMesh) -> list[int]:
-    ring = len(eyes.LID_LOOPS) + 1
     result = []
     for side in ("right", "left"):
-        loop = mesh.loops[f"eye_{side}"][ring]
+        loop = mesh.loops[f"eye_{side}"][eyes.MARGIN]
         n = len(loop)
         # Counterclockwise from the left of the picture; the scheme runs over the upper lid first.
         # Annotators place the two points at the edges of the iris: the inner one further from its

@@ -24,8 +24,7 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     loops = masks.mesh.loops[f"eye_{side}"]
     n = loops.shape[1]
     center = eye_center(side)
-    margin_ring = len(eyes.LID_LOOPS) + 1
-    elevation = _elevation(masks.points[loops[margin_ring]] - center)
+    elevation = _elevation(masks.points[loops[eyes.MARGIN]] - center)
     opposite = elevation[_opposite(n)]
     is_upper = np.arange(n) > n // 2
     upper_edge, lower_edge = (
@@ -35,7 +34,7 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     meeting = lower_edge + 0.22 * (upper_edge - lower_edge)
     turn = np.where(is_upper, upper, lower) * (meeting - elevation)
     # Both edges end on the same points, so that nothing gapes.
-    margin = masks.points[loops[margin_ring]] - center
+    margin = masks.points[loops[eyes.MARGIN]] - center
     reach = np.hypot(margin[:, 1], margin[:, 2])
     # Shut lids arch a little more, or half-way along the straight path of a shape key they would
     # cut into the eye.
@@ -57,7 +56,7 @@ def close_lids(masks: Masks, side: str, upper: float, lower: float) -> np.ndarra
     for ring, row in enumerate(loops):
         here = masks.points[row]
         moved = rotate_about(here, center, 0, -follow[ring] * turn) + follow[ring] * rest
-        if ring <= margin_ring:
+        if ring <= eyes.MARGIN:
             moved = lifted(moved, here, center)
             result[row] = moved - here
         else:

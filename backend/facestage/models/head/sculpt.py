@@ -16,9 +16,10 @@ from scipy.spatial import cKDTree
 from facestage.contract.face_model import SKIN
 from facestage.models.head.assemble import SIDES, HeadMesh, window_chart
 from facestage.models.head.base_surface import BaseSurface
-from facestage.models.head.caruncle import MARGIN, fleshed
+from facestage.models.head.caruncle import fleshed
 from facestage.models.head.ear import folded_ear
 from facestage.models.head.ear_height import ears_lowered
+from facestage.models.head.eyes import MARGIN
 from facestage.models.head.features import EYE_RADIUS, smoothstep, to_segment
 from facestage.models.head.masks import eye_center
 from facestage.models.mesh.surface_harmonics import laplacian_and_mass

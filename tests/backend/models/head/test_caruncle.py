@@ -7,8 +7,8 @@ import pytest
 
 from facestage.contract.face_model import EYES, SKIN, FaceModel
 from facestage.models.head.assemble import HeadMesh, assemble
-from facestage.models.head.caruncle import MARGIN
 from facestage.models.head.default_head import build_default_model
+from facestage.models.head.eyes import MARGIN
 from facestage.models.head.features import EYE_CENTER
 from reference.rendering.intersect import first_hits
 

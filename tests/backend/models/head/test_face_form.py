@@ -61,7 +61,7 @@ def test_eyes_and_the_margins_of_their_lids_move_as_one():
     for side in SIDES:
         eye = moves()[mesh().eyeballs[side]]
         assert np.ptp(eye, axis=0).max() < 0.01
-        margin = mesh().loops[f"eye_{side}"][len(eyes.LID_LOOPS) + 1 :]
+        margin = mesh().loops[f"eye_{side}"][eyes.MARGIN :]
         np.testing.assert_allclose(
             moves()[margin], np.broadcast_to(eye[0], (*margin.shape, 3)), atol=0.01
         )

@@ -9,9 +9,9 @@ import pytest
 from facestage.contract.face_model import TEETH
 from facestage.models.head.anthropometry import MEASUREMENTS
 from facestage.models.head.assemble import SIDES, HeadMesh, assemble
-from facestage.models.head.caruncle import MARGIN
 from facestage.models.head.default_head import build_default_model
 from facestage.models.head.ear_height import ears_lowered
+from facestage.models.head.eyes import MARGIN
 from facestage.models.head.landmarks import ibug68
 from facestage.models.head.sculpt import sculpted
 
