@@ -22,7 +22,7 @@ from facestage.fit.forward.shading import ForwardModel, Surface, sample_bilinear
 from facestage.fit.forward.surface_frame import FrameField
 
 # Shadow rays that a picture may cost at most; larger photos get fewer samples, never fewer pixels.
-RAY_BUDGET = 2.5e7
+RAYS = 2.5e7
 # Of points and lights that are worked on at a time.
 BLOCK_PAIRS, LEAST_POINTS = 4_000_000, 1000
 # Of eyes and of what lips leave open, which are few pixels, in shadows full of edges.
@@ -86,11 +86,13 @@ def render_picture(
     samples: int | None = None,
     relight: Mapping[str, Float[np.ndarray, "lights 3"]] | None = None,
     by_light: bool = False,
+    *,
+    rays: float = RAYS,
 ) -> Picture:
     """Render every part of the head with its textures and the direct light of ``stage``.
 
     ``stage`` holds the lit lights in the camera frame; its radiance is used. ``samples`` per light
-    and sub-pixel; by default what RAY_BUDGET allows. ``relight``: other radiances by name,
+    and sub-pixel; by default what so many ``rays`` allow. ``relight``: other radiances by name,
     which cost no further rays because the image is linear in the lights. ``by_light`` keeps each
     light's image as well.
     """
@@ -101,7 +103,7 @@ def render_picture(
     pixels = face_pixels(forward, state)
     each, images = 0, OneLightImages(state.camera, pixels, len(stage)) if by_light else None
     if len(pixels):
-        per_light = RAY_BUDGET / (len(pixels) * max(len(stage), 1))
+        per_light = rays / (len(pixels) * max(len(stage), 1))
         grid = 3 if per_light >= 27 else 2 if per_light >= 4 else 1
         each = samples or int(np.clip(per_light / grid**2, 1, 16))
         below = None

@@ -13,6 +13,7 @@ from facestage.contract.light_stage import LightStage
 from facestage.contract.scattering import BULGE_M, MEAN_COSINE, SLANT
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
+from facestage.fit.face.mixing import mixed
 from facestage.fit.face.state import State
 from facestage.fit.forward.bounces import Bounces
 from facestage.fit.forward.reflectance import Skin, albedo_of, uniform_lobe
@@ -54,7 +55,7 @@ class Surface:
         self, values: Float[np.ndarray, "vertices channels"]
     ) -> Float[np.ndarray, "pixels channels"]:
         """What each pixel sees of ``values`` that lie on the mesh's vertices."""
-        return np.einsum("pi,pic->pc", self.weights, values[self.corners])
+        return mixed(self.weights, self.corners, values)
 
 
 @dataclass(frozen=True)
@@ -122,10 +123,10 @@ class ForwardModel:
             rays[keep],
         )
         corners = self.geometry.triangles[triangle]
-        points = np.einsum("pi,pix->px", weights, vertices[corners])
+        points = mixed(weights, corners, vertices)
         model_normals, normal_scale = self.geometry.vertex_normals(model_vertices)
-        corner_normals = (model_normals @ state.rotation.T)[corners]
-        normals = np.einsum("pi,pix->px", weights, corner_normals)
+        vertex_normals = model_normals @ state.rotation.T
+        normals = mixed(weights, corners, vertex_normals)
         length = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
         a, b, c = (vertices[corners[:, i]] for i in range(3))
         facing = np.cross(b - a, c - a)
@@ -142,7 +143,7 @@ class ForwardModel:
             normals=normals / length[:, None],
             normal_length=length,
             facing=facing,
-            corner_normals=corner_normals,
+            corner_normals=vertex_normals[corners],
             vertices=vertices,
             model_vertices=model_vertices,
             model_normals=model_normals,
@@ -291,7 +292,7 @@ class ForwardModel:
         """The same of a random walk: the terms of contract/scattering.py, on skin."""
         skin = self.geometry.triangle_part[surface.triangle] == SKIN
         cosine = -np.einsum("px,px->p", surface.normals, surface.rays)
-        bulge = np.einsum("pi,pi->p", surface.weights, self.bulges(surface)[surface.corners])
+        bulge = mixed(surface.weights, surface.corners, self.bulges(surface))
         slant = SLANT * (MEAN_COSINE - cosine)
         return skin[:, None] * (slant[:, None] + bulge[:, None] * np.array(BULGE_M))
 
@@ -325,8 +326,8 @@ class ForwardModel:
 
     def uvs(self, surface: Surface) -> Float[np.ndarray, "pixels 2"]:
         """Texture coordinates."""
-        corners = self.geometry.model.uvs[self.geometry.triangle_uvs[surface.triangle]]
-        return np.einsum("pi,pix->px", surface.weights, corners)
+        corners = self.geometry.triangle_uvs[surface.triangle]
+        return mixed(surface.weights, corners, self.geometry.model.uvs)
 
 
 def _pixel_keys(pixels: Float[np.ndarray, "pixels 2"]) -> Int[np.ndarray, " pixels"]:
@@ -367,4 +368,4 @@ def sample_bilinear(
     """Values of a square texture (row 0 at v = 1) at ``uvs``."""
     index, weight = bilinear_weights(uvs, texture.shape[0])
     flat = texture.reshape(texture.shape[0] ** 2, *texture.shape[2:])
-    return np.einsum("pi,pi...->p...", weight, flat[index])
+    return mixed(weight, index, flat)

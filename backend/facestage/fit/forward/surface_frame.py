@@ -13,6 +13,7 @@ import numpy as np
 
 from facestage.contract.arrays import Float, Integer
 from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.mixing import mixed
 from facestage.fit.forward.shading import Surface, sample_bilinear
 
 
@@ -119,18 +120,17 @@ class FrameField:
         """In rendered triangles (P,) at barycentric ``weights``."""
         corners = self.geometry.triangle_uvs[triangle]
 
-        def mixed(
-            values: Float[np.ndarray, "vertices 3"], index: Integer[np.ndarray, "points 3"]
-        ) -> Float[np.ndarray, "points 3"]:
-            return np.einsum("pi,pix->px", weights, values[index])
-
-        normals = mixed(self.vertex_normals, self.geometry.triangles[triangle])
+        normals = mixed(weights, self.geometry.triangles[triangle], self.vertex_normals)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
         def along(values: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
             return values - normals * np.einsum("px,px->p", normals, values)[:, None]
 
-        return Frames(normals, along(mixed(self.by_u, corners)), along(mixed(self.by_v, corners)))
+        return Frames(
+            normals,
+            along(mixed(weights, corners, self.by_u)),
+            along(mixed(weights, corners, self.by_v)),
+        )
 
     def mapped(
         self,

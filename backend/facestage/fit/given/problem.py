@@ -418,7 +418,7 @@ def read_problem(
     told of it. ``geometry`` is that of the job's model, when another photo of the same person has
     read it already.
     """
-    fineness = fineness.limited(job.texture_size)
+    fineness = fineness.of(job)
     photograph = read_photograph(job.image)
     width, height = photograph.size
     own = photograph.focal
@@ -466,7 +466,7 @@ def read_problem(
         _check_pins(job.pins, geometry)
     fit_focal = job.camera is None and "focal" not in job.freeze
     focal_sigma = FOCAL_SIGMA if own is None or job.camera is not None else own.log_sigma
-    window = Window.of(width, height, landmarks, fineness.photo_pixels, fineness.face_px)
+    window = Window.of(width, height, landmarks, fineness)
     shown = window.photograph(photograph)
     if job.white_balance is None:
         shown = as_seen_in_color(shown, window.landmarks(landmarks))

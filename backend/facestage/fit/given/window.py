@@ -15,11 +15,13 @@ import numpy as np
 from facestage.contract.camera import Camera
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.pins import Pins
-from facestage.fit.given.fineness import USUAL
+from facestage.fit.given.fineness import USUAL, Fineness
 from facestage.images.image_io import Photograph, resize
 
 # How far around the landmarks' box the head may reach, neck and all, in longer sides of it.
 MARGIN = 1.6
+# A photo of how many times finer pixels is worth to be made smaller, or read once more.
+WORTH = 1.25
 
 
 @dataclass(frozen=True)
@@ -34,34 +36,35 @@ class Window:
 
     @classmethod
     def of(
-        cls,
-        width: int,
-        height: int,
-        landmarks: Landmarks,
-        pixels_max: int = USUAL.photo_pixels,
-        face_px: float = USUAL.face_px,
+        cls, width: int, height: int, landmarks: Landmarks, fineness: Fineness = USUAL
     ) -> Window:
-        """The window for a face; all of a photo of at most ``pixels_max``.
-
-        ``face_px``: of the face's longer side.
-        """
+        """The window for a face; all of a photo of few pixels, if smaller."""
+        whole, full = (0, 0, width, height), (width, height)
         points = landmarks.points[landmarks.visible & np.isfinite(landmarks.points).all(axis=1)]
-        if width * height <= pixels_max or len(points) < 2:
-            return cls((width, height), (0, 0, width, height))
+        if len(points) < 2:
+            return cls(full, whole)
         low, high = points.min(axis=0), points.max(axis=0)
-        side = float((high - low).max())
+        side = max(float((high - low).max()), 1.0)
+        if width * height <= fineness.photo_pixels:
+            much = side >= WORTH * fineness.whole_face_px
+            return cls(full, whole, fineness.whole_face_px / side if much else 1.0)
         left, top = (
             int(value) for value in np.clip(low - MARGIN * side, 0, [width - 1, height - 1])
         )
         right, bottom = (
             int(value) for value in np.clip(np.ceil(high + MARGIN * side), 1, [width, height])
         )
-        return cls((width, height), (left, top, right, bottom), min(1.0, face_px / max(side, 1.0)))
+        return cls(full, (left, top, right, bottom), min(1.0, fineness.face_px / side))
 
     @property
     def whole(self) -> bool:
         """Whether it is the photo as it is."""
-        return self.factor == 1.0 and self.box == (0, 0, *self.full)
+        return self.factor == 1.0 and self.uncut
+
+    @property
+    def uncut(self) -> bool:
+        """Whether it is all of the photo."""
+        return self.box == (0, 0, *self.full)
 
     @property
     def size(self) -> tuple[int, int]:

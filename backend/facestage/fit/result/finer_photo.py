@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from facestage.fit.given.problem import Problem, read_problem
+from facestage.fit.given.window import WORTH
 from facestage.fit.trust.fitted import Fitted
-
-# How many times finer it must be at least, to be read once more.
-WORTH = 1.25
 
 
 def finer_photo(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
@@ -18,7 +16,7 @@ def finer_photo(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
     wanted = problem.fineness.painted_face_px
     if wanted < WORTH * problem.fineness.face_px or problem.window.factor == 1.0:
         return problem, fitted
-    fineness = replace(problem.fineness, face_px=wanted)
+    fineness = replace(problem.fineness, face_px=wanted, whole_face_px=wanted)
     finer = read_problem(problem.job, geometry=problem.geometry, fineness=fineness).lit_as(problem)
     focal_px = fitted.state.camera.focal_px * finer.window.factor / problem.window.factor
     state = replace(fitted.state, camera=replace(finer.camera, focal_px=focal_px))

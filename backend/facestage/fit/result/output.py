@@ -97,6 +97,7 @@ def finish(
         problem.job.seed,
         relight=_side_lights(problem, fitted.stage) if problem.fineness.report else {},
         by_light=_relightable(problem, forward, fitted),
+        rays=problem.fineness.picture_rays,
     )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
     errors = _errors(problem, forward, fitted, refined.textures, picture, truth)
@@ -125,7 +126,7 @@ def _relightable(problem: Problem, forward: ForwardModel, fitted: Fitted) -> boo
     """
     box = len(face_pixels(forward, fitted.state))
     return (
-        problem.window.whole
+        problem.window.uncut
         and bool(problem.lit.all())
         and relight_scale(box, len(fitted.stage)) == 1
     )

@@ -33,7 +33,8 @@ from facestage.fit.runs.joint_run import JointFitted, JointRun
 from facestage.fit.runs.place import claimed
 from facestage.fit.runs.teller import Teller
 from facestage.fit.textures.merged_maps import MergedMaps
-from facestage.fit.textures.refine import Refined, refine, relief_together, texture_size
+from facestage.fit.textures.refine import Refined, refine, texture_size
+from facestage.fit.textures.relief_maps.looks import relief_together
 from facestage.fit.trust.fitted import Fitted
 from facestage.images.image_io import write_exr
 from facestage.render.variant import start_renderer

@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt
 from facestage.contract.arrays import Bool, Float, Float32, Int, Shaped
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
+from facestage.fit.face.mixing import mixed
 from facestage.render.tracer import Hits, RayTracer
 
 BLOCK = 2**20  # texels that are worked on at once
@@ -91,6 +92,33 @@ class Atlas:
                 shape=(len(corners), len(values)),
             )
             yield slice(start, end), pick @ values
+
+    def on(self, triangles: Bool[np.ndarray, " triangles"]) -> Int[np.ndarray, " near"]:
+        """The numbers, among the covered texels, of those on such ``triangles``."""
+        return np.flatnonzero(triangles[self.triangle])
+
+    def at(
+        self, texels: Int[np.ndarray, " near"], values: Float[np.ndarray, "vertices ..."]
+    ) -> Float[np.ndarray, "near ..."]:
+        """Vertex values at covered ``texels`` by number."""
+        return mixed(self.weights[texels], self.triangles[self.triangle[texels]], values)
+
+    def place(self, texels: Int[np.ndarray, " near"]) -> Int[np.ndarray, " near"]:
+        """Where covered ``texels`` by number are, row by row."""
+        return np.flatnonzero(self.covered)[texels]
+
+
+class Atlases:
+    """Those of one geometry, each built once."""
+
+    def __init__(self, geometry: FaceGeometry) -> None:
+        self._geometry, self._built = geometry, dict[int, Atlas]()
+
+    def of(self, size: int) -> Atlas:
+        """With ``size`` texels along a side."""
+        if size not in self._built:
+            self._built[size] = Atlas.build(self._geometry, size)
+        return self._built[size]
 
 
 def shown_at(

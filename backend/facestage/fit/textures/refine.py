@@ -4,13 +4,13 @@ symmetry, with their coverage.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from facestage.contract import brdf
-from facestage.contract.arrays import Float, Float32, UInt8
+from facestage.contract.arrays import Float, Float32, Int, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.forward.reflectance import (
@@ -26,30 +26,29 @@ from facestage.fit.given.eyes_seen import EyesSeen
 from facestage.fit.given.fineness import TEXELS_PER_FACE_PX, USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
-from facestage.fit.textures.atlas import Atlas
+from facestage.fit.textures.atlas import Atlas, Atlases
 from facestage.fit.textures.eyes.eye_corner import keep_flesh
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.eyes.iris_size import iris_size
 from facestage.fit.textures.eyes.lash_line import draw_lash_line
 from facestage.fit.textures.eyes.lid_shade import LidShade
-from facestage.fit.textures.eyes.part_color import Look, part_colors
+from facestage.fit.textures.eyes.part_color import Look, PartColors, part_colors
 from facestage.fit.textures.gloss_detail import GlossStep, gloss_beyond, gloss_seen, gloss_step
 from facestage.fit.textures.hair_color import hair_over_skin, in_color_of_hair
 from facestage.fit.textures.painted_features import painted_features
+from facestage.fit.textures.relief_maps.looks import first_look, look_again
 from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
-from facestage.fit.textures.shown import Shown, light_on, what_is_shown
+from facestage.fit.textures.shown import Shown, what_is_shown
 from facestage.fit.textures.stubble import grow_stubble, matted
 from facestage.fit.textures.symmetry import mirrored_texels
 from facestage.fit.textures.texel_field import halved, resampled
 from facestage.fit.trust.fitted import Fitted
 from facestage.system.freed_memory import give_back_freed_memory
 
-# Texels along the atlas on which mirror images are looked up, and relief is found, at most.
+# Texels along the atlas on which mirror images are looked up, at most.
 COARSE_SIZE = 1024
-# Pixels of a photo that relief is found from a second time, about: it has no finer texels.
-LOOKED_AGAIN = 500_000
-# Towards the lights then: what grain a single one leaves in penumbras is taken for relief.
-RAYS_AGAIN = 4e7
+# Of a larger atlas and the light on each pixel of a large photo only one fits into memory.
+EARLY_SIZE = 2048
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,8 @@ def refine(
     person say of the relief, by default this one alone.
     """
     # Specular and roughness are found on half as many texels.
-    small = Atlas.build(problem.geometry, problem.fineness.gloss_texture)
+    atlases = Atlases(problem.geometry)
+    small = atlases.of(problem.fineness.gloss_texture)
     freeze = set(problem.job.freeze)
     shown = (
         None
@@ -97,52 +97,25 @@ def refine(
         )
     if size is None:
         size = texture_size(problem.face_size_px, problem.fineness)
-    # The largest atlas and the light on each pixel of a large photo would not fit together.
-    coarse = Atlas.build(problem.geometry, min(size, COARSE_SIZE))
-    detail, relief, eyes, told = None, None, None, frozenset[int]()
+    ready, detail = None, None
     if shown is not None and "albedo" not in freeze:
-        relief = (
-            found_relief(problem, forward, fitted, shown, coarse)
-            if together is None
-            else together.found
-        )
-        if relief is not None:
-            shown = relief.lit(shown, forward.geometry, fitted.state)
+        ready = _ready_to_paint(problem, forward, fitted, shown, atlases, size, together)
+        if ready.relief is not None:
+            shown = ready.relief.lit(shown, forward.geometry, fitted.state)
     if shown is not None:
         shown = shown.without_lights()
-    atlas = coarse if coarse.size == size else Atlas.build(problem.geometry, size)
+    atlas = atlases.of(size)
     vertices = forward.log_albedo(fitted.state)
-    if shown is not None and "albedo" not in freeze:
-        wide = min(atlas.size // 2, COARSE_SIZE)
-        ready = {small.size: small, coarse.size: coarse}
-        half = ready.get(wide) or Atlas.build(problem.geometry, wide)
+    if shown is not None and ready is not None:
         detail = albedo_detail(
             atlas,
             shown,
-            mirrored_texels(half, problem.geometry),
+            ready.mirror,
             paint=painted_features(problem.geometry),
             geometry=problem.geometry,
             hair_seen=lambda shade: _hair(problem, forward, fitted, shade),
         )
-        photo = problem.photograph
-        look = Look(
-            photo.color * np.exp(shown.lifted)[..., None],
-            photo.mask & ~problem.frame & ~fitted.hidden & ~photo.clipped.any(axis=2),
-            problem.skin,
-            EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),
-            photo.tinted,
-        )
-        parts = part_colors(forward, fitted.state, fitted.stage, look, problem.job.seed)
-        vertices, told = vertices + parts.log_change, parts.told
-        shade = None
-        if parts.lid_shade is not None:
-            shade = LidShade.of(problem.geometry, fitted.state, parts.lid_shade)
-        eyes = eye_picture(
-            problem.geometry,
-            vertices,
-            shade,
-            iris_size(problem.geometry, fitted.state, problem.landmarks),
-        )
+        vertices = vertices + ready.parts.log_change
     del shown  # what the largest maps need memory for
     give_back_freed_memory()
     logs = atlas.bake(vertices)
@@ -158,80 +131,81 @@ def refine(
         atlas.spread(logs)
     albedo = painted(logs)
     del logs
+    eyes = None if ready is None else ready.eyes
     if eyes is not None:
         albedo = eyes_painted(albedo, atlas, problem.geometry, eyes)
     textures = Textures(albedo, *_gloss_textures(small, problem, fitted, gloss, hair))
-    if relief is not None:
-        textures = replace(textures, normal=relief.normal, height=relief.height)
+    if ready is not None and ready.relief is not None:
+        textures = replace(textures, normal=ready.relief.normal, height=ready.relief.height)
     tone = None if detail is None else detail.tone
     coverage = _coverage(atlas, small.size, detail, gloss)
+    told = frozenset[int]() if ready is None else ready.parts.told
     return Refined(textures, coverage, eyes, tone, hair, told)
 
 
-def found_relief(
-    problem: Problem, forward: ForwardModel, fitted: Fitted, shown: Shown, atlas: Atlas
-) -> Relief | None:
-    """What one photo says of the relief, unless the job holds the shape as it is."""
-    if "relief" in problem.job.freeze:
-        return None
-    first = ReliefSeen(forward.geometry, atlas)
-    first.add(shown, fitted.state)
-    seen = first.again()
-    if seen is None or first.found is None:
-        return None
-    _look_again(seen, problem, forward, fitted, shown, first.found)
-    return seen.found
+@dataclass(frozen=True)
+class _Ready:
+    """What the albedo is painted with."""
+
+    relief: Relief | None
+    parts: PartColors
+    eyes: Float32[np.ndarray, "height width 3"] | None
+    mirror: Int[np.ndarray, "half half"]
 
 
-def relief_together(
-    photos: Callable[[], Iterable[tuple[Problem, ForwardModel, Fitted]]], size: int
-) -> ReliefSeen | None:
-    """What several ``photos`` of one skin say of its relief, for textures of ``size`` texels; None
-    where the jobs hold it. They are looked at twice.
-    """
-    first = None
-    for problem, forward, fitted in photos():
-        if {"albedo", "relief"} & set(problem.job.freeze):
-            return None
-        if first is None:
-            first = ReliefSeen(forward.geometry, Atlas.build(forward.geometry, size))
-        shown = what_is_shown(problem, forward, fitted)
-        if shown is not None:
-            first.add(shown, fitted.state)
-    seen = None if first is None else first.again()
-    if seen is None or first is None or first.found is None:
-        return first
-    for problem, forward, fitted in photos():
-        shown = what_is_shown(problem, forward, fitted)
-        if shown is not None:
-            _look_again(seen, problem, forward, fitted, shown, first.found)
-    return seen
-
-
-def _look_again(
-    seen: ReliefSeen,
+def _ready_to_paint(
     problem: Problem,
     forward: ForwardModel,
     fitted: Fitted,
     shown: Shown,
-    relief: Relief,
-) -> None:
-    """Take up a photo's pixels with the light on ``relief``, traced."""
-    shown = shown.thinned(LOOKED_AGAIN)
-    image, surface = shown.image, relief.on(shown, forward.geometry, fitted.state)
-    rougher = shown.rougher
-    roughness = None if rougher is None else _rough(fitted.state.roughness + rougher)
-    terms = light_on(problem, forward, fitted, surface, roughness, RAYS_AGAIN)
-    lit = forward.shade(
-        fitted.state,
-        surface,
-        terms,
-        albedo=image.albedo,
-        radiance=np.eye(3),
-        c_spec=image.c_spec,
-        spread=image.spread,
+    atlases: Atlases,
+    size: int,
+    together: ReliefSeen | None,
+) -> _Ready:
+    """The relief, by ``together`` or by this photo alone, and while that is solved for, which
+    needs no renderer, what does.
+    """
+    with ThreadPoolExecutor(1) as beside:
+        first = None
+        if together is None:
+            coarse = atlases.of(min(size, problem.fineness.relief_texture))
+            first = first_look(problem, forward, fitted, shown, coarse)
+        again = None if first is None else beside.submit(first.again)
+        parts = part_colors(
+            forward, fitted.state, fitted.stage, _look(problem, fitted, shown), problem.job.seed
+        )
+        eyes = _eyes(problem, forward, fitted, parts)
+        if size <= EARLY_SIZE:
+            atlases.of(size)
+        seen = together if again is None else again.result()
+        if first is not None and first.found is not None and seen is not None:
+            look_again(seen, problem, forward, fitted, shown, first.found)
+        relief = None if seen is None else beside.submit(lambda: seen.found)
+        mirror = mirrored_texels(atlases.of(min(size // 2, COARSE_SIZE)), problem.geometry)
+        return _Ready(None if relief is None else relief.result(), parts, eyes, mirror)
+
+
+def _look(problem: Problem, fitted: Fitted, shown: Shown) -> Look:
+    photo = problem.photograph
+    return Look(
+        photo.color * np.exp(shown.lifted)[..., None],
+        photo.mask & ~problem.frame & ~fitted.hidden & ~photo.clipped.any(axis=2),
+        problem.skin,
+        EyesSeen.of((photo.mask.shape[0], photo.mask.shape[1]), problem.landmarks),
+        photo.tinted,
     )
-    seen.add(shown, fitted.state, lit)
+
+
+def _eyes(
+    problem: Problem, forward: ForwardModel, fitted: Fitted, parts: PartColors
+) -> Float32[np.ndarray, "height width 3"] | None:
+    """The eyes' own picture, in the colors of the photo."""
+    geometry, shade = problem.geometry, None
+    if parts.lid_shade is not None:
+        shade = LidShade.of(geometry, fitted.state, parts.lid_shade)
+    vertices = forward.log_albedo(fitted.state) + parts.log_change
+    size = iris_size(geometry, fitted.state, problem.landmarks)
+    return eye_picture(geometry, vertices, shade, size)
 
 
 def texture_size(face_px: float, fineness: Fineness = USUAL) -> int:
@@ -291,11 +265,8 @@ def _gloss_textures(
         small.spread(wet)
         specular = np.where(wet, c_spec, np.clip(specular, 0, brdf.SPECULAR_MAX))
         roughness = np.where(wet, rough, roughness)
-    return specular.astype(np.float32), _rough(roughness).astype(np.float32)
-
-
-def _rough(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " ..."]:
-    return np.clip(values, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
+    roughness = np.clip(roughness, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
+    return specular.astype(np.float32), roughness.astype(np.float32)
 
 
 def _hair(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,12 +14,14 @@ import scipy.sparse as sp
 
 from facestage.contract.arrays import Bool, Float, Float32, Float64, Int
 from facestage.fit.forward.shading import bilinear_weights, sample_bilinear
+from facestage.system.cores import cores
 
 COARSEST = 64
 TOLERANCE = 2e-3
 STEPS_COARSE, STEPS_FINE = 60, 10
 # Texels along the side of a tile, and around it; more than a step goes in all.
 TILE, HALO = 512, 12
+TILES_AT_ONCE = 4  # at most: each takes memory
 # Share of the answer that is known, on the level before, below which a texel is not solved for
 # again.
 NEGLIGIBLE = 0.005
@@ -117,7 +120,8 @@ def _solved(
     if coarse is None:
         whole = slice(0, size)
         return _tile(field, whole, whole, result, field.texels, STEPS_COARSE)
-    for top, left in np.ndindex(-(-size // TILE), -(-size // TILE)):
+
+    def solve(top: int, left: int) -> None:
         inner = tuple(slice(TILE * at, min(TILE * (at + 1), size)) for at in (top, left))
         rows, across = (
             slice(max(each.start - HALO, 0), min(each.stop + HALO, size)) for each in inner
@@ -135,6 +139,11 @@ def _solved(
         if wanted[within].any():
             start = _tile(field, rows, across, start, wanted, STEPS_FINE)
         result[inner] = start[within]
+
+    # Each tile alone writes its own part; what takes time in it leaves Python's lock to others.
+    tiles = list(np.ndindex(-(-size // TILE), -(-size // TILE)))
+    with ThreadPoolExecutor(min(cores(), TILES_AT_ONCE)) as pool:
+        deque(pool.map(solve, *zip(*tiles, strict=True)), maxlen=0)
     return result
 
 

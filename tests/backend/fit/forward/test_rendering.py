@@ -10,7 +10,6 @@ import pytest
 
 from facestage.contract.landmarks import Landmarks
 from facestage.contract.light_stage import LightStage, fibonacci_stage
-from facestage.fit.forward import rendering
 from facestage.fit.forward.one_light import NUMBERS_MAX, relight_scale
 from facestage.fit.forward.rendering import Picture, Textures, light_probe, render_picture
 from facestage.fit.given.face_areas import face_pixels
@@ -109,12 +108,13 @@ def grain(renderer: str) -> dict[tuple[str, str], float]:
     box = face.forward.box(face.state)
     pixels = (box[0].stop - box[0].start) * (box[1].stop - box[1].start)
     shiny = Textures(np.full((16, 16, 3), 0.5, np.float32), np.full((16, 16), 0.5, np.float32))
+    rays = 1.5 * pixels * len(face.stage)
     brightness = face.stage.radiance.mean(axis=1)
     dark = np.where(brightness < np.median(brightness), 1.0, 0.0)[:, None] * np.ones(3)
 
     def rendered(seed: int, samples: int | None, **more: Any) -> Picture:
         return render_picture(
-            face.forward, face.state, face.stage, shiny, seed=seed, samples=samples, **more
+            face.forward, face.state, face.stage, shiny, seed, samples, rays=rays, **more
         )
 
     def pictures(seed: int, samples: int | None) -> dict[str, np.ndarray]:
@@ -127,14 +127,12 @@ def grain(renderer: str) -> dict[tuple[str, str], float]:
             "alone": alone.by_light.colors,
         }
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rendering, "RAY_BUDGET", 1.5 * pixels * len(face.stage))
-        reference = pictures(7, 64)
-        return {
-            (name, kind): float(np.sqrt(((values - reference[kind]) ** 2).mean()))
-            for name, samples in (("budget", None), ("one ray", 1))
-            for kind, values in pictures(3, samples).items()
-        }
+    reference = pictures(7, 64)
+    return {
+        (name, kind): float(np.sqrt(((values - reference[kind]) ** 2).mean()))
+        for name, samples in (("budget", None), ("one ray", 1))
+        for kind, values in pictures(3, samples).items()
+    }
 
 
 @pytest.mark.parametrize("kind", ["own", "relit", "alone"])

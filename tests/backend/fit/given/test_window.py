@@ -4,6 +4,8 @@ photo.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,16 @@ def test_a_small_photo_is_left_alone():
     assert window.whole and window.photograph(photo) is photo
     assert window.camera(camera) is camera and window.enlarged(photo.color) is photo.color
     assert window.words == "1000 x 1000"
+
+
+def test_a_large_face_of_a_small_photo_is_made_smaller_where_that_is_asked_for():
+    """All of the photo stays, so that it can be relit whole."""
+    marks = landmarks((400, 500), 600)
+    window = Window.of(1000, 900, marks, replace(USUAL, whole_face_px=300.0))
+    assert window.uncut and not window.whole and window.size == (500, 450)
+    assert np.ptp(window.landmarks(marks).points, axis=0).max() == pytest.approx(300)
+    # Not for a little.
+    assert Window.of(1000, 900, marks, replace(USUAL, whole_face_px=500.0)).whole
 
 
 @pytest.mark.parametrize(

@@ -22,10 +22,13 @@ from facestage.contract.files.partial import partial_folder
 from facestage.contract.job import Job, Weights
 from facestage.contract.light_stage import FROZEN, OFF, ON, fibonacci_stage
 from facestage.contract.parameters import PARAMETERS
+from facestage.contract.quality import DRAFT
+from facestage.contract.relight_cache import RelightCache
 from facestage.contract.result import BUDGET_SPENT, CONVERGED, PICTURES, Result
 from facestage.contract.result_files import is_result_file
+from facestage.fit.given.fineness import TEXELS_PER_FACE_PX
 from facestage.fit.result import run
-from facestage.images.image_io import read_exr
+from facestage.images.image_io import read_exr, resize
 from reference.known import known
 from reference.small_fit import QUICK, REPORTED
 from reference.synthetic_case import Case
@@ -456,3 +459,19 @@ def test_a_large_photo_comes_back_in_its_own_pixels(job: Job, tmp_path: Path):
     assert result.errors["landmark_px"] == pytest.approx(
         factor * small.errors["landmark_px"], rel=0.3
     )
+
+
+def test_a_draft_of_a_large_face_is_smaller_and_can_be_relit(job: Job, tmp_path: Path):
+    """Its relight cache is of the size that was worked on, and of the whole photo."""
+    from facestage.fit.given.problem import read_problem
+
+    texels = round(TEXELS_PER_FACE_PX * read_problem(job).face_size_px / 2)
+    result = run.fit_job(
+        replace(job, quality=DRAFT), tmp_path, fineness=replace(QUICK, draft_texture=texels)
+    )
+    assert "worked on" in result.photo["size"] and result.camera.width == 96
+    cache, render = RelightCache.load(result), read_exr(tmp_path / "render.exr")
+    assert cache is not None and 40 < cache.width < 56 and render.shape[:2] == (96, 96)
+    small = resize(render, cache.width, cache.height)
+    relit = cache.relight(result.stage.radiance)
+    assert np.abs(relit - small).mean() < 0.05 * small.mean()

@@ -5,6 +5,7 @@ what is what.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -274,12 +275,14 @@ def test_the_texture_s_size_follows_the_face():
 
 def test_textures_have_the_texels_that_were_asked_for_where_the_photo_has_them():
     assert texture_size(3000.0) == 2048
-    assert texture_size(3000.0, USUAL.limited(4096)) == 4096
-    assert texture_size(300.0, USUAL.limited(4096)) == 1024
-    assert texture_size(3000.0, USUAL.limited(512)) == 512
-    assert USUAL.limited(None) == USUAL
+    photo = Job(Path("photo.png"))
+    large, small = (USUAL.of(replace(photo, texture_size=size)) for size in (4096, 512))
+    assert texture_size(3000.0, large) == 4096
+    assert texture_size(300.0, large) == 1024
+    assert texture_size(3000.0, small) == 512
+    assert USUAL.of(photo) == USUAL
     assert USUAL.painted_face_px == pytest.approx(2048 / 3)
-    assert USUAL.limited(4096).painted_face_px == pytest.approx(4096 / 3)
+    assert large.painted_face_px == pytest.approx(4096 / 3)
 
 
 def test_a_photo_is_painted_finer_than_it_was_fitted(scene: Scene, problem: Problem):

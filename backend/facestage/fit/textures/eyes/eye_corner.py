@@ -31,9 +31,8 @@ def keep_flesh(
     margins of the lids less and less of it.
     """
     flesh = flesh_of(geometry)
-    near = np.flatnonzero(flesh[atlas.triangles].any(axis=1)[atlas.triangle])
+    near = atlas.on(flesh[atlas.triangles].any(axis=1))
     if not len(near):
         return
-    share = (atlas.weights[near] * flesh[atlas.triangles[atlas.triangle[near]]]).sum(axis=1)
-    row, column = np.divmod(np.flatnonzero(atlas.covered)[near], atlas.size)
-    detail[row, column] *= (1 - share)[:, None].astype(np.float32)
+    share = atlas.at(near, flesh.astype(float))
+    detail.reshape(-1, 3)[atlas.place(near)] *= (1 - share)[:, None].astype(np.float32)

@@ -71,13 +71,11 @@ def draw_lash_line(
         return
     low = np.min([line.min(axis=0) for line, _ in borders], axis=0) - LID_SKIN[1]
     high = np.max([line.max(axis=0) for line, _ in borders], axis=0) + LID_SKIN[1]
-    places, texels = [], []
-    for rows, there in atlas.baked(mean):
-        covered = np.flatnonzero(atlas.covered[rows])
-        near = ((there > low) & (there < high)).all(axis=1) & atlas.skin[rows].ravel()[covered]
-        places.append(there[near])
-        texels.append(covered[near] + rows.start * atlas.size)
-    place, texel = np.concatenate(places), np.concatenate(texels)
+    corners = mean[atlas.triangles]
+    near = atlas.on(((corners.max(axis=1) > low) & (corners.min(axis=1) < high)).all(axis=1))
+    place, texel = atlas.at(near, mean), atlas.place(near)
+    within = ((place > low) & (place < high)).all(axis=1) & atlas.skin.ravel()[texel]
+    place, texel = place[within], texel[within]
     values = log_albedo.reshape(-1, 3)
     for line, share in borders:
         distance, nearest = cKDTree(line).query(place, distance_upper_bound=LID_SKIN[1])

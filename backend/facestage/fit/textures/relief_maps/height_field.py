@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from facestage.contract.arrays import Bool, Float
 from facestage.fit.textures.relief_maps.relief_evidence import Evidence, difference
+from facestage.system.cores import cores
 
 STEPS, TOLERANCE = 90, 0.01
 PAD = 8  # texels around what is seen: the fields wrap around
@@ -87,15 +88,15 @@ class _Fields:
 
     def colored(self, white: Float[np.ndarray, "2 rows columns"]) -> np.ndarray:
         """Pigment and height of whitened fields."""
-        waves = scipy.fft.rfft2(white, axes=(1, 2))
+        waves = scipy.fft.rfft2(white, axes=(1, 2), workers=cores())
         waves *= self.amplitude
-        return scipy.fft.irfft2(waves, self.shape, axes=(1, 2)) * self.scale
+        return scipy.fft.irfft2(waves, self.shape, axes=(1, 2), workers=cores()) * self.scale
 
     def whitened(self, by_fields: Float[np.ndarray, "2 rows columns"]) -> np.ndarray:
         """The transpose of :meth:`colored`."""
-        waves = scipy.fft.rfft2(by_fields * self.scale, axes=(1, 2))
+        waves = scipy.fft.rfft2(by_fields * self.scale, axes=(1, 2), workers=cores())
         waves *= self.amplitude
-        return scipy.fft.irfft2(waves, self.shape, axes=(1, 2))
+        return scipy.fft.irfft2(waves, self.shape, axes=(1, 2), workers=cores())
 
     def curvature(self, white: np.ndarray) -> np.ndarray:
         """What the whole quadratic energy's second derivative makes of a direction."""

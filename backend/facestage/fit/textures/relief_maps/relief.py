@@ -29,7 +29,6 @@ from facestage.fit.textures.relief_maps.relief_evidence import (
 from facestage.fit.textures.relief_maps.relief_share import Found, share_of, spread_of
 from facestage.fit.textures.shown import Shown
 
-SIZE_MAX = 1024  # texels along a side
 # Share of the light on the smooth skin that is left on its relief at least.
 LIT_MIN = 0.2
 
@@ -74,12 +73,7 @@ class ReliefSeen:
     def __init__(
         self, geometry: FaceGeometry, atlas: Atlas, about: tuple[Relief, Spread] | None = None
     ) -> None:
-        """``atlas`` of the albedo; of a larger one half, a quarter, ... of the texels are used.
-
-        ``about``: a relief that is known roughly, and how pigment and slopes vary.
-        """
-        if atlas.size > SIZE_MAX:
-            atlas = Atlas.build(geometry, SIZE_MAX)
+        """``about``: a relief that is known roughly, and how pigment and slopes vary."""
         self._geometry, self._atlas = geometry, atlas
         self._frames: Frames | None = None  # of the texels, by the first photo's shape
         self._spacing = np.zeros(0)
