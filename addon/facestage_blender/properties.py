@@ -22,6 +22,7 @@ from facestage.contract.job import (
     AUTO,
     DEFAULT_MODEL,
     DEVICES,
+    DRAFT_TEXTURE_SIZE,
     LIGHT_COLORS,
     MODEL_FORMS,
     TEXTURE_SIZES,
@@ -425,11 +426,16 @@ class OfFace(OfPhoto):
         name="Textures",
         description="The most pixels along the textures of the next fit; as many as the photo "
         "fills are made",
-        items=[("0", "2048, as Usual", "Textures of 2048 pixels at most")]
-        + [
-            (str(size), str(size), f"Textures of {size} pixels at most")
-            for size in TEXTURE_SIZES
-            if size != USUAL_TEXTURE_SIZE
+        items=[
+            (
+                "0",
+                "As Usual",
+                f"Textures of {USUAL_TEXTURE_SIZE} pixels at most, of a draft {DRAFT_TEXTURE_SIZE}",
+            ),
+            *(
+                (str(size), str(size), f"Textures of {size} pixels at most")
+                for size in TEXTURE_SIZES
+            ),
         ],
     )
     exposure_known: BoolProperty(

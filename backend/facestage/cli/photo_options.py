@@ -71,8 +71,9 @@ def add_photo_options(command: Any) -> None:
         "--texture-size",
         type=int,
         choices=(512, 1024, 2048, 4096),
-        help="the most texels along the textures (default 2048); as many as the photo fills are "
-        "made: 4096 takes a face of 700 pixels and more, several times the time and 3.3 GB",
+        help="the most texels along the textures (default 2048, of a draft 1024); as many as the "
+        "photo fills are made: 4096 takes a face of 700 pixels and more, several times the time "
+        "and 3.3 GB",
     )
     command.add_argument(
         "--light-color",

@@ -61,7 +61,8 @@ PLANS = (LEAN, FULL)
 # Lights behind the face, beside those of the stage: where the photo needs them | always | never
 AUTO, WITH, WITHOUT = "auto", "on", "off"
 SURROUNDS = (AUTO, WITH, WITHOUT)
-TEXTURE_SIZES, USUAL_TEXTURE_SIZE = (512, 1024, 2048, 4096), 2048
+TEXTURE_SIZES = (512, 1024, 2048, 4096)
+USUAL_TEXTURE_SIZE, DRAFT_TEXTURE_SIZE = 2048, 1024  # at most, where a job does not say
 # What is known of the radiance of lights that are held: all | all but one factor, the photo's
 # exposure
 KNOWN, UNKNOWN = "known", "unknown"
@@ -120,7 +121,7 @@ class Job:
     # Something grey in the photo: its pixel (x, y), or what it shows, linear (red, green, blue)
     white_balance: tuple[float, ...] | None = None
     skin_tone: float | None = None  # how light the skin is: its typology angle in degrees
-    # the most texels along the textures, one of TEXTURE_SIZES; None: 2048
+    # the most texels along the textures, one of TEXTURE_SIZES; None: the usual
     texture_size: int | None = None
     pins: Pins | None = None  # points of the model's surface that were put on their pixels by hand
 

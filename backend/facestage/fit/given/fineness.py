@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from facestage.contract.job import Job
+from facestage.contract.job import DRAFT_TEXTURE_SIZE, USUAL_TEXTURE_SIZE, Job
 from facestage.contract.quality import DRAFT
 
 # Texels along the atlas per pixel of the face: the face fills about half of it.
@@ -20,7 +20,7 @@ class Fineness:
     specular_size: int = 32  # texels along the map of c_spec that is fitted with all else
     # Texels along the atlas, and along the maps of specular and roughness.
     texture_min: int = 512
-    texture_max: int = 2048
+    texture_max: int = USUAL_TEXTURE_SIZE
     gloss_texture: int = 256
     relief_texture: int = 1024  # texels at most along the maps of height and normals
     picture_rays: float = 2.5e7  # shadow rays of the final picture, about
@@ -31,7 +31,7 @@ class Fineness:
     whole_face_px: float = math.inf  # of the face in a photo of few pixels that is left as it is
     # Of a draft: the largest textures, which its face has no more pixels than fill, unless a finer
     # one is asked for, and the final picture's rays.
-    draft_texture: int = 1024
+    draft_texture: int = DRAFT_TEXTURE_SIZE
     draft_relief: int = 512
     draft_rays: float = 1e7
     # Several photos of one person are kept small while they are fitted, twice what the last phase
