@@ -79,6 +79,7 @@ class PaintedFace:
             face_px=float(np.ptp(self.surface.pixels[:, 1])),
             shift_px=1,
             lifted=np.zeros((SIDE, SIDE), np.float32),
+            hanging=np.zeros((SIDE, SIDE), bool),
         )
 
     def uv_blob(self, size: int, point: tuple[float, float, float], radius: float) -> np.ndarray:

@@ -28,13 +28,7 @@ from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
 from facestage.fit.face.unknowns import kept
 from facestage.fit.forward.one_light import relight_scale
-from facestage.fit.forward.rendering import (
-    Picture,
-    Textures,
-    face_pixels,
-    light_probe,
-    render_picture,
-)
+from facestage.fit.forward.rendering import Picture, face_pixels, light_probe, render_picture
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.face_color import face_tone
 from facestage.fit.given.metrics import psnr
@@ -47,7 +41,7 @@ from facestage.fit.stereo.stereo_term import StereoTerm
 from facestage.fit.textures.refine import Refined, refine
 from facestage.fit.trust.advice import verdict
 from facestage.fit.trust.fitted import Fitted
-from facestage.images.image_io import write_exr, write_png
+from facestage.images.image_io import resize, write_exr, write_png
 from facestage.report import ReportData, write_report
 from facestage.system.freed_memory import give_back_freed_memory
 
@@ -100,7 +94,7 @@ def finish(
         rays=problem.fineness.picture_rays,
     )
     timings = {"albedo_detail": detail_seconds, "render": time.monotonic() - started}
-    errors = _errors(problem, forward, fitted, refined.textures, picture, truth)
+    errors = _errors(problem, forward, fitted, refined, picture, truth)
     last: dict[str, Any] = {
         "seconds": fitted.seconds + sum(timings.values()),
         "stage": DETAIL,
@@ -151,18 +145,20 @@ def _errors(
     problem: Problem,
     forward: ForwardModel,
     fitted: Fitted,
-    textures: Textures,
+    refined: Refined,
     picture: Picture,
     truth: Truth | None,
 ) -> dict[str, float]:
-    state, photo = fitted.state, problem.photograph
+    state, photo, textures = fitted.state, problem.photograph, refined.textures
     seen = picture.fitted & photo.mask
     skin = (problem.skin > 0.5) & (problem.clear(picture.coverage > 0.5) > 0.5)
     skin &= ~(fitted.hidden | fitted.shadowed)
+    if refined.hanging is not None:
+        skin &= resize(refined.hanging.astype(np.float32), *photo.size) < 0.5
     errors: dict[str, float | None] = {
         "psnr": psnr(picture.color, photo.color, seen, problem.white),
         # Without what the color model took for hair, cloth or glasses, what lies beside these, and
-        # what something flat hides or throws a shadow on.
+        # what something flat hides or throws a shadow on, or hair that hangs before it.
         "psnr_skin": psnr(picture.color, photo.color, seen & skin, problem.white),
     }
     projected = landmark_pixels(problem.geometry, problem.landmarks, state)

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from facestage.contract import person as contract
 from facestage.contract.events import Event
 from facestage.contract.files.atomic import atomic_folder
@@ -95,13 +97,14 @@ def _write(
     """Every file of the person's folder."""
     started = time.monotonic()
     sizes = OwnSizes()
-    shared = _merged(run, fitted, sizes, teller)
+    shared, hanging = _merged(run, fitted, sizes, teller)
     results = []
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.drawing(member.number)
         one = replace(one, company=company(member, fitted, run.shape_held))
         problem, one = sizes.of(member, one)
-        finished = finish(problem, member.view.forward, one, member.truth, shared)
+        maps = replace(shared, hanging=hanging.get(member.number))
+        finished = finish(problem, member.view.forward, one, member.truth, maps)
         own = folder / f"{member.number}-{member.problem.job.image.stem}"
         own.mkdir()
         timings = {
@@ -127,13 +130,16 @@ def _write(
     return person
 
 
-def _merged(run: JointRun, fitted: JointFitted, sizes: OwnSizes, teller: Teller) -> Refined:
-    """The maps of the photos that share their skin."""
+def _merged(
+    run: JointRun, fitted: JointFitted, sizes: OwnSizes, teller: Teller
+) -> tuple[Refined, dict[int, np.ndarray | None]]:
+    """The maps of the photos that share their skin, and the ``hanging`` hair of each by number."""
     faces = [face_px(member) for member in run.members]
     first = next(member for member in run.members if member.joined)
     size = texture_size(max(faces), first.problem.fineness)
     merged = MergedMaps(first.problem.geometry, size, first.view.forward.log_albedo(first.state))
     relief = relief_together(lambda: _own_sizes(run, fitted, sizes), size)
+    hanging: dict[int, np.ndarray | None] = {}
     for member, one in zip(run.members, fitted.photos, strict=True):
         teller.painting(member.number)
         if member.joined:
@@ -142,7 +148,8 @@ def _merged(run: JointRun, fitted: JointFitted, sizes: OwnSizes, teller: Teller)
             weight = (faces[member.number - 1] / max(faces)) ** 2
             maps = refine(problem, member.view.forward, one, size, relief)
             merged.add(maps, one.state, weight)
-    return merged.maps()
+            hanging[member.number] = maps.hanging
+    return merged.maps(), hanging
 
 
 def _own_sizes(

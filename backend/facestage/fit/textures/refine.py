@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facestage.contract import brdf
-from facestage.contract.arrays import Float, Float32, Int, UInt8
+from facestage.contract.arrays import Bool, Float, Float32, Int, UInt8
 from facestage.contract.face_model import EYES, TEETH
 from facestage.contract.result import BY_SYMMETRY, SEEN
 from facestage.fit.forward.reflectance import (
@@ -65,6 +65,8 @@ class Refined:
     hair: Float[np.ndarray, "vertices 3"] | None = None
     # EYES and TEETH, as far as the photo says what color they are
     told: frozenset[int] = frozenset()
+    # where hair hangs before the face that only the fitted light tells from skin; None: who knows
+    hanging: Bool[np.ndarray, "height width"] | None = None
 
 
 def refine(
@@ -116,6 +118,7 @@ def refine(
             hair_seen=lambda shade: _hair(problem, forward, fitted, shade),
         )
         vertices = vertices + ready.parts.log_change
+    hanging = None if shown is None else shown.hanging
     del shown  # what the largest maps need memory for
     give_back_freed_memory()
     logs = atlas.bake(vertices)
@@ -140,7 +143,7 @@ def refine(
     tone = None if detail is None else detail.tone
     coverage = _coverage(atlas, small.size, detail, gloss)
     told = frozenset[int]() if ready is None else ready.parts.told
-    return Refined(textures, coverage, eyes, tone, hair, told)
+    return Refined(textures, coverage, eyes, tone, hair, told, hanging)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from facestage.fit.energy.landmark_term import LANDMARK_SIGMA_SHARE, landmark_pi
 from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
-from facestage.fit.given.face_areas import brow_pixels, lips_share, opening_share
+from facestage.fit.given.face_areas import brow_pixels, lips_share, no_larger, opening_share
+from facestage.fit.given.hanging_hair import hanging_hair
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import border_reach
 from facestage.fit.textures.cast_shadow import shadow_depth
@@ -37,6 +38,8 @@ GRAZING, FACING = 0.15, 0.45
 # Log albedo of black hair below that of light skin: how far a brow may depart from the skin; and of
 # lashes, which are in their own shade.
 BROW_DEPARTURE, LASH_DEPARTURE = 2.0, 4.0
+# Of a larger face pixels are put together where hair that hangs before it is looked for.
+HANGING_FACE_PX = 160.0
 # By how much, in log radiance, what is darker than skin may be hair, and surely is.
 HAIR_DARKER = 0.3, 0.7
 # Of the depth of a shadow that skin is lifted out of, in log radiance.
@@ -70,6 +73,7 @@ class Shown:
     # 0 or more, by how much the log radiance was lifted at each pixel of the photo, see
     # cast_shadow.py
     lifted: Float32[np.ndarray, "height width"]
+    hanging: Bool[np.ndarray, "height width"]  # hair before the face, see hanging_hair.py
     rougher: Float[np.ndarray, " pixels"] | None = None  # than the state's skin, see with_gloss
 
     @property
@@ -216,6 +220,8 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         shift_px,
     )
     photo = photo * np.exp(lifted_here)[:, None]
+    hanging = _hanging_hair(problem, surface.pixels, _log_ratio(photo, image.color))
+    clear *= 1.0 - hanging[row, column]
     shown = Shown(
         image=image,
         uvs=forward.uvs(surface),
@@ -236,11 +242,34 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         face_px=problem.face_size_px,
         shift_px=shift_px,
         lifted=lifted,
+        hanging=hanging > 0.5,
     )
     # Where the shadow ends, photo and fit may not agree; nor is it as smooth as it is taken for.
     depth = shown.lifted_there
     uneven = np.hypot(shown.change_over_shift(depth), SHADOW_DOUBT * depth)
     return replace(shown, doubt=np.hypot(shown.doubt, uneven))
+
+
+def _hanging_hair(
+    problem: Problem, pixels: Float[np.ndarray, "pixels 2"], residual: Float[np.ndarray, " pixels"]
+) -> Float32[np.ndarray, "height width"]:
+    """0..1, which pixels show hair that only the fitted light tells from skin: ``residual`` is the
+    log of the photo over what is rendered at ``pixels``.
+    """
+    height, width = problem.photograph.mask.shape
+    size, landmarks = no_larger(problem.landmarks, (height, width), HANGING_FACE_PX)
+    column, row = (pixels * [size[0] / width, size[1] / height]).astype(int).T
+    where, count = row * size[0] + column, size[0] * size[1]
+    seen = np.bincount(where, minlength=count)
+    darker = -np.bincount(where, residual, count) / np.maximum(seen, 1)
+    found = hanging_hair(
+        darker.reshape(size[::-1]),
+        seen.reshape(size[::-1]) > 0,
+        resize((problem.paintable * problem.photograph.mask).astype(np.float32), *size) < 0.5,
+        resize(problem.beard.share.astype(np.float32), *size) > 0.5,
+        landmarks,
+    )
+    return resize(found.astype(np.float32), width, height)
 
 
 def _skin_pixels(

@@ -103,3 +103,12 @@ def test_between_mouth_and_chin_lies_neither_of_the_cheeks():
     assert not inside[(np.abs(X - 80) > 30) | (HEIGHT > -0.45) | (HEIGHT < -1.1)].any()
     nobody = replace(LANDMARKS, points=np.full_like(LANDMARKS.points, np.nan))
     assert not below_mouth(SHAPE, nobody).any()
+
+
+def test_a_rough_cheek_is_no_beard_unless_it_goes_on_around_the_mouth():
+    """Strands of the head's own hair hang before cheeks, too."""
+    below = face_pixels(SHAPE, LANDMARKS) & (HEIGHT < -0.5)
+    side = below & (np.abs(X - 80) > 27)
+    assert side.sum() > 500 and not beard_of(strands(side), LANDMARKS).share.any()
+    whole = beard_of(strands(below), LANDMARKS).share
+    assert whole[side].mean() > 0.4

@@ -372,3 +372,32 @@ def test_hair_where_the_fitted_part_ends_has_a_border(
     assert plain[near].max() > 0.5
     assert not beside_hair[near].any()
     np.testing.assert_array_equal(beside_hair[far], plain[far])
+
+
+def test_hair_that_only_the_light_tells_from_skin_is_not_painted(
+    scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
+):
+    """A dark strip beside hair is none of the face's, in the maps and in what they are judged by."""
+    photo, fitted = problem.photograph, at_truth(scene, problem)
+    plain = what_is_shown(problem, scene.forward, fitted)
+    assert plain is not None
+    column, row = plain.image.surface.pixels.astype(int).T
+    left = int(np.percentile(column, 10))
+    inside = np.zeros(photo.mask.shape, bool)
+    # Beside cheek and jaw, away from eyes and brows.
+    inside[int(np.percentile(row, 55)) : int(np.percentile(row, 90)), left : left + 8] = True
+    paint = problem.paintable.copy()
+    paint[:, :left] = 0.0
+    monkeypatch.setattr(Problem, "paintable", paint)
+    color = np.where(inside[..., None], 0.3 * photo.color, photo.color)
+    dark = replace(problem, photograph=replace(photo, color=color))
+    bare, shown = (what_is_shown(each, scene.forward, fitted) for each in (problem, dark))
+    assert bare is not None and shown is not None and not bare.hanging.any()
+    strip = inside[row, column] & (column < left + 7)
+    print(f"{strip.sum()} pixels of hair, clear before {bare.clear[strip].max():.2f}")
+    assert strip.sum() > 50 and bare.clear[strip].max() > 0.9
+    assert not shown.clear[strip].any() and shown.hanging[row, column][strip].all()
+    far = column > left + 20
+    np.testing.assert_array_equal(shown.clear[far], bare.clear[far])
+    found = refine(dark, scene.forward, fitted).hanging
+    np.testing.assert_array_equal(found, shown.hanging)
