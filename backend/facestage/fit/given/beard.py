@@ -13,12 +13,11 @@ from facestage.contract.arrays import Bool, Float, Num
 from facestage.contract.landmarks import Landmarks
 from facestage.fit.given.face_areas import (
     above_brows,
+    around_mouth,
     below_mouth,
     face_pixels,
     face_size_px,
     hull_pixels,
-    lips_share,
-    mouth_share,
     no_larger,
     opening_share,
 )
@@ -41,8 +40,6 @@ DARK_SHARE = 0.1
 # Between the lips the darkest meets the lightest: how far around nothing is told, in shares of the
 # face.
 LIPS = 0.02
-# How near to the lips a beard comes, in shares of the face.
-AROUND_MOUTH = 0.1
 # Luminance over that of bare skin, below which hair covers the skin; the mean over some hairs, as
 # deviation in shares of the face; the share of the chin below which it is the lower lip's shadow
 # (0.13 and 0.17 on two photographs of a goatee, at most 0.09 on 29 without).
@@ -99,9 +96,7 @@ def _share(photo: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     found = np.minimum(filled, cv2.dilate(wide, disc))
     # Beards grow around the mouth; what is rough beside a cheek alone is the head's own hair.
     regions, count = label(found > 0)
-    beyond = (lips_share(shape, landmarks) + mouth_share(shape, landmarks) < 0.5).astype(np.uint8)
-    mouth = cv2.distanceTransform(beyond, cv2.DIST_L2, 5)
-    around = np.isin(np.arange(count + 1), regions[mouth < AROUND_MOUTH * face_px])
+    around = np.isin(np.arange(count + 1), regions[around_mouth(shape, landmarks)])
     return np.where(around[regions], found, 0.0)
 
 

@@ -18,6 +18,8 @@ BORDER_BITS = 4
 BROW_SHARE = 0.04
 # How far the forehead goes on beyond the brows at most, as a share of the way from the chin.
 FOREHEAD_SHARE = 0.5
+# How near to the lips a beard comes, in shares of the face.
+AROUND_MOUTH = 0.1
 
 
 def opening_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
@@ -39,6 +41,14 @@ def lips_share(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
     """(h, w) float32 in 0..1, how much of a pixel shows lips."""
     outer = _share_within(shape, landmarks.points[scheme_of(landmarks.scheme).lips])
     return np.asarray(outer * (1.0 - mouth_share(shape, landmarks)))
+
+
+def around_mouth(shape: tuple[int, int], landmarks: Landmarks) -> np.ndarray:
+    """(h, w) bool, the lips and as far around them as a beard comes, wherever else it grows."""
+    cv2 = opencv()
+    beyond = lips_share(shape, landmarks) + mouth_share(shape, landmarks) < 0.5
+    away = cv2.distanceTransform(beyond.astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(away < AROUND_MOUTH * face_size_px(landmarks))
 
 
 def _share_within(shape: tuple[int, int], border: np.ndarray) -> np.ndarray:

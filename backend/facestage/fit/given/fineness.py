@@ -33,7 +33,7 @@ class Fineness:
     # one is asked for, and the final picture's rays.
     draft_texture: int = DRAFT_TEXTURE_SIZE
     draft_relief: int = 512
-    draft_rays: float = 1e7
+    draft_rays: float = 1.5e7
     # Several photos of one person are kept small while they are fitted, twice what the last phase
     # looks at.
     joint_face_px: float = 320.0

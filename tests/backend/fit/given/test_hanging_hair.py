@@ -48,7 +48,8 @@ def test_hair_ends_not_far_from_what_it_hangs_from():
 
 
 @pytest.mark.parametrize(
-    "what", ["shade", "nothing near", "beside it", "mole", "beard", "lids", "nothing hides"]
+    "what",
+    ["shade", "nothing near", "beside it", "mole", "beard", "full beard", "lids", "nothing hides"],
 )
 def test_what_else_is_dark_is_no_hair(what: str):
     darker, hiding, beard = np.where(CHEEK, 0.9, 0.0), HIDING, None
@@ -63,6 +64,8 @@ def test_what_else_is_dark_is_no_hair(what: str):
         darker = np.where(CHEEK & (Y > 90) & (Y < 92) & (X < 47), 0.9, 0.0)
     elif what == "beard":
         beard = CHEEK
+    elif what == "full beard":  # of no strands, from one cheek to the other
+        darker = np.where((Y > 85) & SEEN, 0.9, 0.0)
     elif what == "lids":
         eyes = LANDMARKS.points[36:48] / 2
         lids = np.min([np.hypot(X - x, Y - y) for x, y in eyes], axis=0) < 0.05 * LENGTH

@@ -377,7 +377,7 @@ def test_hair_where_the_fitted_part_ends_has_a_border(
 def test_hair_that_only_the_light_tells_from_skin_is_not_painted(
     scene: Scene, problem: Problem, monkeypatch: pytest.MonkeyPatch
 ):
-    """A dark strip beside hair is none of the face's, in the maps and in what they are judged by."""
+    """A dark strip beside hair is none of the face's."""
     photo, fitted = problem.photograph, at_truth(scene, problem)
     plain = what_is_shown(problem, scene.forward, fitted)
     assert plain is not None
@@ -400,4 +400,5 @@ def test_hair_that_only_the_light_tells_from_skin_is_not_painted(
     far = column > left + 20
     np.testing.assert_array_equal(shown.clear[far], bare.clear[far])
     found = refine(dark, scene.forward, fitted).hanging
+    assert found is not None
     np.testing.assert_array_equal(found, shown.hanging)
