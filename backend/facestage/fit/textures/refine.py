@@ -66,7 +66,7 @@ class Refined:
     # EYES and TEETH, as far as the photo says what color they are
     told: frozenset[int] = frozenset()
     # where hair hangs before the face that only the fitted light tells from skin; None: who knows
-    hanging: Bool[np.ndarray, "height width"] | None = None
+    hanging: Bool[np.ndarray, "rows columns"] | None = None
 
 
 def refine(
