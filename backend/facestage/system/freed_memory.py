@@ -6,7 +6,7 @@ import ctypes
 import sys
 
 # Of malloc.h of the GNU C library.
-TRIM_THRESHOLD, TOP_PAD, MMAP_MAX = -1, -2, -4
+TRIM_THRESHOLD, TOP_PAD, MMAP_MAX, ARENA_MAX = -1, -2, -4, -8
 LARGEST = 2**31 - 1
 GROWTH = 64 << 20  # bytes that the heap grows by at least
 
@@ -22,7 +22,8 @@ def keep_freed_memory() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:
         return False
-    settings = ((MMAP_MAX, 0), (TRIM_THRESHOLD, LARGEST), (TOP_PAD, GROWTH))
+    # One heap for all threads, or each would keep what it frees from the others.
+    settings = ((ARENA_MAX, 1), (MMAP_MAX, 0), (TRIM_THRESHOLD, LARGEST), (TOP_PAD, GROWTH))
     return all(mallopt(which, value) == 1 for which, value in settings)
 
 
