@@ -20,7 +20,7 @@ from facestage.fit.given.face_areas import (
     mouth_share,
     opening_share,
 )
-from facestage.fit.given.skin_mask import beyond_border, border_width
+from facestage.fit.given.skin_mask import beyond_border, border_width, large_regions
 from facestage.images.opencv import opencv
 
 # Log radiance below the fit's from which on it may be hair, and from which on surely; the share of
@@ -53,11 +53,7 @@ def hanging_hair(
     if not (face_px > 1.0 and seen.any()):
         return nothing
     border = border_width(face_px)
-    least = (2 * border) ** 2  # pixels; less is noise
-    regions, count = label(hiding)
-    large = np.bincount(regions.ravel(), minlength=count + 1) > least
-    large[0] = False
-    hiding = large[regions]
+    hiding = large_regions(hiding, border)
     if not hiding.any():
         return nothing
     cv2 = opencv()
@@ -72,12 +68,11 @@ def hanging_hair(
     if mouth.any() and float((level[mouth] > SURE).mean()) > BEARD_SHARE:
         regions, _ = label(dark)
         dark &= ~np.isin(regions, np.unique(regions[dark & mouth]))
-    regions, count = label(dark & (away < REACH * face_px))
+    regions, count = label(large_regions(dark & (away < REACH * face_px), border))
     sizes = np.bincount(regions.ravel(), minlength=count + 1)
     sure = np.bincount(regions.ravel(), (level > SURE).ravel(), count + 1)
     near = binary_dilation(hiding, iterations=int(np.ceil(2 * border)))
-    hangs = np.isin(np.arange(count + 1), regions[near])
-    hangs &= (sizes > least) & (sure > SURE_SHARE * sizes)
+    hangs = np.isin(np.arange(count + 1), regions[near]) & (sure > SURE_SHARE * sizes)
     hangs[0] = False
     return np.asarray(beyond_border(hangs[regions], border) < 0.5)
 

@@ -190,10 +190,17 @@ def clear_of_others(paint: np.ndarray, head: np.ndarray, face_px: float) -> np.n
     than the border itself is noise, which has none.
     """
     width = border_width(face_px)
-    regions, count = label(head & (paint < 0.5))
+    return beyond_border(large_regions(head & (paint < 0.5), width), width)
+
+
+def large_regions(mask: np.ndarray, width: float) -> np.ndarray:
+    """(h, w) bool, the regions of ``mask`` (h, w) that are larger than a border so many pixels
+    wide: what is smaller is noise.
+    """
+    regions, count = label(mask)
     large = np.bincount(regions.ravel(), minlength=count + 1) > (2 * width) ** 2
     large[0] = False
-    return beyond_border(large[regions], width)
+    return np.asarray(large[regions])
 
 
 def border_reach(face_px: float) -> int:

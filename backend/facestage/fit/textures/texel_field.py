@@ -21,8 +21,7 @@ TOLERANCE = 2e-3
 STEPS_COARSE, STEPS_FINE = 60, 10
 # Texels along the side of a tile, and around it; more than a step goes in all.
 TILE, HALO = 512, 12
-# At most: each takes memory, and its thread keeps some; of a texture of more texels only one.
-TILES_AT_ONCE, ALONE = 4, 2048
+TILES_AT_ONCE = 4  # at most: each takes memory
 # Share of the answer that is known, on the level before, below which a texel is not solved for
 # again.
 NEGLIGIBLE = 0.005
@@ -105,17 +104,16 @@ def solved_levels(
     while len(levels[-1].texels) > COARSEST and len(levels[-1].texels) % 2 == 0:
         levels.append(levels[-1].halved())
     found = None
-    at_once = min(cores(), TILES_AT_ONCE) if len(field.texels) <= ALONE else 1
     while levels:
-        found = _solved(levels.pop(), found, at_once)
+        found = _solved(levels.pop(), found)
         yield found[..., :-1], np.clip(found[..., -1], 0, 1)
 
 
 def _solved(
-    field: Field, coarse: Float32[np.ndarray, "half half columns"] | None, at_once: int
+    field: Field, coarse: Float32[np.ndarray, "half half columns"] | None
 ) -> Float32[np.ndarray, "size size columns"]:
     """Of a field whose pixels are ordered by v, with the ones among its values, begun at the
-    ``coarse`` one of half the size, so many tiles ``at_once``.
+    ``coarse`` one of half the size.
     """
     size, columns = len(field.texels), field.values.shape[1]
     result = np.zeros((size, size, columns), np.float32)
@@ -144,11 +142,8 @@ def _solved(
 
     # Each tile alone writes its own part; what takes time in it leaves Python's lock to others.
     tiles = list(np.ndindex(-(-size // TILE), -(-size // TILE)))
-    if at_once == 1:
-        deque(map(solve, *zip(*tiles, strict=True)), maxlen=0)
-    else:
-        with ThreadPoolExecutor(at_once) as pool:
-            deque(pool.map(solve, *zip(*tiles, strict=True)), maxlen=0)
+    with ThreadPoolExecutor(min(cores(), TILES_AT_ONCE)) as pool:
+        deque(pool.map(solve, *zip(*tiles, strict=True)), maxlen=0)
     return result
 
 
