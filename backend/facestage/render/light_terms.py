@@ -100,6 +100,16 @@ class LightTerms:
             indirect=indirect,
         )
 
+    def part(self, points: np.ndarray) -> LightTerms:
+        """Those of some ``points``, by number or bool."""
+        known = {item.name: getattr(self, item.name) for item in fields(self)}
+        del known["pairs"]
+        indirect = known.pop("indirect")
+        part = {name: each[points] if each.size else each for name, each in known.items()}
+        if indirect.size:
+            indirect = indirect[:, points]
+        return replace(self, **part, indirect=indirect)
+
     @classmethod
     def joined(cls, parts: Sequence[LightTerms]) -> LightTerms:
         """Of points one after another, under the same lights."""

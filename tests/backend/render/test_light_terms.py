@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from facestage.contract.light_stage import fibonacci_stage
-from facestage.render.light_terms import Asked
+from facestage.render.light_terms import Asked, LightTerms
 from reference.rendering.area_light import direct_light, grid, lattice
 from reference.rendering.meshes import (
     Mesh,
@@ -310,3 +310,19 @@ def test_chosen_pairs_of_point_and_light_have_the_terms_of_a_whole_trace(tracer_
         np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max())
     none = tracer.light_terms(lit, 3, 11, DERIVED, pairs=(np.zeros(0, int), np.zeros(0, int)))
     assert none.diffuse.shape == (0, 1) and none.diffuse_by_normal.shape == (0, 3, 3)
+
+
+def test_parts_of_points_joined_again_are_the_whole() -> None:
+    random = np.random.default_rng(0)
+    whole = LightTerms(
+        random.uniform(size=(7, 2)),
+        random.uniform(size=(7, 2)),
+        diffuse_by_normal=random.uniform(size=(7, 3, 3)),
+        specular_by_roughness=random.uniform(size=(7, 3)),
+        indirect=random.uniform(size=(3, 7, 2)),
+    )
+    first = np.arange(7) < 3
+    joined = LightTerms.joined([whole.part(first), whole.part(np.flatnonzero(~first))])
+    for name, each in vars(whole).items():
+        np.testing.assert_array_equal(getattr(joined, name), each, name)
+    assert len(whole.part(first).diffuse) == 3 and whole.part(first).indirect.shape == (3, 3, 2)

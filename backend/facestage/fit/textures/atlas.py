@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.ndimage import distance_transform_edt
 
 from facestage.contract.arrays import Bool, Float, Float32, Int, Shaped
 from facestage.contract.face_model import SKIN
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.mixing import mixed
+from facestage.images.opencv import opencv
 from facestage.render.tracer import Hits, RayTracer
 
 BLOCK = 2**20  # texels that are worked on at once
@@ -28,7 +28,7 @@ class Atlas:
     weights: Float[np.ndarray, "texels 3"]  # barycentric
     triangle: Int[np.ndarray, " texels"]  # triangle of the rendered mesh
     triangles: Int[np.ndarray, "triangles 3"]  # their vertices
-    # of each texel that is not covered, row by row, the number of the nearest that is
+    # of each texel that is not covered, row by row, the number of the nearest that is, about
     nearest: Int[np.ndarray, " uncovered"]
 
     @property
@@ -41,8 +41,9 @@ class Atlas:
         """Rasterise the UV triangles by tracing one ray through each texel's centre."""
         centre = (np.arange(size) + 0.5) / size
         rows = max(BLOCK // size, 1)
+        tracer = uv_tracer(geometry)
         blocks = [
-            shown_at(geometry, *np.meshgrid(centre, 1.0 - centre[start : start + rows]))
+            shown_at(tracer, *np.meshgrid(centre, 1.0 - centre[start : start + rows]))
             for start in range(0, size, rows)
         ]
         every = np.concatenate([block.triangle for block in blocks])
@@ -52,10 +53,8 @@ class Atlas:
         del blocks, every
         skin = np.zeros((size, size), bool)
         skin[covered] = geometry.triangle_part[triangle] == SKIN
-        row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-        nearest = row[~covered] * size + column[~covered]
         triangles = geometry.triangles.astype(np.int32)
-        return cls(size, covered, skin, weights, triangle, triangles, nearest)
+        return cls(size, covered, skin, weights, triangle, triangles, nearest_covered(covered))
 
     def bake(
         self, values: Float[np.ndarray, "vertices channels"]
@@ -121,12 +120,28 @@ class Atlases:
         return self._built[size]
 
 
-def shown_at(
-    geometry: FaceGeometry, u: Float[np.ndarray, "_ _"], v: Float[np.ndarray, "_ _"]
-) -> Hits:
-    """Which triangle of the rendered mesh points of the UV square show."""
+def nearest_covered(covered: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, " uncovered"]:
+    """Of each texel that is not covered, row by row, the number of the nearest that is; of those
+    far away of one about as near (Borgefors 1986).
+    """
+    cv2 = opencv()
+    _, labels = cv2.distanceTransformWithLabels(
+        (~covered).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    number = np.zeros(int(labels.max()) + 1, np.int64)
+    number[labels[covered]] = np.flatnonzero(covered)
+    return number[labels[~covered]]
+
+
+def uv_tracer(geometry: FaceGeometry) -> RayTracer:
+    """The UV triangles of the rendered mesh, in the plane of height 0."""
     uvs = geometry.model.uvs
     tracer = RayTracer(geometry.triangle_uvs, len(uvs))
     tracer.update(np.concatenate([uvs, np.zeros((len(uvs), 1))], axis=1))
+    return tracer
+
+
+def shown_at(tracer: RayTracer, u: Float[np.ndarray, "_ _"], v: Float[np.ndarray, "_ _"]) -> Hits:
+    """Which triangle of a :func:`uv_tracer` points of the UV square show."""
     origin = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1)
     return tracer.first_hits(origin, np.broadcast_to([0.0, 0.0, -1.0], origin.shape))

@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from facestage.contract.arrays import Float, Float32
 from facestage.fit.forward.shading import sample_bilinear
 from facestage.fit.textures.doubts import DOUBTS, PIGMENT_SIGMA, Doubts, pigment_share
 from facestage.fit.textures.shown import Shown, lattice
 from facestage.fit.textures.texel_field import Field, solve_field
+from facestage.images.local_mean import local_mean
 
 # Deviation of the mean that a pixel is compared with, as a share of the face.
 SURROUNDINGS = 0.03
@@ -43,7 +43,7 @@ def fine_detail(
     body, gloss = np.maximum((diffuse * shown.albedo).mean(axis=1), 1e-9), specular.mean(axis=1)
     surface, rendered = shown.image.surface, shown.image.color
     floor = DARK_SHARE * max(float(rendered.mean()), 1e-9)
-    matte = np.log(diffuse.mean(axis=1) + floor)[:, None]
+    matte = np.log(diffuse.mean(axis=1) + floor)
     ratio = np.log(np.maximum(shown.photo, 0) + floor) - np.log(np.maximum(rendered, 0) + floor)
     # Where red alone is clipped, the others say how bright skin is beside its surroundings.
     told = ~shown.clipped
@@ -52,13 +52,13 @@ def fine_detail(
     ratio = np.where(told, ratio, mean[:, None])
     if painted is not None:
         ratio = ratio + painted
-    fine, edges, gleams = (
-        departures(surface.pixels, each, clear, shown.face_px)
-        for each in (ratio, matte, gloss[:, None])
+    departure = departures(
+        surface.pixels, np.column_stack([ratio, matte, gloss]), clear, shown.face_px
     )
+    fine, edges, gleams = departure[:, :3], departure[:, 3], departure[:, 4]
     # Light that changes evenly is no detail, wherever it lies; nor is gloss.
-    shading = SHIFT * shown.change_over_shift(edges[:, 0])
-    highlight = CAUTION * doubts.highlight_shift * shown.change_over_shift(gleams[:, 0]) / body
+    shading = SHIFT * shown.change_over_shift(edges)
+    highlight = CAUTION * doubts.highlight_shift * shown.change_over_shift(gleams) / body
     sigma = np.hypot(PIGMENT_SIGMA, shown.feature)
     # Below gloss, which has none of it, a change of the albedo shows less.
     fine = fine * np.minimum((body + gloss) / body, UNVEILED_MAX)[:, None]
@@ -80,12 +80,10 @@ def departures(
     """``values`` without what they are on the average of the ``clear`` (0..1) pixels around."""
     place, spacing = lattice(pixels)
     column, row = place.T
-    sums = np.zeros((row.max() + 1, column.max() + 1, values.shape[1] + 1), np.float32)
-    sums[row, column, :-1] = clear[:, None] * values
-    sums[row, column, -1] = clear
-    reach = SURROUNDINGS * face_px / spacing
-    sums = gaussian_filter(sums, (reach, reach, 0), truncate=2.5)[row, column]
-    return np.asarray(values - sums[:, :-1] / np.maximum(sums[:, -1:], 1e-6))
+    grid = np.zeros((row.max() + 1, column.max() + 1, values.shape[1] + 1), np.float32)
+    grid[row, column, :-1], grid[row, column, -1] = values, clear
+    around = local_mean(grid[..., :-1], grid[..., -1], SURROUNDINGS * face_px / spacing)
+    return np.asarray(values - around[row, column])
 
 
 def with_fine_detail(

@@ -47,6 +47,8 @@ from facestage.system.freed_memory import give_back_freed_memory
 
 # Texels along the atlas on which mirror images are looked up, at most.
 COARSE_SIZE = 1024
+# Pixels of a photo that gloss is found from, about: its maps have no finer texels.
+GLOSS_PIXELS = 400_000
 # Of a larger atlas and the light on each pixel of a large photo only one fits into memory.
 EARLY_SIZE = 2048
 
@@ -93,7 +95,7 @@ def refine(
     )
     gloss = None
     if shown is not None and not freeze >= {"specular", "roughness"}:
-        gloss = _gloss(small, shown, fitted, freeze)
+        gloss = _gloss(small, shown.thinned(GLOSS_PIXELS), fitted, freeze)
         shown = shown.with_gloss(
             sample_bilinear(gloss.specular, shown.uvs), sample_bilinear(gloss.roughness, shown.uvs)
         )

@@ -124,19 +124,20 @@ class Shown:
         return replace(self, image=replace(self.image, terms=terms, spread=None))
 
     def thinned(self, pixels: int) -> Shown:
-        """Every second pixel, third, ... along both axes, without what each light does alone, so
-        that about ``pixels`` are left; all, where light that spreads ties them together.
+        """Every second pixel, third, ... along both axes, so that about ``pixels`` are left; light
+        that spreads below the skin has arrived there.
         """
         image = self.image
         step = int(np.ceil(np.sqrt(len(self.uvs) / pixels)))
-        if step == 1 or image.spread is not None:
+        if step == 1:
             return self
         place, _ = lattice(image.surface.pixels)
         kept = (place % step == 0).all(axis=1)
         image = replace(
             image,
             surface=image.surface.part(kept),
-            terms=LightTerms.dark(0, 0, PLAIN),
+            terms=image.terms.part(kept),
+            spread=None,
             excess=None if image.excess is None else image.excess[kept],
             **{
                 name: getattr(image, name)[kept]

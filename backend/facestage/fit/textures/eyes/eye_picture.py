@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 
 from facestage.contract.arrays import Float, Float32
 from facestage.contract.face_model import EYES, FaceModel
 from facestage.contract.texture_maps import uv_box
 from facestage.fit.face.eye_white import IRIS_MAX
 from facestage.fit.face.geometry import FaceGeometry
-from facestage.fit.textures.atlas import Atlas, shown_at
+from facestage.fit.textures.atlas import Atlas, nearest_covered, shown_at, uv_tracer
 from facestage.fit.textures.eyes.eye_pattern import REACH, eye_albedo
 from facestage.fit.textures.eyes.lid_shade import LidShade
 from facestage.fit.textures.eyes.part_color import LUMINANCE, PUPIL_MAX
@@ -100,7 +100,7 @@ def eye_picture(
     height = TEXELS // width
     v, u = np.mgrid[:height, :width]
     hits = shown_at(
-        geometry,
+        uv_tracer(geometry),
         left + (u + 0.5) / width * (right - left),
         top - (v + 0.5) / height * (top - bottom),
     )
@@ -117,9 +117,8 @@ def eye_picture(
             found[own] *= np.exp(shade.log_change(across[own], number))[:, None]
     picture = np.zeros((height * width, 3), np.float32)
     picture[shown] = found
-    away = (~shown).reshape(height, width)
-    nearest = distance_transform_edt(away, return_distances=False, return_indices=True)
-    return picture.reshape(height, width, 3)[nearest[0], nearest[1]]
+    picture[~shown] = picture[nearest_covered(shown.reshape(height, width))]
+    return picture.reshape(height, width, 3)
 
 
 def eyes_painted(

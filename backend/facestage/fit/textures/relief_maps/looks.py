@@ -16,9 +16,10 @@ from facestage.fit.textures.relief_maps.relief import Relief, ReliefSeen
 from facestage.fit.textures.shown import Shown, light_on, what_is_shown
 from facestage.fit.trust.fitted import Fitted
 
-# Pixels of a photo that relief is found from a second time, about: it has no finer texels.
-LOOKED_AGAIN = 500_000
-# Towards the lights then: what grain a single one leaves in penumbras is taken for relief.
+# Pixels of a photo that relief is found from, about: it has no finer texels.
+LOOKED_AT = 500_000
+# Towards the lights the second time: grain that a single one leaves in penumbras is taken for
+# relief.
 RAYS_AGAIN = 4e7
 
 
@@ -29,7 +30,7 @@ def first_look(
     if "relief" in problem.job.freeze:
         return None
     first = ReliefSeen(forward.geometry, atlas)
-    first.add(shown, fitted.state)
+    first.add(shown.thinned(LOOKED_AT), fitted.state)
     return first
 
 
@@ -42,7 +43,8 @@ def look_again(
     relief: Relief,
 ) -> None:
     """Take up a photo's pixels with the light on ``relief``, traced."""
-    shown = shown.thinned(LOOKED_AGAIN)
+    if shown.image.spread is None:  # which ties all pixels together
+        shown = shown.thinned(LOOKED_AT)
     image, surface = shown.image, relief.on(shown, forward.geometry, fitted.state)
     rougher = shown.rougher
     roughness = None
@@ -77,7 +79,7 @@ def relief_together(
             first = ReliefSeen(forward.geometry, Atlas.build(forward.geometry, size))
         shown = what_is_shown(problem, forward, fitted)
         if shown is not None:
-            first.add(shown, fitted.state)
+            first.add(shown.thinned(LOOKED_AT), fitted.state)
     seen = None if first is None else first.again()
     if seen is None or first is None or first.found is None:
         return first

@@ -14,6 +14,7 @@ from facestage.fit.forward.surface_frame import FrameField
 from facestage.fit.textures.albedo_detail import LIT_FULL
 from facestage.fit.textures.doubts import in_doubt
 from facestage.fit.textures.shown import Shown
+from facestage.images.local_mean import local_mean
 
 MILLIMETRES = 1e3
 NOISE = 0.03  # of the logarithm, one pixel: sensor, compression, resampling
@@ -152,8 +153,8 @@ def evidence(
     residual = _residual(shown, shown.image)
     total = summed(weight)
     width = caution.longest / 4 / float(np.median(spacing[inner]))
-    low = gaussian_filter(summed(weight * residual), width)
-    low /= np.maximum(gaussian_filter(total, width), 1e-6)
+    value = summed(weight * residual) / np.maximum(total, 1e-9)
+    low = local_mean(value[..., None], total, width)
     residual = _residual(shown, image) - low.ravel()[texel]
     weight *= 1.0 / (1.0 + (residual / LOG_MAX) ** 4)
     weight *= 1.0 / (1.0 + ((by_slope**2).sum(axis=1) / caution.steepest**2) ** 2)

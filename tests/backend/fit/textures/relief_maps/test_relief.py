@@ -220,4 +220,8 @@ def test_a_thinned_lattice_shows_every_second_pixel_each_way(face: PaintedFace):
     for name in ("photo", "uvs", "clipped", "clear", "doubt", "feature", "lips", "crease"):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[index], name)
     np.testing.assert_array_equal(part.image.color, whole.image.color[index])
+    for name, each in vars(part.image.terms).items():
+        if name not in ("pairs", "indirect") and each.size:
+            np.testing.assert_array_equal(each, getattr(whole.image.terms, name)[index], name)
+    assert part.image.terms.specular_by_roughness.size
     assert part.rougher is not None and len(part.rougher) == len(places)
