@@ -135,8 +135,8 @@ def test_light_below_the_skin_is_written_back_as_the_fit_saw_it(
     job, out = tmp_path / "job", tmp_path / "result"
     given = read_job(scene)
     initial = {**given.initial, name: np.array(1.0)}
-    # With the mean face, which shows light below the skin as well as any.
-    freeze = name, "specular", "identity", "expression"
+    # With the mean face and its own maps, which show light below the skin as well as any.
+    freeze = name, "specular", "roughness", "albedo", "identity", "expression"
     replace(given, freeze=freeze, initial=initial, quality="draft").save(job)
     assert BackendProcess(fit_command(backend, [job], out)).wait().ok
     result = Result.load(out)

@@ -234,7 +234,7 @@ def write_result(
     write_json(folder / LANDMARKS, problem.job.landmarks.to_json())
     probe = light_probe(stage)
     # Compressing what is large takes as long as the report, which needs none of it.
-    with ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(2) as pool:
         written = [
             pool.submit(write_exr, folder / name, image)
             for name, image in _maps(problem, finished, probe).items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -186,7 +187,9 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
     surface = forward.surface(fitted.state, step * np.stack([x, y], axis=1) + 0.5, only_fitted=True)
     if not len(surface.pixels):
         return None
-    terms = light_on(problem, forward, fitted, surface)
+    with ThreadPoolExecutor(1) as beside:  # which needs no renderer
+        paintable = beside.submit(lambda: problem.paintable)
+        terms = light_on(problem, forward, fitted, surface)
     image = forward.shade(fitted.state, surface, terms, radiance=np.eye(3))
     width, height = problem.photograph.size
     column, row = surface.pixels.astype(int).T
@@ -202,12 +205,13 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         problem.face_size_px,
         problem.lash_depth,
     )
-    beside = surface.pixels, lids.shift
-    skin = _read(problem.paintable * problem.clear(head) * ~fitted.hidden * (1.0 - opened), *beside)
+    moved = surface.pixels, lids.shift
+    skin = paintable.result() * problem.clear(head) * ~fitted.hidden * (1.0 - opened)
+    skin = _read(skin, *moved)
     base = problem.geometry.log_albedo.mean(axis=1)
     departure = np.abs(base - np.median(base[problem.geometry.fitted_vertices]))
     painted = np.einsum("pi,pi->p", surface.weights, departure[surface.corners])
-    photo = _read(problem.photograph.color, *beside)
+    photo = _read(problem.photograph.color, *moved)
     brows = brow_pixels((height, width), problem.landmarks)[row, column]
     beard = problem.beard.share[row, column] * (painted < FEATURE_MAX)
     clear = np.clip((cosine - GRAZING) / (FACING - GRAZING), 0, 1) * skin
@@ -227,7 +231,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         image=image,
         uvs=forward.uvs(surface),
         photo=photo,
-        clipped=_read(problem.photograph.clipped, *beside) > 0,
+        clipped=_read(problem.photograph.clipped, *moved) > 0,
         clear=clear * np.interp(lifted[row, column], SHADOW_BELIEVED, (1.0, 0.0)),
         doubt=_shading_doubt(problem, fitted)[row, column],
         feature=np.maximum.reduce(
