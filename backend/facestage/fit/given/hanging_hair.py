@@ -30,6 +30,9 @@ MAYBE, SURE, SURE_SHARE = 0.35, 0.7, 0.25
 # rendered one, at most 0.3 on six photographs without.
 BEARD_SHARE = 0.4
 DARKEST = 1.5  # what is darker still says no more
+# Radiance that logarithms are taken above, as a share of the mean: where the fit has hardly any
+# light, half of it is no hair.
+DARK_SHARE = 0.05
 # As shares of the face: how far from what hides it hair hangs, over what pixels are put together,
 # and how far around the openings lids and lashes are, which are as dark.
 REACH, SMOOTH, LIDS = 0.15, 0.008, 0.08
@@ -75,6 +78,17 @@ def hanging_hair(
     hangs = np.isin(np.arange(count + 1), regions[near]) & (sure > SURE_SHARE * sizes)
     hangs[0] = False
     return np.asarray(beyond_border(hangs[regions], border) < 0.5)
+
+
+def darker_than(
+    photo: Float[np.ndarray, "pixels 3"], rendered: Float[np.ndarray, "pixels 3"]
+) -> Float[np.ndarray, " pixels"]:
+    """By how much log radiance of the ``photo`` lies below what is ``rendered``, as
+    :func:`hanging_hair` asks.
+    """
+    seen, expected = np.maximum(photo.mean(axis=1), 0), np.maximum(rendered.mean(axis=1), 0)
+    floor = max(DARK_SHARE * float(expected.mean()), 1e-9) if len(expected) else 1.0
+    return np.asarray(np.log(expected + floor) - np.log(seen + floor))
 
 
 def _dark_features(

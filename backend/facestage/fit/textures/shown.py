@@ -16,7 +16,7 @@ from facestage.fit.face.state import State
 from facestage.fit.forward.reflectance import Skin, by_albedo
 from facestage.fit.forward.shading import ForwardModel, Image, Surface
 from facestage.fit.given.face_areas import brow_pixels, lips_share, no_larger, opening_share
-from facestage.fit.given.hanging_hair import hanging_hair
+from facestage.fit.given.hanging_hair import darker_than, hanging_hair
 from facestage.fit.given.problem import Problem
 from facestage.fit.given.skin_mask import border_reach
 from facestage.fit.textures.cast_shadow import shadow_depth
@@ -225,7 +225,7 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
         shift_px,
     )
     photo = photo * np.exp(lifted_here)[:, None]
-    hanging = _hanging_hair(problem, surface.pixels, _log_ratio(photo, image.color))
+    hanging = _hanging_hair(problem, surface.pixels, darker_than(photo, image.color))
     clear *= 1.0 - hanging[row, column]
     shown = Shown(
         image=image,
@@ -256,19 +256,19 @@ def what_is_shown(problem: Problem, forward: ForwardModel, fitted: Fitted) -> Sh
 
 
 def _hanging_hair(
-    problem: Problem, pixels: Float[np.ndarray, "pixels 2"], residual: Float[np.ndarray, " pixels"]
+    problem: Problem, pixels: Float[np.ndarray, "pixels 2"], darker: Float[np.ndarray, " pixels"]
 ) -> Float32[np.ndarray, "height width"]:
-    """0..1, which pixels show hair that only the fitted light tells from skin: ``residual`` is the
-    log of the photo over what is rendered at ``pixels``.
+    """0..1, which pixels show hair that only the fitted light tells from skin, which the photo
+    has ``darker`` at ``pixels``.
     """
     height, width = problem.photograph.mask.shape
     size, landmarks = no_larger(problem.landmarks, (height, width), HANGING_FACE_PX)
     column, row = (pixels * [size[0] / width, size[1] / height]).astype(int).T
     where, count = row * size[0] + column, size[0] * size[1]
     seen = np.bincount(where, minlength=count)
-    darker = -np.bincount(where, residual, count) / np.maximum(seen, 1)
+    mean = np.bincount(where, darker, count) / np.maximum(seen, 1)
     found = hanging_hair(
-        darker.reshape(size[::-1]),
+        mean.reshape(size[::-1]),
         seen.reshape(size[::-1]) > 0,
         resize((problem.paintable * problem.photograph.mask).astype(np.float32), *size) < 0.5,
         resize(problem.beard.share.astype(np.float32), *size) > 0.5,

@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from facestage.fit.given.face_areas import face_size_px
-from facestage.fit.given.hanging_hair import hanging_hair
+from facestage.fit.given.hanging_hair import MAYBE, SURE, darker_than, hanging_hair
 from reference.drawn_face import DrawnFace
 
 FACE = DrawnFace(2)
@@ -95,3 +95,17 @@ def test_it_is_the_same_at_another_size():
         small.landmarks,
     )
     assert half.sum() == pytest.approx(hair.sum() / 4, rel=0.15)
+
+
+def test_where_the_fit_has_hardly_any_light_nothing_is_darker():
+    """Half of next to nothing is no hair; a fifth of what skin sends back is."""
+    rendered = np.outer([1.0] * 8 + [0.6, 0.03, 0.0], [1.2, 1.0, 0.8])
+    photo = rendered * np.array([1.0] * 7 + [0.2, 0.2, 0.4, 1.0])[:, None]
+    darker = darker_than(photo, rendered)
+    np.testing.assert_allclose(darker[:7], 0.0, atol=1e-12)
+    assert (darker[[7, 8]] > SURE).all() and darker[9] < MAYBE and darker[10] == 0
+    np.testing.assert_allclose(darker_than(3 * photo, 3 * rendered), darker)
+    assert (
+        darker_than(-photo, rendered)[0] > 2
+        and np.isfinite(darker_than(photo[:0], photo[:0])).all()
+    )
