@@ -49,7 +49,7 @@ from facestage.contract.skin_tone import (
     typology_angle,
     usual_color,
 )
-from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
+from facestage.contract.texture_maps import BESIDE_MAPS, TEXTURE_MAPS
 
 from .translations import FACESTAGE
 
@@ -199,7 +199,7 @@ FaceSettings.__annotations__ |= {
         name=_title(each.title),
         description=f"{_title(each.title)} texture, linear",
     )
-    for each in (*TEXTURE_MAPS, EYE_MAP)
+    for each in (*TEXTURE_MAPS, *BESIDE_MAPS)
 }
 
 

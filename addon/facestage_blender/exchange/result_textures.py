@@ -13,7 +13,7 @@ from facestage.contract.files.exr_header import exr_size
 from facestage.contract.files.paths import is_file
 from facestage.contract.result import TEXTURE_MAX, Result
 from facestage.contract.sequence import Sequence
-from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
+from facestage.contract.texture_maps import BESIDE_MAPS, TEXTURE_MAPS
 
 from ..pictures.images import image_pixels, set_color_space
 
@@ -29,7 +29,7 @@ def loading_steps(result: Result) -> Generator[None, None, dict[str, bpy.types.I
     """
     loaded: dict[str, bpy.types.Image] = {}
     try:
-        for each in (*TEXTURE_MAPS, EYE_MAP):
+        for each in (*TEXTURE_MAPS, *BESIDE_MAPS):
             folder = Path(result.folder or "")
             if each.required or (result.folder is not None and is_file(folder / each.file)):
                 name = f"Facestage {each.socket}"

@@ -15,17 +15,17 @@ from mathutils import Matrix
 from facestage.contract.certainty import DEVIATION
 from facestage.contract.errors import InputError
 from facestage.contract.result import Result
-from facestage.contract.texture_maps import PLAIN
+from facestage.contract.texture_maps import FOLD_MAP, PLAIN
 
 from ..rig.certainty import write_certainty
 from ..rig.control.control_rig import renewal_steps
-from ..rig.face_rig import move_sliders, relief_of, require_rig, rig_axes, slider_values
+from ..rig.face_rig import key_name, move_sliders, relief_of, require_rig, rig_axes, slider_values
 from ..rig.own_lines import remove_lines
 from ..rig.own_record import OwnMesh
 from ..rig.own_rig import borrowed_shape, check_vertices
 from ..rig.own_sliders import write_shape
 from ..rig.relief_key import check_relief, write_relief
-from ..rig.sliders import carrier
+from ..rig.sliders import carrier, value_path
 from ..scene import frames
 from ..scene.camera import ensure_camera, write_camera
 from ..scene.color_views import show_new_skin
@@ -35,6 +35,7 @@ from ..scene.several import separate_light, shares_camera
 from ..scene.stage import build_stage, facestage_collection, place, require_stage
 from ..skin.brows import renew_brows
 from ..skin.displaced_skin import displace
+from ..skin.folds import give_folds, take_folds
 from ..skin.lashes import color_lashes
 from ..skin.material import set_scattering, set_textures
 from ..skin.uneven_skin import set_curvature
@@ -141,7 +142,12 @@ def _write_skin(
 ) -> None:
     """Textures, what light does in the skin, and what grows on it."""
     rig = require_rig(scene)
+    take_folds(rig)  # an older result's, whose picture goes
     set_textures(rig, textures, {name: float(result.parameters[name]) for name in PLAIN})
+    keys = rig.data.shape_keys.key_blocks
+    sliders = [keys.get(key_name(name)) for name in result.expression_names]
+    paths = [None if key is None else value_path(key) for key in sliders]
+    give_folds(rig, textures.get(FOLD_MAP.name), result.folds, paths)
     displace(rig, False)  # another relief: by its normal map until it is asked for
     scattering, translucency = (
         float(result.parameters.get(name, 0.0)) for name in ("scattering", "translucency")

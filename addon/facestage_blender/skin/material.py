@@ -15,6 +15,7 @@ from facestage.contract.face_model import OTHER, PARTS, SKIN, FaceModel
 from facestage.contract.scattering import METRES, RADIUS_MM, STRENGTH_MAX, TRANSLUCENCY_MAX
 from facestage.contract.texture_maps import (
     ALBEDO,
+    BESIDE_MAPS,
     EYE_MAP,
     NORMAL,
     PLAIN,
@@ -310,7 +311,7 @@ def set_textures(
     Where a map is missing the skin has one value: that of its parameter in ``plain``.
     """
     face = rig.facestage_face
-    maps = (*TEXTURE_MAPS, EYE_MAP)
+    maps = (*TEXTURE_MAPS, *BESIDE_MAPS)
     before = [getattr(face, f"{each.name}_image") for each in maps]
     retired = [image for image in before if image is not None and image not in images.values()]
     for each in maps:

@@ -26,6 +26,7 @@ _MAPS = {
     "Normals": "Normalen",
     "Height in mm": "Höhe in mm",
     "Eyes": "Augen",
+    "Folds": "Falten",
 }
 _SIDES = {"left": "links", "right": "rechts", "top": "oben", "bottom": "unten", "front": "vorn"}
 _SIZES = (512, 1024, 2048, 4096)

@@ -17,6 +17,7 @@ from facestage.contract.files.atomic import read_consistently
 from facestage.contract.files.paths import is_folder
 from facestage.contract.files.reading import MIB
 from facestage.contract.files.storage import read_arrays, read_json, write_arrays, write_json
+from facestage.contract.folds import PLACE, PLACES, PULL, Folds
 from facestage.contract.job import SEED_MAX
 from facestage.contract.light_stage import FAR, LIGHT_ARRAYS, LightStage, StageSchema
 from facestage.contract.parameters import KEPT, SIZES, WEIGHT_MAX, as_fields, result_arrays
@@ -111,6 +112,11 @@ class Result:
         expression say, in the model's order; None where they do not.
         """
         return self.arrays.get(RELIEF)
+
+    @property
+    def folds(self) -> Folds | None:
+        """What the folds in the albedo follow, where the photo's expression made some."""
+        return Folds.of(self.arrays)
 
     @property
     def model_to_stage(self) -> Float[np.ndarray, "4 4"]:
@@ -266,13 +272,20 @@ class ResultArrays(FileSchema):
             raise ValidationError(
                 {"triangles": [f"holds {triangles.max()}, expected vertices of 0 to {count - 1}"]}
             )
-        for name in (DEVIATION, RELIEF):
+        shapes = {
+            DEVIATION: (count, 3),
+            RELIEF: (count, 3),
+            PLACE: (count, len(PLACES)),
+            PULL: (len(PLACES), len(data["expression"])),
+        }
+        for name, shape in shapes.items():
             each = data["extra"].get(name)
-            if each is not None and each.shape != (count, 3):
-                words = f"has shape {each.shape}, expected {count, 3}"
+            if each is not None and each.shape != shape:
+                words = f"has shape {each.shape}, expected {shape}"
                 raise ValidationError({"extra": {name: [words]}})
-        relief = data["extra"].get(RELIEF)
-        # NaN is not below either.
-        if relief is not None and not (np.abs(relief) <= FAR).all():
-            words = f"holds numbers beyond {FAR:g}, or none"
-            raise ValidationError({"extra": {RELIEF: [words]}})
+        for name in (RELIEF, PLACE, PULL):
+            each = data["extra"].get(name)
+            # NaN is not below either.
+            if each is not None and not (np.abs(each) <= FAR).all():
+                words = f"holds numbers beyond {FAR:g}, or none"
+                raise ValidationError({"extra": {name: [words]}})

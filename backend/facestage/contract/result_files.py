@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 from facestage.contract import job, person, result, sequence, wrinkles
 from facestage.contract.relight_cache import RELIGHT_CACHE
-from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
+from facestage.contract.texture_maps import BESIDE_MAPS, TEXTURE_MAPS
 
 RESULT, LANDMARKS, REPORT = result.FILE, "landmarks.json", "report.html"
 SEQUENCE_PICTURE, SEQUENCE_FILM = "sequence.png", "film.webp"
@@ -27,7 +27,7 @@ FILES = frozenset(
         REPORT,
         *result.PICTURES,
         *(each.file for each in TEXTURE_MAPS),
-        EYE_MAP.file,
+        *(each.file for each in BESIDE_MAPS),
         result.COVERAGE,
         person.FILE,
         PERSON_REPORT,

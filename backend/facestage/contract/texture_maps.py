@@ -63,6 +63,10 @@ TEXTURE_MAPS = (
 REFLECTANCE_MAPS = tuple(each for each in TEXTURE_MAPS if each.reflectance)
 # Of the eyes' part of the UV square alone (:func:`uv_box`), in more texels: the same albedo.
 EYE_MAP = TextureMap("eyes", "Eyes", (0.5, 0.5, 0.5), required=False)
+# Albedo over what it were without the folds of the photo's expression (contract/folds.py).
+FOLD_MAP = TextureMap("folds", "Folds", (1.0, 1.0, 1.0), required=False, reflectance=False)
+# They paint no skin of their own.
+BESIDE_MAPS = (EYE_MAP, FOLD_MAP)
 # The parameters of a result that stand in for maps.
 PLAIN = tuple(each.plain for each in TEXTURE_MAPS if each.plain is not None)
 

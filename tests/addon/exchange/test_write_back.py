@@ -12,11 +12,15 @@ import pytest
 
 from facestage.contract.errors import InputError
 from facestage.contract.face_model import FaceModel
+from facestage.contract.folds import Folds
 from facestage.contract.job import Job
 from facestage.contract.light_stage import joined, lights_behind, selected
 from facestage.contract.parameters import PARAMETERS
 from facestage.contract.result import Result
+from facestage.contract.texture_maps import FOLD_MAP
+from facestage.images.image_io import write_exr
 from facestage_blender.backend.commands import fit_command
+from facestage_blender.skin.material import skin_nodes
 from reference.known import known
 
 
@@ -134,6 +138,33 @@ def test_relief_is_one_more_shape_key_until_a_result_has_none(
     apply_result(ready, plain)
     assert NAME not in keys
     np.testing.assert_allclose(camera_vertices(ready), plain.vertices, atol=2e-6)
+
+
+def test_folds_are_driven_until_a_result_has_none(ready, stand_in, tmp_path: Path) -> None:
+    import bpy
+
+    from facestage_blender.exchange.write_back import apply_result
+    from facestage_blender.rig.face_rig import set_weights
+    from facestage_blender.skin.folds import ATTRIBUTE, gone_path
+
+    plain = fitted(ready, stand_in, tmp_path)
+    pull = np.zeros((3, len(plain.expression)))
+    pull[0, 2] = 1 / plain.expression[2]
+    given = Folds(np.tile([1.0, 0.0, 0.0], (len(plain.vertices), 1)), pull)
+    write_exr(known(plain.folder) / FOLD_MAP.file, np.full((8, 8, 3), 0.8))
+    apply_result(ready, replace(plain, arrays=plain.arrays | given.arrays))
+    rig, name = ready.facestage.rig, plain.expression_names[2]
+    (tree,) = (tree for tree, _ in skin_nodes(rig))
+    for share in (1.0, 0.25, 0.0):
+        set_weights(rig, {}, {name: share * float(plain.expression[2])})
+        bpy.context.view_layer.update()
+        found = tree.path_resolve(gone_path())[0]
+        assert found == pytest.approx(1 - share, abs=1e-3)
+    assert ATTRIBUTE in rig.data.attributes
+    (known(plain.folder) / FOLD_MAP.file).unlink()
+    apply_result(ready, plain)
+    assert ATTRIBUTE not in rig.data.attributes
+    assert not [each for each in bpy.data.images if "Folds" in each.name]
 
 
 @pytest.mark.parametrize("handles", [False, True])

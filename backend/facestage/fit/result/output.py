@@ -22,7 +22,7 @@ from facestage.contract.parameters import as_fields
 from facestage.contract.relight_cache import relight_fingerprint
 from facestage.contract.result import COVERAGE, LIGHT_PROBE, RELIEF, RENDER, Result
 from facestage.contract.result_files import LANDMARKS, TRACE
-from facestage.contract.texture_maps import EYE_MAP, TEXTURE_MAPS
+from facestage.contract.texture_maps import EYE_MAP, FOLD_MAP, TEXTURE_MAPS
 from facestage.fit.energy.landmark_term import landmark_pixels
 from facestage.fit.energy.terms import words_of_energies
 from facestage.fit.face.state import State
@@ -224,6 +224,7 @@ def write_result(
         seed=problem.job.seed,
         arrays={"condition": np.array(fitted.condition)}
         | _vertex_arrays(problem, fitted)
+        | _fold_arrays(finished.refined)
         | {f"deviation/{name}": value for name, value in fitted.certainty.deviations.items()}
         | {f"deviation_before/{name}": value for name, value in fitted.certainty.before.items()},
         folder=folder,
@@ -260,6 +261,8 @@ def _maps(problem: Problem, finished: Finished, probe: np.ndarray) -> dict[str, 
     maps = {each.file: textures[each.name] for each in TEXTURE_MAPS if each.name in textures}
     if refined.eyes is not None:
         maps[EYE_MAP.file] = refined.eyes
+    if refined.folds is not None:
+        maps[FOLD_MAP.file] = refined.folds.ratio
     maps[RENDER] = problem.window.enlarged(finished.picture.color)
     maps[LIGHT_PROBE] = probe
     return maps
@@ -289,6 +292,10 @@ def _vertex_arrays(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
     if fitted.state.relief.any():
         found[RELIEF] = problem.geometry.relief(fitted.state)
     return found
+
+
+def _fold_arrays(refined: Refined) -> dict[str, np.ndarray]:
+    return {} if refined.folds is None else refined.folds.folds.arrays
 
 
 def _whole_stage(problem: Problem, lit: LightStage, camera_to_stage: np.ndarray) -> LightStage:

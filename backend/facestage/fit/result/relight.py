@@ -23,7 +23,7 @@ from facestage.contract.result import NAMES_MAX, Result
 from facestage.contract.schemas.array_field import Array
 from facestage.contract.schemas.fields import Number, Table
 from facestage.contract.schemas.schema import HandWritten, checked
-from facestage.contract.texture_maps import TEXTURE_MAPS
+from facestage.contract.texture_maps import FOLD_MAP, TEXTURE_MAPS
 from facestage.fit.face.geometry import FaceGeometry
 from facestage.fit.face.light_parameters import LightParameters
 from facestage.fit.face.state import State
@@ -34,6 +34,7 @@ from facestage.fit.forward.rendering import Textures, face_pixels, render_pictur
 from facestage.fit.forward.shading import ForwardModel
 from facestage.fit.given.problem import select_lights
 from facestage.fit.result.memory import check_picture, machine_memory
+from facestage.fit.textures.expression_folds import without
 from facestage.images.image_io import read_exr, resize, write_exr
 from facestage.models.registry import load_model
 from facestage.render.variant import start_renderer
@@ -188,6 +189,8 @@ def prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Ligh
     )
     relief = np.zeros((0, len(model.vertices), 3)) if result.relief is None else result.relief[None]
     geometry = FaceGeometry(model, relief.astype(np.float32))
+    if result.folds is not None and is_file(folder / FOLD_MAP.file):
+        textures = replace(textures, albedo=_less_folds(result, geometry, textures.albedo))
     stage = select_lights(result.stage, lit).transformed(np.linalg.inv(result.camera_to_stage))
     forward = ForwardModel(
         geometry, LightParameters(np.zeros(len(stage), bool), stage.radiance, uniform=False)
@@ -203,6 +206,21 @@ def prepared(result: Result, lit: np.ndarray) -> tuple[ForwardModel, State, Ligh
         **from_kept(result.parameters),
     )
     return forward, state, stage, textures
+
+
+def _less_folds(
+    result: Result, geometry: FaceGeometry, albedo: Float[np.ndarray, "texels texels 3"]
+) -> Float[np.ndarray, "texels texels 3"]:
+    """The ``albedo`` without the folds that the expression no longer makes."""
+    path = _folder(result) / FOLD_MAP.file
+    ratio = read_exr(path)
+    if ratio.shape[0] != ratio.shape[1]:
+        raise InputError(
+            f"The result's picture '{path}' has {ratio.shape[1]} x {ratio.shape[0]} pixels, "
+            "expected a square; run the fit again."
+        )
+    assert result.folds is not None
+    return without(albedo, ratio, result.folds.gone(result.expression), geometry)
 
 
 def _folder(result: Result) -> Path:

@@ -27,6 +27,8 @@ from facestage.fit.given.fineness import TEXELS_PER_FACE_PX, USUAL, Fineness
 from facestage.fit.given.problem import Problem
 from facestage.fit.textures.albedo_detail import AlbedoDetail, albedo_detail, painted
 from facestage.fit.textures.atlas import Atlas, Atlases
+from facestage.fit.textures.expression_folds import SIZE as FOLDS_SIZE
+from facestage.fit.textures.expression_folds import ExpressionFolds, expression_folds
 from facestage.fit.textures.eyes.eye_corner import keep_flesh
 from facestage.fit.textures.eyes.eye_picture import eye_picture, eyes_painted
 from facestage.fit.textures.eyes.iris_size import iris_size
@@ -69,6 +71,7 @@ class Refined:
     told: frozenset[int] = frozenset()
     # where hair hangs before the face that only the fitted light tells from skin; None: who knows
     hanging: Bool[np.ndarray, "rows columns"] | None = None
+    folds: ExpressionFolds | None = None  # of the photo's expression, in the albedo
 
 
 def refine(
@@ -124,10 +127,11 @@ def refine(
     del shown  # what the largest maps need memory for
     give_back_freed_memory()
     logs = atlas.bake(vertices)
-    hair = None if detail is None else detail.hair
+    hair, folds = None if detail is None else detail.hair, None
     if detail is not None:
         keep_flesh(detail.log_albedo, atlas, problem.geometry)
         logs += detail.log_albedo
+        folds = _folds(problem, forward, fitted, atlases.of(min(size, FOLDS_SIZE)), logs, detail)
         if hair is not None:
             grow_stubble(logs, atlas, problem.geometry, hair)
         model, mean = problem.geometry.model, problem.geometry.mean
@@ -145,7 +149,7 @@ def refine(
     tone = None if detail is None else detail.tone
     coverage = _coverage(atlas, small.size, detail, gloss)
     told = frozenset[int]() if ready is None else ready.parts.told
-    return Refined(textures, coverage, eyes, tone, hair, told, hanging)
+    return Refined(textures, coverage, eyes, tone, hair, told, hanging, folds)
 
 
 @dataclass(frozen=True)
@@ -272,6 +276,21 @@ def _gloss_textures(
         roughness = np.where(wet, rough, roughness)
     roughness = np.clip(roughness, brdf.ROUGHNESS_MIN, brdf.ROUGHNESS_MAX)
     return specular.astype(np.float32), roughness.astype(np.float32)
+
+
+def _folds(
+    problem: Problem,
+    forward: ForwardModel,
+    fitted: Fitted,
+    atlas: Atlas,
+    logs: Float[np.ndarray, "size size 3"],
+    detail: AlbedoDetail,
+) -> ExpressionFolds | None:
+    """Those of the photo's expression. Among the lines of a beard nobody could tell."""
+    if problem.beard.covers.any():
+        return None
+    known, scheme = detail.seen | detail.mirrored, problem.landmarks.scheme
+    return expression_folds(forward.geometry, fitted.state, scheme, atlas, logs, known)
 
 
 def _hair(
