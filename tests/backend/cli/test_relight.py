@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 
 from facestage import cli
+from facestage.contract.folds import PLACES, Folds
 from facestage.contract.light_stage import OFF
 from facestage.contract.relight_cache import RELIGHT_CACHE, RelightCache
 from facestage.contract.result import Result
+from facestage.contract.texture_maps import FOLD_MAP
 from facestage.fit.result import relight
-from facestage.images.image_io import read_exr
+from facestage.images.image_io import read_exr, write_exr
 from reference.command_line import Finished, refuse, write
 
 HALF = 1.2e-3  # two roundings to half floats: the cache's and the EXR's
@@ -194,6 +196,41 @@ def test_other_weights_are_traced_and_leave_the_cache(
         > 0.02
     )
     assert (folder / RELIGHT_CACHE).read_bytes() == before
+
+
+def with_folds(folder: Path, ratio: np.ndarray) -> Result:
+    """The result with a fold all over the face that its first expression makes."""
+    result = Result.load(folder)
+    expression = np.array([0.5, *result.expression[1:]])
+    pull = np.zeros((len(PLACES), len(expression)))
+    pull[0, 0] = 1 / expression[0]
+    folds = Folds(np.tile([1.0, 0.0, 0.0], (len(result.vertices), 1)), pull)
+    arrays = result.arrays | folds.arrays
+    result = replace(result, expression=expression, arrays=arrays)
+    result.write_into(folder)
+    write_exr(folder / FOLD_MAP.file, ratio)
+    return result
+
+
+def test_folds_go_with_the_expression_that_made_them(folder: Path, tmp_path: Path):
+    result = with_folds(folder, np.full((16, 16, 3), [0.8, 0.6, 0.4]))
+    name = result.expression_names[0]
+    lit = np.ones(len(result.stage), bool)
+    painted = read_exr(folder / "albedo.exr")
+    for weight, power in ((0.5, 0.0), (0.25, 0.5), (0.0, 1.0)):
+        other = relight.with_weights(result, {"expression": {name: weight}})
+        other = replace(other, folder=folder)
+        albedo = relight.prepared(other, lit)[3].albedo
+        wanted = painted / np.array([0.8, 0.6, 0.4]) ** power
+        np.testing.assert_allclose(albedo, wanted, rtol=2e-3)
+
+
+def test_a_map_of_folds_that_is_no_square_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    with_folds(folder, np.full((16, 8, 3), 0.5))
+    sentence = refuse(capsys, "render", folder, "--out", tmp_path / "a.png")
+    assert "has 8 x 16 pixels" in sentence and "run the fit again" in sentence
 
 
 def test_large_photos_get_a_smaller_cache_and_full_size_pictures(

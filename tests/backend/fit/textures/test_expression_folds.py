@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facestage.contract.folds import PLACES
 from facestage.fit.face.state import State
 from facestage.fit.textures.expression_folds import ExpressionFolds, expression_folds, without
 from reference.known import known
@@ -86,6 +87,30 @@ def test_a_light_ridge_goes_with_its_fold(face: PaintedFace):
     assert down < -0.3 and up == pytest.approx(-down, abs=0.06)
 
 
+def test_skin_between_two_folds_is_no_ridge(face: PaintedFace):
+    plain = face.atlas.bake(face.forward.log_albedo(face.state))
+    second = [(x + 0.006, y + 0.0055, z - 0.002) for x, y, z in FOLD]
+    between = [(x + 0.003, y + 0.00275, z - 0.001) for x, y, z in FOLD]
+    dark = np.maximum(drawn(face, FOLD), drawn(face, second))
+    found = known(found_in(face, expressed(face, **SMILE), plain - DEPTH * dark[..., None]))
+    logs = np.log(found.ratio).mean(axis=-1)
+    folds, middle = dark > 0.9, (drawn(face, between) > 0.9) & (dark == 0)
+    print("folds", logs[folds].mean(), "between", logs[middle].mean(), middle.sum())
+    assert middle.sum() > 20 and logs[folds].mean() < -0.25
+    assert logs[middle].mean() < 0.1
+
+
+def test_lines_where_a_smile_presses_nothing_stay(face: PaintedFace):
+    plain = face.atlas.bake(face.forward.log_albedo(face.state))
+    middle, steps = (0.02, 0.085, 0.0), 0.002 * np.arange(-5, 6)
+    cross = [(middle[0] + step, middle[1], middle[2]) for step in steps]
+    cross += [(middle[0], middle[1] + step, middle[2]) for step in steps]
+    marks = np.maximum(drawn(face, cross), drawn(face, FOLD))
+    found = known(found_in(face, expressed(face, **SMILE), plain - DEPTH * marks[..., None]))
+    assert np.log(found.ratio[drawn(face, FOLD) > 0.9]).mean() < -0.25
+    np.testing.assert_allclose(found.ratio[drawn(face, cross) > 0], 1.0, atol=0.01)
+
+
 def test_textures_of_more_texels_have_the_same(face: PaintedFace, smiling: ExpressionFolds):
     larger = np.repeat(np.repeat(painted(face), 2, axis=0), 2, axis=1)
     again = known(found_in(face, expressed(face, **SMILE), larger))
@@ -116,6 +141,7 @@ def test_they_follow_the_sliders_of_their_side(face: PaintedFace, smiling: Expre
     def gone(**weights: float) -> float:
         return float(folds.gone(expressed(face, **weights).expression)[cheek].mean())
 
+    assert folds.place[cheek, PLACES.index("left")].mean() > 0.9
     assert gone(**SMILE) == 0.0
     assert gone() == pytest.approx(1.0, abs=1e-3)
     assert gone(mouthSmileLeft=0.4) == pytest.approx(0.5, abs=0.1)
