@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from facestage.contract.arrays import Bool, Float, Float32
@@ -23,6 +22,7 @@ from facestage.fit.face.state import State
 from facestage.fit.face.strain import SkinPlanes
 from facestage.fit.textures.atlas import Atlas
 from facestage.images.image_io import resize
+from facestage.images.local_mean import local_mean
 from facestage.images.opencv import opencv
 from facestage.models.anatomy.landmark_schemes import Scheme, scheme_of
 
@@ -86,7 +86,8 @@ def expression_folds(
     pressed = _pressed(geometry, planes, lost, direction)
     baked = atlas.bake(np.column_stack([pressed, bare]))
     there = (weight > 0) & atlas.skin
-    wide = [_blurred(baked[..., axis], atlas.skin, SMOOTH / texel_mm) for axis in range(3)]
+    smooth = local_mean(baked[..., :3], atlas.skin.astype(np.float32), SMOOTH / texel_mm)
+    wide = [smooth[..., axis] for axis in range(3)]
     gate = _ramp(wide[0] + wide[2], *PRESSED) * baked[..., 3] * there
     if not gate.any():
         return None
@@ -100,10 +101,9 @@ def expression_folds(
         LENGTH / texel_mm,
     )
     hue = _hue(values[part], weight[part], HUE / texel_mm)
-    found = np.zeros((*there.shape, 3))
-    for channel in range(3):
-        each = _blurred(lines * gate[part] * hue[..., channel], there[part], SOFT / texel_mm)
-        found[(*part, channel)] = each * there[part]
+    found, shown = np.zeros((*there.shape, 3)), there[part].astype(np.float32)
+    soft = local_mean((lines * gate[part])[..., None] * hue, shown, SOFT / texel_mm)
+    found[part] = soft * shown[..., None]
     if np.abs(found.mean(axis=-1)).max() < SHALLOW:
         return None
     folds = _followed(geometry, state, scheme_of(scheme), scheme, planes, direction, atlas, found)
@@ -246,9 +246,7 @@ def _hue(
     width: float,
 ) -> Float[np.ndarray, "rows columns 3"]:
     """By how much more or less than the mean each channel changes with what is beside it."""
-    band = np.stack(
-        [values[..., c] - _blurred(values[..., c], weight, width) for c in range(3)], axis=-1
-    )
+    band = values - local_mean(values, weight, width)
     mean = band.mean(axis=-1, keepdims=True)
     whole = np.where(mean < 0, np.minimum(mean, -DARK), np.maximum(mean, DARK))
     return np.clip(1 + (band - mean) / whole, *HUES)
@@ -304,15 +302,6 @@ def _places(
     brow = _ramp(at[:, 1] - points[scheme.brows, 1].mean(), 0.0, ABOVE_BROWS)
     left = _ramp(at[:, 0] - points[scheme.lips, 0].mean(), -MIDDLE, MIDDLE)
     return np.stack([(1 - brow) * left, (1 - brow) * (1 - left), brow], axis=1)
-
-
-def _blurred(
-    values: Float[np.ndarray, "rows columns"], where: np.ndarray, width: float
-) -> Float[np.ndarray, "rows columns"]:
-    """The mean of what is ``where``, by its weights, over a Gaussian so many texels wide."""
-    weight = where.astype(np.float64)
-    total = gaussian_filter(values * weight, width)
-    return np.asarray(total / np.maximum(gaussian_filter(weight, width), 1e-6))
 
 
 def _reach(used: Bool[np.ndarray, " size"], size: int) -> tuple[int, int]:
